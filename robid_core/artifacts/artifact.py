@@ -1,0 +1,134 @@
+"""The base of everything that is measured or computed: immutable, with named axes and units, one file each.
+
+A subclass is a frozen dataclass. Each field is an array declared with `array(...)` (its axes and unit are
+written into the file beside it), a plain value (`str`, `int`, `float`, `bool`, tuples of strings), a nested
+artifact, a tuple or dict of nested artifacts, or None. Files are HDF5, open to MATLAB and Julia; nothing is
+pickled.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.errors import DataRejected
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def array(
+    axes: str, unit: str = "", *, optional: bool = False, finite: bool = True, keyword: bool = False
+) -> Any:
+    """Declare an array field: its axes as words (`"n_config n_freq n_out n_in"`), its unit, and what it may hold.
+
+    Axes with the same name must have the same length within one artifact. `finite=False` allows NaN (a value
+    that does not exist, such as the standard error of a parameter that is fixed).
+    """
+    metadata = {"axes": tuple(axes.split()), "unit": unit, "finite": finite}
+    if optional:
+        return field(default=None, metadata=metadata, kw_only=keyword)
+    return field(metadata=metadata, kw_only=keyword)
+
+
+@dataclass(frozen=True, eq=False)
+class Artifact:
+    """An immutable measurement or result; equal content gives equal bytes on disk."""
+
+    suffix: ClassVar[str] = ".h5"
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check axes, types and finiteness."""
+        lengths: dict[str, int] = {}
+        for item in dataclasses.fields(self):
+            if "axes" not in item.metadata:
+                continue
+            value = getattr(self, item.name)
+            if value is None:
+                continue
+            if not isinstance(value, np.ndarray):
+                raise DataRejected(f"{self.place(item.name)}: an array is wanted, not {type(value).__name__}")
+            self._check_array(item.name, value, item.metadata, lengths)
+            frozen = value.view()
+            frozen.flags.writeable = False
+            object.__setattr__(self, item.name, frozen)
+
+    def _check_array(
+        self, name: str, value: npt.NDArray[Any], metadata: typing.Mapping[str, Any], lengths: dict[str, int]
+    ) -> None:
+        axes = metadata["axes"]
+        if value.ndim != len(axes):
+            raise DataRejected(
+                f"{self.place(name)}: shape {value.shape} does not have the axes ({', '.join(axes)})"
+            )
+        for axis, length in zip(axes, value.shape, strict=True):
+            if lengths.setdefault(axis, length) != length:
+                raise DataRejected(
+                    f"{self.place(name)}: axis {axis} has length {length}, elsewhere in this artifact it has "
+                    f"{lengths[axis]}"
+                )
+        if metadata["finite"] and value.dtype.kind in "fc" and not np.isfinite(value).all():
+            first = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
+            count = int((~np.isfinite(value)).sum())
+            raise DataRejected(
+                f"{self.place(name)}: {count} values are NaN or infinite, the first at "
+                + ", ".join(f"{a}={i}" for a, i in zip(axes, first, strict=True))
+            )
+
+    @classmethod
+    def place(cls, name: str) -> str:
+        """Name a field for messages: `Frf.response`."""
+        return f"{cls.__name__}.{name}"
+
+    @classmethod
+    def axes(cls, name: str) -> tuple[str, ...]:
+        """Return the axis names of an array field."""
+        return tuple(cls._field(name).metadata["axes"])
+
+    @classmethod
+    def unit(cls, name: str) -> str:
+        """Return the unit of an array field, in SI symbols."""
+        return str(cls._field(name).metadata["unit"])
+
+    @classmethod
+    def _field(cls, name: str) -> dataclasses.Field[Any]:
+        return next(item for item in dataclasses.fields(cls) if item.name == name)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed."""
+        return dataclasses.replace(self, **changes)
+
+    def select(self, axis: str, index: Any) -> Self:
+        """Return a copy with only some entries along a named axis (`index`: a mask, slice or integer array)."""
+        changes = {}
+        for item in dataclasses.fields(self):
+            value = getattr(self, item.name)
+            if value is not None and axis in item.metadata.get("axes", ()):
+                where = [slice(None)] * value.ndim
+                where[item.metadata["axes"].index(axis)] = index
+                changes[item.name] = value[tuple(where)]
+        return self.replace(**changes)
+
+    def write(self, path: Path) -> None:
+        """Write the artifact to `path` (created or overwritten); equal content gives equal bytes."""
+        from robid_core.artifacts.hdf5 import write_hdf5
+
+        write_hdf5(self, path)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read an artifact of this class (or of a subclass that the file names) from `path`."""
+        from robid_core.artifacts.hdf5 import read_hdf5
+
+        artifact = read_hdf5(path)
+        if not isinstance(artifact, cls):
+            raise DataRejected(f"{path}: holds a {type(artifact).__name__}, not a {cls.__name__}")
+        return artifact

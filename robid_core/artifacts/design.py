@@ -1,0 +1,28 @@
+"""Configurations chosen for what they tell about the parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from robid_core.artifacts.artifact import FloatArray, IntArray, array
+from robid_core.artifacts.configurations import Configurations
+
+
+@dataclass(frozen=True, eq=False)
+class Design(Configurations):
+    """Configurations in order of weight, with the certificate that no other choice is better.
+
+    `weight` is the share of experiments for each chosen configuration (relaxed optimum, sums to 1);
+    `experiments` the whole numbers after rounding; `gap` the bound of the equivalence theorem: the optimum
+    of the criterion is at most `gap` away.
+    """
+
+    criterion: str = field(kw_only=True)
+    parameter_names: tuple[str, ...] = field(kw_only=True)
+    gap: float = field(kw_only=True)
+    efficiency: float = field(kw_only=True)
+    weight: FloatArray = array("n_config", keyword=True)
+    experiments: IntArray = array("n_config", keyword=True)
+    candidate_index: IntArray = array("n_config", keyword=True)
+    information: FloatArray = array("n_parameter n_parameter", keyword=True)
+    predicted_standard_error: FloatArray = array("n_parameter", "relative", finite=False, keyword=True)

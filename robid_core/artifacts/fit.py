@@ -1,0 +1,90 @@
+"""Parameters that were estimated, with what they explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterTable(Artifact):
+    """Named parameters of the robot: where the fit began, where it ended, and how sure it is.
+
+    `standard_error` is in the parameter's own unit and NaN for a parameter that was held; `group` says what
+    it is for a reader (`stiffness`, `damping`, `friction`, `inertia`, ...); `reported` marks the rows that a
+    short table shows (the rest are nuisances).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    groups: tuple[str, ...]
+    start: FloatArray = array("n_parameter")
+    estimate: FloatArray = array("n_parameter")
+    standard_error: FloatArray = array("n_parameter", finite=False)
+    reported: BoolArray = array("n_parameter")
+    at_bound: BoolArray = array("n_parameter")
+
+    def value(self, name: str) -> float:
+        """Return the estimate of one parameter."""
+        return float(self.estimate[self.names.index(name)])
+
+    def as_mapping(self) -> dict[str, float]:
+        """Return the estimates by name, as `Robot.with_parameters` takes them."""
+        return dict(zip(self.names, self.estimate.tolist(), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseComparison(Artifact):
+    """Measured and modelled frequency responses on the same lines; `deviation` is one standard deviation."""
+
+    axis_names: tuple[str, ...]
+    frequency_hz: FloatArray = array("n_freq", "Hz")
+    measured: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
+    modelled: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)")
+    start: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)")
+    deviation: FloatArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
+
+
+@dataclass(frozen=True, eq=False)
+class TimeComparison(Artifact):
+    """Measured and simulated values of one channel over time; `relative_error` is |e| / |measured|."""
+
+    axis_names: tuple[str, ...]
+    channel: str
+    unit_symbol: str
+    relative_error: float
+    time_s: FloatArray = array("n_sample", "s")
+    measured: FloatArray = array("n_sample n_axis")
+    modelled: FloatArray = array("n_sample n_axis")
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Artifact):
+    """Estimated parameters and the evidence for them.
+
+    `status` is a sentence; a fit that did not converge is still a result, with `converged` false. `misfit` is
+    the weighted residual per degree of freedom (1 where model and stated uncertainty are right).
+    """
+
+    method: str
+    status: str
+    converged: bool
+    misfit: float
+    n_starts: int
+    n_agree: int
+    parameters: ParameterTable
+    covariance: FloatArray = array("n_free n_free", finite=False)
+    free_names: tuple[str, ...] = ()
+    response: ResponseComparison | None = None
+    time: tuple[TimeComparison, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis(Artifact):
+    """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words."""
+
+    method: str
+    verdict: str
+    time: tuple[TimeComparison, ...] = ()
+    response: ResponseComparison | None = None

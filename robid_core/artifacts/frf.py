@@ -1,0 +1,164 @@
+"""A measured frequency response matrix with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
+from robid_core.artifacts.record import Record
+from robid_core.errors import DataRejected
+
+
+@dataclass(frozen=True, eq=False)
+class Frf(Artifact):
+    """Response from motor torque to motor acceleration in each configuration.
+
+    The covariance of vec(G) (column after column: entry (i, j) stands at j * n_out + i) at a line is
+    stored factored, ``conj(input_gram_inverse) (x) output_covariance`` (science: (U U^H)^-T (x) C_V); ask
+    `covariance()` for it. `degrees_of_freedom` counts the complex residuals behind `output_covariance`,
+    `pooling` says how they were collected. Lines where `valid` is false hold no number worth using.
+    `speed_rms` and `slow_sine_speed` say under which motion of the motors the response was measured: a
+    nonlinear robot has another response under another motion.
+    """
+
+    axis_names: tuple[str, ...]
+    estimator: str
+    pooling: str
+    sample_time_s: float
+    torque_hold: str
+    angle: FloatArray = array("n_config n_axis", "rad")
+    frequency_hz: FloatArray = array("n_freq", "Hz")
+    response: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
+    block_response: ComplexArray | None = array(
+        "n_config n_block n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False, optional=True
+    )
+    input_gram_inverse: ComplexArray | None = array(
+        "n_config n_freq n_in n_in", "1/(N m)^2", finite=False, optional=True
+    )
+    output_covariance: ComplexArray | None = array(
+        "n_config n_freq n_out n_out", "(rad/s^2)^2", finite=False, optional=True
+    )
+    noise_covariance: ComplexArray | None = array(
+        "n_config n_freq n_out n_out", "(rad/s^2)^2", finite=False, optional=True
+    )
+    degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
+    valid: BoolArray | None = array("n_config n_freq", optional=True)
+    speed_rms: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
+    slow_sine_speed: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
+
+    @property
+    def has_covariance(self) -> bool:
+        """Tell whether the estimator could state an uncertainty."""
+        return self.input_gram_inverse is not None and self.output_covariance is not None
+
+    @property
+    def valid_lines(self) -> BoolArray:
+        """Usable lines, shape (n_config, n_freq)."""
+        if self.valid is None:
+            return np.ones(self.response.shape[:2], dtype=bool)
+        return self.valid
+
+    def covariance(self, configuration: int) -> ComplexArray:
+        """Dense covariance of vec(G) in one configuration, shape (n_freq, n_out*n_in, n_out*n_in)."""
+        if self.input_gram_inverse is None or self.output_covariance is None:
+            raise ValueError(f"{self.estimator} states no covariance")
+        gram = self.input_gram_inverse[configuration].conj()
+        noise = self.output_covariance[configuration]
+        n_freq, n_in, n_out = len(gram), gram.shape[1], noise.shape[1]
+        dense = np.einsum("fjl,fik->fjilk", gram, noise)
+        result: ComplexArray = dense.reshape(n_freq, n_in * n_out, n_in * n_out)
+        return result
+
+    def variance(self) -> FloatArray:
+        """Variance of each entry (complex: of real plus imaginary part), shape of `response`."""
+        if self.input_gram_inverse is None or self.output_covariance is None:
+            raise ValueError(f"{self.estimator} states no covariance")
+        gram = np.einsum("cfjj->cfj", self.input_gram_inverse).real
+        noise = np.einsum("cfii->cfi", self.output_covariance).real
+        result: FloatArray = noise[..., :, None] * gram[..., None, :]
+        return result
+
+    @classmethod
+    def from_blocks(
+        cls,
+        record: Record,
+        blocks: ComplexArray,
+        *,
+        discard: int = 0,
+        half_window: int | None = None,
+        estimator: str = "mean of blocks",
+    ) -> Self:
+        """Mean of one response per block, with the covariance that their scatter gives.
+
+        For any estimator that makes a response of each block by itself. Lines where a block response or its
+        input matrix is of no use are masked.
+
+        Parameters
+        ----------
+        record
+            The measurement: frequencies, angles, motion and the inputs' Gram matrices are taken from it.
+        blocks
+            Responses, shape (n_config, n_block, n_freq, n_out, n_in); NaN where a line has none. With one
+            block only, or with fewer experiments in a block than inputs, no covariance is stated.
+        discard
+            Leading periods that the block responses did not use.
+        half_window
+            Lines on either side that share a covariance; None chooses (see `default_half_window`).
+        estimator
+            Name for people.
+
+        Raises
+        ------
+        DataRejected
+            If `blocks` does not have the shape of the record.
+        PoorExcitation
+            If more than a tenth of a configuration's lines is masked.
+        """
+        from robid_core.estimation.covariance import block_products, gram_inverse_of_mean, pool_lines
+        from robid_core.estimation.spectra import CONDITION_LIMIT, factor_inputs, refuse_masked
+
+        u, y = record.spectra(discard)
+        n_config, n_block, n_freq, n_axis, n_exp = u.shape
+        if blocks.shape != (n_config, n_block, n_freq, n_axis, n_axis):
+            raise DataRejected(
+                f"{estimator}: block responses of shape {blocks.shape} do not belong to a record of "
+                f"{n_config} configurations, {n_block} blocks, {n_freq} lines and {n_axis} axes"
+            )
+        valid: BoolArray = np.isfinite(blocks).all(axis=(1, 3, 4))
+        gram_inverse = pooled = None
+        pooling = "none stated: the scatter of blocks needs two blocks, each with an experiment per input"
+        if n_exp >= n_axis:
+            factors = factor_inputs(u)
+            valid &= (factors.condition <= CONDITION_LIMIT).all(axis=1)
+            block_valid = valid[:, None, :, None, None]
+            by_block = np.where(block_valid, factors.gram_inverse, np.eye(n_axis)).swapaxes(0, 1)
+            gram_inverse = np.where(valid[..., None, None], gram_inverse_of_mean(by_block), np.nan)
+            if n_block >= 2:
+                used = np.where(block_valid, blocks, 0).swapaxes(0, 1)
+                weight = (n_block - 1) * n_axis
+                power = np.mean(np.abs(y) ** 2, axis=(1, 4))
+                pooled = pool_lines(block_products(used, by_block), weight, valid, power, half_window)
+        if pooled is not None:
+            pooling = f"scatter of {n_block} blocks, pooled over {2 * pooled.half_window + 1} lines"
+        refuse_masked(valid, record.frequency_hz)
+        speed_rms, slow_sine_speed = record.speed_levels(discard)
+        return cls(
+            axis_names=record.axis_names,
+            estimator=estimator,
+            pooling=pooling,
+            sample_time_s=record.run.sample_time_s,
+            torque_hold=record.torque_hold,
+            angle=record.angle,
+            frequency_hz=record.frequency_hz,
+            response=np.where(valid[..., None, None], blocks.mean(axis=1), np.nan),
+            block_response=np.where(valid[:, None, :, None, None], blocks, np.nan),
+            input_gram_inverse=gram_inverse,
+            output_covariance=None if pooled is None else pooled.covariance,
+            degrees_of_freedom=None if pooled is None else pooled.degrees_of_freedom,
+            valid=valid,
+            speed_rms=speed_rms,
+            slow_sine_speed=slow_sine_speed,
+        )

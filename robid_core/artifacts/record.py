@@ -1,0 +1,166 @@
+"""What was measured: dense runs with named channels, sampling instants and a mask."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, IntArray, array
+from robid_core.errors import DataRejected
+
+MOTOR_POSITION = "motor_position"
+MOTOR_SPEED = "motor_speed"
+MOTOR_TORQUE = "motor_torque"
+SPEED_REFERENCE = "speed_reference"
+POSITION_REFERENCE = "position_reference"
+
+
+@dataclass(frozen=True, eq=False)
+class Channel(Artifact):
+    """One measured quantity of every axis, with the sign of the URDF axis, on a stated side of the gear.
+
+    `side` is "motor" or "joint". Names in use: motor_position, motor_speed, motor_torque, speed_reference,
+    position_reference, joint_position, temperature.
+    """
+
+    side: str
+    unit_symbol: str
+    values: FloatArray = array("n_config n_block n_exp n_period n_sample n_axis", finite=False)
+
+
+@dataclass(frozen=True, eq=False)
+class DenseRun(Artifact):
+    """Experiments of one length, sampled together.
+
+    `time_s` holds the sampling instants within a period (or within the whole run when nothing repeats and
+    n_period is 1); `valid` marks the samples that were really measured.
+    """
+
+    sample_time_s: float
+    channels: dict[str, Channel]
+    time_s: FloatArray = array("n_sample", "s")
+    valid: BoolArray = array("n_config n_block n_exp n_period n_sample")
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel by name; DataRejected names the ones that exist."""
+        if name not in self.channels:
+            raise DataRejected(f"the record has no channel {name}; it has {', '.join(sorted(self.channels))}")
+        return self.channels[name]
+
+    def values(self, name: str) -> FloatArray:
+        """Return a channel's values, shape (n_config, n_block, n_exp, n_period, n_sample, n_axis)."""
+        return self.channel(name).values
+
+    @property
+    def n_period(self) -> int:
+        """Periods measured."""
+        return int(self.valid.shape[3])
+
+
+@dataclass(frozen=True, eq=False)
+class Record(Artifact):
+    """A measurement: its configurations, its dense runs and, where it was periodic, the excited bins.
+
+    Position is sampled at an instant, torque is held from that instant to the next (zero-order hold).
+    """
+
+    axis_names: tuple[str, ...]
+    source: str
+    torque_hold: str  # "zero_order_hold", or "continuous" where the recording does not tell
+    runs: tuple[DenseRun, ...]
+    angle: FloatArray = array("n_config n_axis", "rad")
+    line: IntArray | None = array("n_freq", optional=True)
+
+    @property
+    def run(self) -> DenseRun:
+        """Return the only run; DataRejected where there are several."""
+        if len(self.runs) != 1:
+            raise DataRejected(f"the record has {len(self.runs)} runs of different length; choose one")
+        return self.runs[0]
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Excited frequencies in Hz, shape (n_freq,)."""
+        run = self.run
+        period_s = run.sample_time_s * len(run.time_s)
+        return self._lines() / period_s
+
+    def _lines(self) -> IntArray:
+        if self.line is None:
+            raise DataRejected("the record is not periodic: it has no excited lines")
+        return self.line
+
+    def spectra(self, discard: int = 0) -> tuple[ComplexArray, ComplexArray]:
+        """Spectra of motor torque (input) and motor acceleration (output) at the excited lines.
+
+        Period average of the DFT (thesis eq. 3.3, here scaled by 1/n_sample, so that a cosine of amplitude
+        A gives A/2), acceleration as (i w)^2 times the position, exact for a periodic steady state.
+
+        Parameters
+        ----------
+        discard
+            Leading periods dropped as transient.
+
+        Returns
+        -------
+        (u, y), each (n_config, n_block, n_freq, n_axis, n_exp), in N m and rad/s^2.
+
+        Raises
+        ------
+        DataRejected
+            If a period that is kept has a missing sample, or none is left.
+        """
+        u, y = self.spectra_by_period(discard)
+        return u.mean(axis=-1), y.mean(axis=-1)
+
+    def spectra_by_period(self, discard: int = 0) -> tuple[ComplexArray, ComplexArray]:
+        """Spectra as `spectra` gives them, before the average over periods.
+
+        Returns (u, y), each (n_config, n_block, n_freq, n_axis, n_exp, n_period - discard).
+        """
+        omega = 2 * np.pi * self.frequency_hz
+        u = self.period_spectra(MOTOR_TORQUE, discard)
+        y = self.period_spectra(MOTOR_POSITION, discard) * -(omega[:, None] ** 2)
+        # (config, block, exp, period, freq, axis) -> (config, block, freq, axis, exp, period)
+        return np.moveaxis(u, (2, 3), (-2, -1)), np.moveaxis(y, (2, 3), (-2, -1))
+
+    def speed_levels(self, discard: int = 0) -> tuple[FloatArray, FloatArray]:
+        """Root mean square of the motors' speed without the slow sine, and the slow sine's amplitude.
+
+        Returns (rms, amplitude), each (n_config, n_axis), in rad/s; see `robid_core.estimation.speed`.
+        """
+        from robid_core.estimation.speed import speed_levels
+
+        position, step = self.run.values(MOTOR_POSITION)[:, :, :, discard:], self.run.sample_time_s
+        levels = [speed_levels(one, self._lines(), step) for one in position]
+        return np.stack([rms for rms, _ in levels]), np.stack([sine for _, sine in levels])
+
+    def period_spectra(self, channel: str, discard: int = 0) -> ComplexArray:
+        """DFT of each period of a channel at the excited lines, scaled by 1/n_sample.
+
+        Returns shape (n_config, n_block, n_exp, n_period - discard, n_freq, n_axis). Raises as `spectra`.
+        """
+        run = self.run
+        if discard >= run.n_period:
+            raise DataRejected(
+                f"{run.n_period} periods were measured and {discard} are to be dropped: none is left"
+            )
+        if not run.valid[:, :, :, discard:].all():
+            where = np.argwhere(~run.valid[:, :, :, discard:])[0]
+            raise DataRejected(
+                f"a sample is missing in configuration {where[0]}, block {where[1]}, experiment {where[2]}, "
+                f"period {where[3] + discard}, at {run.time_s[where[4]]:.4f} s"
+            )
+        values = run.values(channel)[:, :, :, discard:]
+        if not np.isfinite(values).all():
+            bad = np.argwhere(~np.isfinite(values))
+            c, m, e, p, n, a = (int(i) for i in bad[0])
+            raise DataRejected(
+                f"A05: {channel} of {self.axis_names[a]} is NaN or infinite in {len(bad)} samples, first in "
+                f"configuration {c}, block {m}, experiment {e}, period {p + discard}, at {run.time_s[n]:.4f} "
+                "s; mark such samples as missing, or drop the period"
+            )
+        spectrum = np.fft.rfft(values, axis=4)[:, :, :, :, self._lines()]
+        result: ComplexArray = spectrum / values.shape[4]
+        return result

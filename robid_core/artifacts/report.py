@@ -1,0 +1,40 @@
+"""A page for people, and the truth that only the page may see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Self
+
+from robid_core.artifacts.artifact import Artifact, FloatArray, array
+
+
+@dataclass(frozen=True, eq=False)
+class Report(Artifact):
+    """One self-contained HTML page."""
+
+    suffix: ClassVar[str] = ".html"
+
+    html: str
+
+    def write(self, path: Path) -> None:
+        """Write the page itself."""
+        path.write_text(self.html, encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read the page back."""
+        return cls(html=path.read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True, eq=False)
+class Truth(Artifact):
+    """The parameters of a simulated plant, handed to the report after the run and to no other stage."""
+
+    plant: str
+    names: tuple[str, ...]
+    value: FloatArray = array("n_parameter")
+
+    def as_mapping(self) -> dict[str, float]:
+        """Return the true values by name."""
+        return dict(zip(self.names, self.value.tolist(), strict=True))

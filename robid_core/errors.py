@@ -1,0 +1,67 @@
+"""What can go wrong, one class per exit code of the command line.
+
+A message has three parts: where, what, what to do ("acquire: drive 2 sent no feedback for 50 ms after
+enable; is its node id 2?"). Exit codes: 0 done, 2 configuration, 3 refused before anything moved, 4 motion
+aborted, 5 data rejected, 6 numerics not trustworthy, 7 store or I/O, 8 plugin, 70 a bug of ours, 130
+interrupted.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+class RobidError(Exception):
+    """Base of every error that robid raises on purpose; `exit_code` is what the command line returns."""
+
+    exit_code: ClassVar[int] = 70
+
+
+class ConfigurationError(RobidError):
+    """A pipeline, robot or settings file says something that cannot be done."""
+
+    exit_code = 2
+
+
+class MotionRefused(RobidError):
+    """A check before the motion failed; nothing has moved."""
+
+    exit_code = 3
+
+
+class MotionAborted(RobidError):
+    """The motion was stopped; the message says in which state the machine is."""
+
+    exit_code = 4
+
+
+class DataRejected(RobidError):
+    """Measured data cannot carry what is asked of them."""
+
+    exit_code = 5
+
+
+class PoorExcitation(DataRejected):
+    """The inputs at a line do not span all axes; the message gives the line in Hz and its condition number."""
+
+
+class NotTrustworthy(RobidError):
+    """A computation ended, but its numbers must not be used."""
+
+    exit_code = 6
+
+
+class NotIdentifiable(NotTrustworthy):
+    """The data cannot see a parameter; the message names it."""
+
+
+class StoreError(RobidError):
+    """Reading or writing results failed; the message gives the path."""
+
+    exit_code = 7
+
+
+class PluginError(RobidError):
+    """A plugin failed or broke its contract; the message names the stage, the distribution and its version."""
+
+    exit_code = 8

@@ -1,0 +1,117 @@
+"""Plugins by group and name: lazy, with the distribution and version each comes from.
+
+The registry maps (group, name) to an object and knows no class of ours. Nothing is imported until it is
+asked for; a plugin that cannot be imported is reported when it is wanted, by the name of its distribution,
+and disturbs no other.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+from robid_core.errors import ConfigurationError, PluginError
+
+STAGES = "robid.stages"
+EFFECTS = "robid.effects"
+DRIVES = "robid.drives"
+DYNAMICS = "robid.dynamics"
+MODELS = "robid.models"
+RECORDS = "robid.records"
+EXECUTORS = "robid.executors"
+GROUPS = (STAGES, EFFECTS, DRIVES, DYNAMICS, MODELS, RECORDS, EXECUTORS)
+
+# What an extra brings, for the hint when its packages are missing.
+EXTRAS = {"torch": "torch", "pytorch_kinematics": "torch", "distributed": "dask", "dask": "dask"}
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """One registered object: where it comes from, and how to load it."""
+
+    group: str
+    name: str
+    target: str
+    distribution: str
+    version: str
+    entry_point: metadata.EntryPoint
+
+    def load(self) -> Any:
+        """Import the object; PluginError says which distribution failed and why."""
+        try:
+            return self.entry_point.load()
+        except ModuleNotFoundError as error:
+            extra = EXTRAS.get((error.name or "").partition(".")[0])
+            hint = f'; run: pip install "robid[{extra}]"' if extra else ""
+            raise PluginError(
+                f"{self} needs the module {error.name}, which is not installed{hint}"
+            ) from error
+        except Exception as error:
+            raise PluginError(f"{self} cannot be imported: {type(error).__name__}: {error}") from error
+
+    def __str__(self) -> str:
+        return f"'{self.name}' ({self.distribution} {self.version})"
+
+
+class Registry:
+    """All plugins of a set of entry points; `registry()` gives the one of this environment."""
+
+    def __init__(self, entry_points: Iterable[metadata.EntryPoint]) -> None:
+        found: dict[tuple[str, str], list[Plugin]] = {}
+        for point in entry_points:
+            if point.group in GROUPS:
+                plugin = _plugin(point)
+                same = found.setdefault((point.group, point.name), [])
+                if all((p.target, p.distribution) != (plugin.target, plugin.distribution) for p in same):
+                    same.append(plugin)
+        self._found: Mapping[tuple[str, str], list[Plugin]] = found
+
+    def names(self, group: str) -> list[str]:
+        """Return the names registered in a group, sorted."""
+        return sorted(name for g, name in self._found if g == group)
+
+    def plugins(self, group: str) -> list[Plugin]:
+        """Return every plugin of a group, duplicates included, sorted by name."""
+        return [plugin for name in self.names(group) for plugin in self._found[group, name]]
+
+    def find(self, group: str, name: str) -> Plugin:
+        """Return the plugin called `name`, or pinned as `distribution:name`.
+
+        Raises ConfigurationError where there is none (with what comes near) or where two distributions
+        claim the name.
+        """
+        distribution, _, short = name.rpartition(":")
+        candidates = self._found.get((group, short), [])
+        if distribution:
+            candidates = [p for p in candidates if p.distribution == distribution]
+        noun = group.removeprefix("robid.").removesuffix("s")
+        if not candidates:
+            near = difflib.get_close_matches(name, self.names(group), n=1, cutoff=0.6)
+            hint = f"; did you mean '{near[0]}'?" if near else f"; there are: {', '.join(self.names(group))}"
+            raise ConfigurationError(f"no {noun} '{name}'{hint}")
+        if len(candidates) > 1:
+            owners = " and ".join(f"{p.distribution} {p.version}" for p in candidates)
+            raise ConfigurationError(
+                f"{noun} '{name}' is claimed by {owners}; write '{candidates[0].distribution}:{name}' to choose"
+            )
+        return candidates[0]
+
+    def load(self, group: str, name: str) -> Any:
+        """Find a plugin and import it."""
+        return self.find(group, name).load()
+
+
+def _plugin(point: metadata.EntryPoint) -> Plugin:
+    dist = point.dist
+    name, version = (dist.metadata["Name"], dist.version) if dist is not None else ("unknown", "0")
+    return Plugin(point.group, point.name, point.value, name, version, point)
+
+
+@functools.cache
+def registry() -> Registry:
+    """Return the registry of everything installed in this environment."""
+    return Registry(point for group in GROUPS for point in metadata.entry_points(group=group))
