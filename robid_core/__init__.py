@@ -17,7 +17,11 @@ _HOME = {
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
         "ExperimentDesign", "FrfEstimator", "Preprocessing", "ReportStage", "Settings", "Stage",
     ),
-    "robid_core.drives": ("Drives", "Experiment", "OpenDrives", "Plant", "Session", "Trace"),
+    "robid_core.settings_types": ("DataPath", "ProjectPath", "RobotName", "StageRef"),
+    "robid_core.drives": (
+        "Drives", "Experiment", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace", "assemble_record",
+    ),
+    "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
     "robid_core.effect": ("Effect", "ForceEffect", "Parameter", "SignalEffect", "StructureEffect"),
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
@@ -28,39 +32,92 @@ _HOME = {
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
-__all__ = sorted(_MODULE_OF)  # noqa: PLE0605
+__all__ = sorted(_MODULE_OF)
 
-if TYPE_CHECKING:
-    from robid_core.artifacts import *  # noqa: F403
-    from robid_core.drives import Drives, Experiment, OpenDrives, Plant, Session, Trace
-    from robid_core.effect import Effect, ForceEffect, Parameter, SignalEffect, StructureEffect
-    from robid_core.errors import (
-        ConfigurationError,
-        DataRejected,
-        MotionAborted,
-        MotionRefused,
-        NotIdentifiable,
-        NotTrustworthy,
-        PluginError,
-        PoorExcitation,
-        RobidError,
-        StoreError,
+if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lists
+    from robid_core.artifacts import (
+        Artifact as Artifact,
+        BoolArray as BoolArray,
+        Channel as Channel,
+        ComplexArray as ComplexArray,
+        Configurations as Configurations,
+        DenseRun as DenseRun,
+        Design as Design,
+        Diagnosis as Diagnosis,
+        Excitation as Excitation,
+        Fit as Fit,
+        FloatArray as FloatArray,
+        Frf as Frf,
+        IntArray as IntArray,
+        ParameterTable as ParameterTable,
+        Record as Record,
+        Report as Report,
+        ResponseComparison as ResponseComparison,
+        TimeComparison as TimeComparison,
+        Truth as Truth,
+        array as array,
     )
-    from robid_core.gate import Clearance, MotionLimits, clear_motion
-    from robid_core.robot import Robot
+    from robid_core.drives import (
+        Drives as Drives,
+        Experiment as Experiment,
+        OpenDrives as OpenDrives,
+        Plant as Plant,
+        RawLog as RawLog,
+        RecordPlan as RecordPlan,
+        Session as Session,
+        Trace as Trace,
+        assemble_record as assemble_record,
+    )
+    from robid_core.effect import (
+        Effect as Effect,
+        ForceEffect as ForceEffect,
+        Parameter as Parameter,
+        SignalEffect as SignalEffect,
+        StructureEffect as StructureEffect,
+    )
+    from robid_core.errors import (
+        ConfigurationError as ConfigurationError,
+        DataRejected as DataRejected,
+        MotionAborted as MotionAborted,
+        MotionRefused as MotionRefused,
+        NotIdentifiable as NotIdentifiable,
+        NotTrustworthy as NotTrustworthy,
+        PluginError as PluginError,
+        PoorExcitation as PoorExcitation,
+        RobidError as RobidError,
+        StoreError as StoreError,
+    )
+    from robid_core.gate import (
+        Clearance as Clearance,
+        MotionLimits as MotionLimits,
+        clear_motion as clear_motion,
+    )
+    from robid_core.registry import (
+        Plugin as Plugin,
+        load_plugin as load_plugin,
+    )
+    from robid_core.robot import (
+        Robot as Robot,
+    )
+    from robid_core.settings_types import (
+        DataPath as DataPath,
+        ProjectPath as ProjectPath,
+        RobotName as RobotName,
+        StageRef as StageRef,
+    )
     from robid_core.stage import (
-        Acquisition,
-        CandidateDesign,
-        Context,
-        DiagnosisStage,
-        Estimator,
-        ExcitationDesign,
-        ExperimentDesign,
-        FrfEstimator,
-        Preprocessing,
-        ReportStage,
-        Settings,
-        Stage,
+        Acquisition as Acquisition,
+        CandidateDesign as CandidateDesign,
+        Context as Context,
+        DiagnosisStage as DiagnosisStage,
+        Estimator as Estimator,
+        ExcitationDesign as ExcitationDesign,
+        ExperimentDesign as ExperimentDesign,
+        FrfEstimator as FrfEstimator,
+        Preprocessing as Preprocessing,
+        ReportStage as ReportStage,
+        Settings as Settings,
+        Stage as Stage,
     )
 
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import abc
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict
 
-from robid_core.artifacts import Truth
+from robid_core.artifacts import Channel, DenseRun, Record, Truth
+from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.gate import Clearance
 from robid_core.robot import Robot
 
@@ -65,6 +65,78 @@ class Trace:
     torque: FloatArray  # (traced, n_sample, n_axis) N m, motor side
     valid: npt.NDArray[np.bool_]  # (traced, n_sample)
     saturated: FloatArray  # (n_axis,) share of samples at the torque limit
+    reference: FloatArray  # (n_sample, n_axis) rad/s, one period as the drives applied it
+    time_s: float  # clock of the drives at the first sample
+    position_unit: FloatArray | None = None  # (n_axis,) rad per increment, where positions are whole ones
+    torque_unit: FloatArray | None = None  # (n_axis,) N m per increment, likewise
+    reference_unit: FloatArray | None = None  # (n_axis,) rad/s per increment, likewise
+
+
+Place = tuple[int, int, int]  # configuration, block, experiment
+
+
+@dataclass(frozen=True)
+class RecordPlan:
+    """What an acquisition is going to measure: everything of its record but the traces."""
+
+    axis_names: tuple[str, ...]
+    source: str
+    sample_time_s: float
+    n_block: int
+    n_exp: int
+    n_period: int
+    n_sample: int
+    angle: FloatArray  # (n_config, n_axis) rad, joint side
+    line: npt.NDArray[np.int64]  # (n_freq,)
+
+
+def assemble_record(plan: RecordPlan, traces: Mapping[Place, Trace]) -> Record:
+    """Record of a plan from the traces of its experiments.
+
+    What was not measured is NaN and not valid, a trace that is not there included.
+    """
+    shape = (len(plan.angle), plan.n_block, plan.n_exp, plan.n_period, plan.n_sample, len(plan.axis_names))
+    position, torque, reference = (np.full(shape, np.nan) for _ in range(3))
+    valid = np.zeros(shape[:-1], dtype=bool)
+    for place, trace in traces.items():
+        position[place], torque[place], valid[place] = trace.position, trace.torque, trace.valid
+        reference[place] = trace.reference  # the same in every period
+    channels = {
+        MOTOR_POSITION: Channel("motor", "rad", position),
+        MOTOR_TORQUE: Channel("motor", "N m", torque),
+        SPEED_REFERENCE: Channel("motor", "rad/s", reference),
+    }
+    time_s = np.arange(plan.n_sample, dtype=float) * plan.sample_time_s
+    run = DenseRun(plan.sample_time_s, channels, time_s, valid)
+    return Record(plan.axis_names, plan.source, "zero_order_hold", (run,), plan.angle, plan.line)
+
+
+class RawLog(Protocol):
+    """Where a motion is kept as it happens; a log format (`robid.records`) makes one with `create(path)`.
+
+    Times are those of the drives' clock in seconds. The file grows beside its final name until `close`.
+    """
+
+    def attach(self, name: str, media_type: str, content: bytes) -> None:
+        """Keep a whole file, such as the robot's description."""
+
+    def plan(self, plan: RecordPlan) -> None:
+        """Keep what is going to be measured, before anything moves."""
+
+    def event(self, time_s: float, text: str) -> None:
+        """Keep what happened."""
+
+    def frame(self, time_s: float, identifier: int, data: bytes) -> None:
+        """Keep one frame of a bus."""
+
+    def bulk(self, time_s: float, note: str, n_frame: int, n_byte: int) -> None:
+        """Count the frames of a bulk transfer, whose content is kept as a trace."""
+
+    def trace(self, place: Place, label: str, trace: Trace) -> None:
+        """Keep what was measured in one experiment."""
+
+    def close(self, complete: bool) -> None:
+        """Finish the file; only a complete one gets its final name."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +145,7 @@ class Session:
 
     robot: Robot
     log: logging.Logger
-    raw_log: Path | None  # where the raw log goes; None keeps none
+    raw_log: RawLog | None  # None keeps none
     note: Callable[[str], None]  # tells a person what is going on
 
 
@@ -84,8 +156,10 @@ class Drives(BaseModel, abc.ABC):
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
 
-    moves_hardware: ClassVar[bool] = True
-    """True unless nothing but a simulation moves: motion on hardware is never repeated by itself."""
+    @property
+    def moves_hardware(self) -> bool:
+        """True unless nothing but a simulation moves: motion on hardware is never repeated by itself."""
+        return True
 
     @abc.abstractmethod
     def open(self, session: Session) -> OpenDrives:

@@ -115,3 +115,8 @@ def _plugin(point: metadata.EntryPoint) -> Plugin:
 def registry() -> Registry:
     """Return the registry of everything installed in this environment."""
     return Registry(point for group in GROUPS for point in metadata.entry_points(group=group))
+
+
+def load_plugin(group: str, name: str) -> Any:
+    """Import what is registered as `name` in a group such as "robid.records"; the facade's way to the registry."""
+    return registry().load(group, name)

@@ -1,8 +1,8 @@
 """Types for settings of plugins that mean more than a number: files, robots, other stages.
 
 A stage declares `path: DataPath` and the framework checks, before anything runs and at the line of the file,
-that the path stays where it may be and that something is there. The values stay the text that the user wrote,
-so that results do not depend on where a project lies.
+that the path stays where it may be and that something is there. Settings are written back as the user wrote them, so
+that results do not depend on where a project lies.
 """
 
 from __future__ import annotations
@@ -19,11 +19,14 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
+    PlainSerializer,
     ValidationError,
     ValidationInfo,
     model_serializer,
     model_validator,
 )
+from pydantic_core import CoreSchema
 
 from robid_core.errors import ConfigurationError
 from robid_core.registry import STAGES, Registry, registry
@@ -52,6 +55,23 @@ class Places:
     data_root: Path
     data_root_from: str
     files: list[SettingFile] = field(default_factory=list)
+
+
+class LocatedPath(str):
+    """The absolute path of a file that a setting names; `written` is what the user wrote, and what is saved."""
+
+    written: str
+
+    @classmethod
+    def of(cls, written: str, path: Path) -> LocatedPath:
+        """Return the path as text that remembers how it was written."""
+        located = cls(path)
+        located.written = written
+        return located
+
+
+def _as_written(value: str) -> str:
+    return value.written if isinstance(value, LocatedPath) else value
 
 
 def relative_path(text: str) -> str:
@@ -91,6 +111,7 @@ def _in_project(text: str, info: ValidationInfo) -> str:
     if isinstance(info.context, Places):
         path = locate_in_project(text, info.context.folder, info.context.project)
         info.context.files.append(SettingFile(str(info.field_name), text, path))
+        return LocatedPath.of(text, path)
     return text
 
 
@@ -126,11 +147,12 @@ def _robot(text: str, info: ValidationInfo) -> str:
         source = robot_source(text, info.context)
         if source != text:
             info.context.files.append(SettingFile(str(info.field_name), text, Path(source)))
+            return LocatedPath.of(text, Path(source))
     return text
 
 
-ProjectPath = Annotated[str, AfterValidator(_in_project)]
-"""A file of the project, relative to the pipeline file; `StageNode.files` tells where it is."""
+ProjectPath = Annotated[str, AfterValidator(_in_project), PlainSerializer(_as_written)]
+"""A file of the project, written relative to the pipeline file; the value opens from anywhere."""
 
 DataPath = Annotated[str, AfterValidator(_in_data)]
 """A file below the data root (`ROBID_DATA`, `--data`); a stage opens ``context.data_root / self.path``.
@@ -138,8 +160,8 @@ DataPath = Annotated[str, AfterValidator(_in_data)]
 A field `origin: str` declared before it ends the message about a missing file ("get it from ...").
 """
 
-RobotName = Annotated[str, AfterValidator(_robot)]
-"""A packaged robot, or the path of a robot.yaml in the project."""
+RobotName = Annotated[str, AfterValidator(_robot), PlainSerializer(_as_written)]
+"""A packaged robot, or the path of a robot.yaml in the project; `Robot.load` takes the value."""
 
 
 class StageRef(BaseModel):
@@ -156,6 +178,13 @@ class StageRef(BaseModel):
     @classmethod
     def _short_form(cls, value: Any) -> Any:
         return {"use": value} if isinstance(value, str) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        table = handler.resolve_ref_schema(handler(schema))
+        return {"description": table.pop("description", ""), "anyOf": [{"type": "string"}, table]}
 
     @model_serializer
     def _as_written(self) -> str | dict[str, Any]:

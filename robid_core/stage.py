@@ -11,8 +11,9 @@ import inspect
 import logging
 import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -65,7 +66,10 @@ class Context:
     map: MapTasks
     progress: Progress
     log: logging.Logger
-    data_root: typing.Any = None  # pathlib.Path of ROBID_DATA, where the pipeline has one
+    data_root: Path = Path()
+    """Where data outside the project are read from (ROBID_DATA)."""
+    scratch: Path | None = None
+    """A folder of the run for logs that are no artifacts; None: keep none."""
 
     def track(self, items: Iterable[Any], total: int, note: str = "") -> Iterator[Any]:
         """Yield the items, reporting progress before each and after the last."""
@@ -96,6 +100,16 @@ class Stage(Settings):
     output: ClassVar[type[Artifact]] = Artifact
 
     run: ClassVar[Callable[..., Any]]
+
+    def plan_lines(self, upstream: Mapping[str, Stage]) -> list[str]:
+        """Say for `robid plan` what the stage will ask of the robot; `upstream` holds the stages it takes from."""
+        del upstream
+        return []
+
+    def external_files(self, data_root: Path) -> list[Path]:
+        """Files outside the project that the stage reads: their hashes become part of its key."""
+        del data_root
+        return []
 
     @classmethod
     def inputs(cls) -> tuple[Input, ...]:

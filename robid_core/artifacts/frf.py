@@ -57,9 +57,8 @@ class Frf(Artifact):
     @property
     def valid_lines(self) -> BoolArray:
         """Usable lines, shape (n_config, n_freq)."""
-        if self.valid is None:
-            return np.ones(self.response.shape[:2], dtype=bool)
-        return self.valid
+        everything: BoolArray = np.full(self.response.shape[:2], True)
+        return everything if self.valid is None else self.valid
 
     def covariance(self, configuration: int) -> ComplexArray:
         """Dense covariance of vec(G) in one configuration, shape (n_freq, n_out*n_in, n_out*n_in)."""
@@ -127,7 +126,7 @@ class Frf(Artifact):
                 f"{estimator}: block responses of shape {blocks.shape} do not belong to a record of "
                 f"{n_config} configurations, {n_block} blocks, {n_freq} lines and {n_axis} axes"
             )
-        valid: BoolArray = np.isfinite(blocks).all(axis=(1, 3, 4))
+        valid: BoolArray = np.all(np.isfinite(blocks), axis=(1, 3, 4))
         gram_inverse = pooled = None
         pooling = "none stated: the scatter of blocks needs two blocks, each with an experiment per input"
         if n_exp >= n_axis:
@@ -140,7 +139,9 @@ class Frf(Artifact):
                 used = np.where(block_valid, blocks, 0).swapaxes(0, 1)
                 weight = (n_block - 1) * n_axis
                 power = np.mean(np.abs(y) ** 2, axis=(1, 4))
-                pooled = pool_lines(block_products(used, by_block), weight, valid, power, half_window)
+                products = block_products(used, by_block)
+                mean = used.mean(axis=0)
+                pooled = pool_lines(products, weight, valid, power, mean, record.frequency_hz, half_window)
         if pooled is not None:
             pooling = f"scatter of {n_block} blocks, pooled over {2 * pooled.half_window + 1} lines"
         refuse_masked(valid, record.frequency_hz)

@@ -135,7 +135,7 @@ def test_a_file_that_is_no_artifact_is_refused(tmp_path: Path) -> None:
 
 
 def test_spectra_follow_the_sign_and_the_scale_of_the_docstring() -> None:
-    """A torque A cos(w t) has the spectrum A/2, a position -B cos(w t + phase) the acceleration w^2 B/2 e^(i phase)."""
+    """A cos(w t) has the spectrum A/2; a position -B cos(w t + p) the acceleration w^2 B/2 e^(i p)."""
     n, line = 64, 5
     t = np.arange(n) * 1e-3
     omega = 2 * np.pi * line / (n * 1e-3)

@@ -1,0 +1,1 @@
+"""Acquisition: from drives (simulated in memory, or any registered way to the motors), or from a recording."""

@@ -1,0 +1,115 @@
+"""Configurations drawn at random: where to stand when nothing is known yet, or what an optimal design picks from.
+
+Latin hypercube (M. D. McKay, R. J. Beckman and W. J. Conover, 1979): each joint's range is cut into as many
+strips as there are configurations and every strip is used once, so that a handful of poses is spread better
+than independent draws. Poses that gravity loads too much are drawn again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from pydantic import Field, PositiveInt
+
+from robid_core import (
+    BoolArray,
+    CandidateDesign,
+    ConfigurationError,
+    Configurations,
+    Context,
+    FloatArray,
+    Robot,
+)
+
+MOST_ROUNDS = 200
+
+
+def latin_hypercube(
+    count: int, lower: FloatArray, upper: FloatArray, generator: np.random.Generator
+) -> FloatArray:
+    """Points of which every joint has one in each of `count` strips, shape (count, n_axis)."""
+    strip = np.stack([generator.permutation(count) for _ in lower], axis=1)
+    share = (strip + generator.random(strip.shape)) / count
+    result: FloatArray = lower + share * (upper - lower)
+    return result
+
+
+def draw_configurations(
+    count: int,
+    lower: FloatArray,
+    upper: FloatArray,
+    acceptable: Callable[[FloatArray], BoolArray],
+    generator: np.random.Generator,
+) -> FloatArray:
+    """Draw configurations that are acceptable, in rounds of Latin hypercubes.
+
+    Parameters
+    ----------
+    count
+        How many.
+    lower, upper
+        Range of each joint, rad, shape (n_axis,).
+    acceptable
+        Tells which of (n, n_axis) configurations will do.
+    generator
+        Draws them.
+
+    Returns
+    -------
+    Shape (count, n_axis), in the order of drawing.
+
+    Raises
+    ------
+    ConfigurationError
+        If hardly any configuration is acceptable.
+    """
+    found: list[FloatArray] = []
+    missing, drawn = count, 0
+    for _ in range(MOST_ROUNDS):
+        points = latin_hypercube(count, lower, upper, generator)
+        good = points[acceptable(points)][:missing]
+        found.append(good)
+        missing, drawn = missing - len(good), drawn + count
+        if missing == 0:
+            return np.concatenate(found)
+    raise ConfigurationError(
+        f"of {drawn} configurations drawn within the limits only {count - missing} are acceptable, {count} were "
+        "asked for; raise gravity_share, or lower the margin"
+    )
+
+
+def random_configurations(
+    robot: Robot, count: int, generator: np.random.Generator, margin: float = 0.05, gravity_share: float = 0.5
+) -> FloatArray:
+    """Configurations of a robot within its limits, shape (count, n_axis); see `RandomCandidates` for the rest."""
+    # A joint without limits turns freely: one turn holds all of its poses.
+    lower = np.where(np.isfinite(robot.drives.lower), robot.drives.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.drives.upper), robot.drives.upper, np.pi)
+    room = margin * (upper - lower)
+    allowed = gravity_share * robot.drives.torque_limit
+
+    def acceptable(angle: FloatArray) -> BoolArray:
+        light: BoolArray = np.all(np.abs(robot.gravity_torque(angle)) <= allowed, axis=1)
+        return light
+
+    return draw_configurations(count, lower + room, upper - room, acceptable, generator)
+
+
+class RandomCandidates(CandidateDesign):
+    """Random configurations within the joint limits, away from them, and not too heavy for the motors.
+
+    where: {use: design.candidates, with: {count: 4}}
+    """
+
+    count: PositiveInt
+    """Number of configurations."""
+    margin: float = Field(default=0.05, ge=0, lt=0.5)
+    """Share of each joint's range that is left free at either end, for the motion about the configuration."""
+    gravity_share: float = Field(default=0.5, gt=0, le=1)
+    """Largest share of a motor's torque limit that holding the arm may take."""
+
+    def run(self, robot: Robot, context: Context) -> Configurations:
+        """Draw the configurations."""
+        angle = random_configurations(robot, self.count, context.generator, self.margin, self.gravity_share)
+        return Configurations(robot.axis_names, angle)

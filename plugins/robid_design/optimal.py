@@ -1,0 +1,122 @@
+"""Configurations for the next robot of the type, chosen by optimal design (thesis section 4.3).
+
+Random candidates, their information matrices (4.4) with the covariance (4.8), convex weights (4.5), whole
+numbers of experiments, and the certificate that no other weights are better.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, PositiveInt
+
+from robid_core import Context, Design, Excitation, ExperimentDesign, Fit, Frf, Robot
+from robid_core.estimation.information import covariance_of_parameters
+from robid_design.candidates import random_configurations
+from robid_design.information import information_matrices, reference_power
+from robid_design.weights import (
+    Criterion,
+    certificate_gap,
+    criterion_value,
+    optimal_weights,
+    whole_experiments,
+)
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+
+class OptimalDesign(ExperimentDesign):
+    """Choose the configurations that tell most about the stiffnesses (thesis 4.4, 4.5, 4.8).
+
+    Example::
+
+        choose: {use: design.optimal, with: {criterion: D, candidates: 500, experiments: 8}}
+    """
+
+    criterion: Criterion = "D"
+    """D: smallest confidence ellipsoid; A: smallest sum of relative variances."""
+    candidates: Annotated[int, Field(ge=2, le=100_000)] = 500
+    """Random configurations to choose from."""
+    experiments: PositiveInt = 8
+    """Blocks of experiments to spend."""
+    lines: PositiveInt = 40
+    """Lines of the excitation that enter the information (evenly thinned)."""
+
+    def run(
+        self,
+        excitation: Excitation,
+        robot: Robot,
+        context: Context,
+        fit: Fit | None = None,
+        frf: Frf | None = None,
+    ) -> Design:
+        """Weigh the candidates at the fitted parameters, or at the nominal ones without a fit."""
+        model = robot if fit is None else robot.with_parameters(_known_to(robot, fit))
+        angle = random_configurations(robot, self.candidates, context.generator)
+        chosen = np.unique(np.linspace(0, len(excitation.line) - 1, self.lines).round().astype(int))
+        thinning = len(excitation.line) / len(chosen)
+        power = reference_power(excitation)[chosen] * thinning
+        frequency = excitation.frequency_hz[chosen]
+        noise = _output_covariance(model, frf, excitation, chosen)
+        damping = _motor_damping(model, excitation, frf)
+        parts = []
+        for start in context.track(range(0, self.candidates, 50), -(-self.candidates // 50), "information"):
+            block = angle[start : start + 50]
+            parts.append(information_matrices(model, block, frequency, power, noise, damping))
+        information = np.concatenate(parts)
+        weight = optimal_weights(information, self.criterion)
+        count = whole_experiments(weight, self.experiments)
+        total = np.einsum("i,ijk->jk", count.astype(float), information)
+        order = np.flatnonzero(count)[np.argsort(-count[count > 0], kind="stable")]
+        share = count / self.experiments
+        reached = criterion_value(information, share, self.criterion)
+        return Design(
+            axis_names=robot.axis_names,
+            angle=angle[order],
+            criterion=self.criterion,
+            parameter_names=model.stiffness_names,
+            gap=certificate_gap(information, weight, self.criterion),
+            efficiency=reached / criterion_value(information, weight, self.criterion),
+            weight=weight[order],
+            experiments=count[order],
+            candidate_index=order.astype(np.int64),
+            information=total,
+            predicted_standard_error=np.sqrt(np.diag(covariance_of_parameters(total, model.stiffness_names))),
+        )
+
+
+def _known_to(robot: Robot, fit: Fit) -> dict[str, float]:
+    known = robot.parameters()
+    return {name: value for name, value in fit.parameters.as_mapping().items() if name in known}
+
+
+def _output_covariance(
+    robot: Robot, frf: Frf | None, excitation: Excitation, chosen: npt.NDArray[np.int64]
+) -> ComplexArray:
+    """Covariance of acceleration spectra: as measured, or from the encoder's noise, Phi_v = C_v w^2 of (4.8)."""
+    frequency = excitation.frequency_hz[chosen]
+    if (
+        frf is not None
+        and frf.output_covariance is not None
+        and len(frf.frequency_hz) == len(excitation.line)
+    ):
+        measured: ComplexArray = frf.output_covariance[:, chosen].mean(axis=0)
+        return measured
+    d = robot.drives
+    quantisation = np.where(
+        d.encoder_counts > 0, 2 * np.pi / np.maximum(d.encoder_counts, 1) / np.sqrt(12), 0
+    )
+    variance = (d.position_noise**2 + quantisation**2 + 1e-16) / excitation.n_sample
+    acceleration = (2 * np.pi * frequency[:, None]) ** 4 * variance
+    diagonal: ComplexArray = acceleration[:, :, None] * np.eye(robot.n_axis, dtype=complex)
+    return diagonal
+
+
+def _motor_damping(robot: Robot, excitation: Excitation, frf: Frf | None) -> FloatArray:
+    """Equivalent damping of friction under the motion that was measured, or only the slow sine's."""
+    if frf is not None and frf.speed_rms is not None and frf.slow_sine_speed is not None:
+        return robot.equivalent_motor_damping(frf.speed_rms.mean(axis=0), frf.slow_sine_speed.mean(axis=0))
+    return robot.equivalent_motor_damping(np.zeros(robot.n_axis), excitation.slow_sine_speed)

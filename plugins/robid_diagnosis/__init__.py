@@ -1,0 +1,1 @@
+"""Diagnosis: what the simulation gets wrong, shown against what was measured."""

@@ -1,0 +1,142 @@
+"""Motor torque of a rigid robot as a linear function of its inertial and friction parameters.
+
+    tau = r_g^T Y(q, v, a) pi + J a_m + F_v v_m + F_c sign(v_m) + offset        (joint angle = r_g q_m)
+
+with Y the regressor of the bodies, pi their inertial parameters, J the rotor inertias, all at the motor shaft.
+Names are those of the robot's parameters, so that estimates can be put back into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robid_core import DataRejected, DenseRun, FloatArray, Robot
+from robid_core.estimation.regression import differentiate, smooth
+from robid_core.estimation.rigid_body import (
+    PARAMETERS,
+    UNITS,
+    inertial_parameters,
+    inverse_dynamics_regressor,
+)
+
+Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset"]
+KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of the motors in one experiment, each (n_sample, n_axis), rad (m) and seconds."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of the regressor, with the names, units, groups, kinds and values of their parameters in the robot."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    groups: tuple[str, ...]
+    kinds: tuple[str, ...]
+    value: FloatArray
+    regressor: FloatArray  # (n_sample, n_axis, n_parameter), N m (N) at the motor per unit
+
+
+def experiments(run: DenseRun, robot: Robot, discard: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield motor position and motor torque of every experiment, periods joined, each (n_sample, n_axis).
+
+    Raises
+    ------
+    DataRejected
+        If torque or position was not recorded, of every axis and at every sample.
+    """
+    torque = run.values("motor_torque")
+    if "motor_position" not in run.channels and "joint_position" in run.channels:
+        position = robot.motor_angle(run.values("joint_position"))
+    else:
+        position = run.values("motor_position")
+    for name, values in (("position", position), ("motor_torque", torque)):
+        if not (np.isfinite(values).all() and run.valid[:, :, :, discard:].all()):
+            raise DataRejected(
+                f"fit.rigid: {name} has holes; cut the record or leave the axis out of the robot"
+            )
+    if discard >= run.n_period:
+        raise DataRejected(
+            f"{run.n_period} periods were measured and {discard} are to be dropped: none is left"
+        )
+    n_axis = torque.shape[-1]
+    for index in np.ndindex(*torque.shape[:3]):
+        yield position[index][discard:].reshape(-1, n_axis), torque[index][discard:].reshape(-1, n_axis)
+
+
+def motion_of(position: FloatArray, sample_time: float, cutoff_hz: float, order: int) -> Motion:
+    """Smooth the position and differentiate it twice by central differences."""
+    smoothed = smooth(position, sample_time, cutoff_hz, order)
+    velocity = differentiate(smoothed, sample_time)
+    return Motion(smoothed, velocity, differentiate(velocity, sample_time))
+
+
+def without_bearings(robot: Robot) -> Robot:
+    """Return the robot with stiff bearings: elastic coordinates stand still, each body is again on its own joint."""
+    return Robot(robot.description.model_copy(update={"bearings": {}}))
+
+
+def random_motion(robot: Robot, n_sample: int) -> Motion:
+    """States that excite everything, the same at every call: what the structure hides is no matter of the data."""
+    draws = np.random.Generator(np.random.PCG64(0)).uniform(-np.pi, np.pi, (3, n_sample, robot.n_axis))
+    return Motion(*robot.motor_angle(draws))
+
+
+def torque_columns(robot: Robot, motion: Motion, friction_speed: FloatArray) -> Columns:
+    """Every column of the motor torque: ten for each body, then rotor inertia, friction and offset of each motor.
+
+    Parameters
+    ----------
+    robot
+        Geometry, gears and present parameter values; without elastic coordinates.
+    motion
+        Motion of the motors.
+    friction_speed
+        v_s of tanh(v / v_s) for Coulomb friction, shape (n_axis,); 0 for plain sign(v).
+    """
+    chain, gear, drives = robot.chain, robot.drives.gear, robot.drives
+    arm = robot.mechanism.arm
+    state = []
+    for values in (motion.position, motion.velocity, motion.acceleration):
+        joints = np.empty((len(values), chain.n_coordinate))
+        joints[:, arm] = robot.joint_angle(values)
+        state.append(joints)
+    bodies = np.einsum("ja,sjp->sap", gear, inverse_dynamics_regressor(chain, *state)[:, arm])
+    steep = np.where(friction_speed > 0, friction_speed, 1.0)
+    direction = np.where(friction_speed > 0, np.tanh(motion.velocity / steep), np.sign(motion.velocity))
+    per_motor = {
+        "rotor_inertia": ("rotor_inertia.{}", motion.acceleration, drives.rotor_inertia),
+        "viscous": ("friction.{}.viscous", motion.velocity, drives.viscous),
+        "coulomb": ("friction.{}.coulomb", direction, drives.coulomb),
+        "offset": ("friction.{}.offset", np.ones_like(motion.velocity), drives.friction_offset),
+    }
+    motors = [pattern.format(axis) for pattern, _, _ in per_motor.values() for axis in robot.axis_names]
+    diagonal = [signal[:, :, None] * np.eye(robot.n_axis) for _, signal, _ in per_motor.values()]
+    n_body = 10 * chain.n_coordinate
+    return Columns(
+        names=(*(_name(part, body) for body in chain.names for part in PARAMETERS), *motors),
+        units=(*(UNITS * chain.n_coordinate), *(robot.parameter_unit(name) for name in motors)),
+        groups=(*("inertia",) * n_body, *(robot.parameter_group(name) for name in motors)),
+        kinds=(*("inertia",) * n_body, *(kind for kind in per_motor for _ in robot.axis_names)),
+        value=np.concatenate(
+            [inertial_parameters(chain).ravel(), *(value for _, _, value in per_motor.values())]
+        ),
+        regressor=np.concatenate([bodies, *diagonal], axis=2),
+    )
+
+
+def _name(part: str, body: str) -> str:
+    """Name `inertia.xx` of a body `inertia.axis_2.xx`, in the order of the robot's other names."""
+    noun, _, component = part.partition(".")
+    return f"{noun}.{body}.{component}" if component else f"{noun}.{body}"

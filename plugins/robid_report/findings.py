@@ -1,0 +1,207 @@
+"""What a reader must know before any number: rejected, partial and unconverged results first, then the summary."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid_core import Design, Diagnosis, Excitation, Fit, Frf, Record, Truth
+from robid_report.numbers import percent, significant
+from robid_report.parameters import deviations
+from robid_report.traces import noun
+
+MASKED_LIMIT = 0.1  # of a configuration's lines; more is rejected data
+GAP_LIMIT = 1e-3  # a design further than this from its optimum carries no certificate worth the name
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence in the banner; `serious` makes it red."""
+
+    serious: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number in the summary strip with what it is."""
+
+    value: str
+    label: str
+
+
+def findings(
+    frf: Frf | None, fit: Fit | None, record: Record | None, design: Design | None, truth: Truth | None
+) -> list[Finding]:
+    """Return everything that limits the use of the results, serious things first."""
+    found = [*_of_record(record), *_of_frf(frf), *_of_fit(fit), *_of_truth(fit, truth)]
+    if design is not None and not design.gap <= GAP_LIMIT:
+        found.append(
+            Finding(
+                True, f"The design is not optimal: another choice may be {significant(design.gap, 2)} better."
+            )
+        )
+    return sorted(found, key=lambda finding: not finding.serious)
+
+
+def _of_record(record: Record | None) -> list[Finding]:
+    if record is None:
+        return []
+    total = sum(run.valid.size for run in record.runs)
+    missing = total - sum(int(run.valid.sum()) for run in record.runs)
+    if not missing:
+        return []
+    return [Finding(True, f"The record is partial: {missing} of {total} samples were not measured.")]
+
+
+def _of_frf(frf: Frf | None) -> list[Finding]:
+    if frf is None:
+        return []
+    masked = ~frf.valid_lines
+    result = []
+    share = masked.mean(axis=1)
+    for configuration in np.flatnonzero(share > MASKED_LIMIT):
+        result.append(
+            Finding(
+                True,
+                f"Configuration {configuration + 1} is rejected: {percent(float(share[configuration]))} of its "
+                "lines could not be estimated.",
+            )
+        )
+    few = int(masked[share <= MASKED_LIMIT].sum())
+    if few:
+        result.append(Finding(False, f"{few} lines could not be estimated and are left out."))
+    return result
+
+
+def _of_fit(fit: Fit | None) -> list[Finding]:
+    if fit is None:
+        return []
+    table, result = fit.parameters, []
+    if not fit.converged:
+        result.append(Finding(True, f"The fit did not converge; its numbers must not be used: {fit.status}"))
+    bound = [name for i, name in enumerate(table.names) if table.at_bound[i]]
+    if bound:
+        result.append(Finding(True, f"At the bound of the search, hence not identified: {', '.join(bound)}."))
+    free = set(fit.free_names)
+    blind = [n for i, n in enumerate(table.names) if n in free and not math.isfinite(table.standard_error[i])]
+    if blind:
+        result.append(Finding(True, f"Without a standard error: {', '.join(blind)}."))
+    if fit.n_starts > 1 and fit.n_agree < 2:
+        result.append(
+            Finding(False, f"Only one of {fit.n_starts} starts reached the best fit; others ended elsewhere.")
+        )
+    return result
+
+
+def _of_truth(fit: Fit | None, truth: Truth | None) -> list[Finding]:
+    if fit is None or truth is None:
+        return []
+    far = [
+        name
+        for name, d, shown in zip(
+            fit.parameters.names, deviations(fit.parameters, truth), fit.parameters.reported, strict=True
+        )
+        if d is not None and shown and d.error > 0 and abs(d.share) > 4 * d.error
+    ]
+    if not far:
+        return []
+    return [Finding(False, f"More than four standard errors from the truth: {', '.join(far)}.")]
+
+
+def facts(
+    frf: Frf | None,
+    fit: Fit | None,
+    record: Record | None,
+    design: Design | None,
+    diagnosis: Diagnosis | None,
+    truth: Truth | None,
+) -> list[Fact]:
+    """Return the few numbers that a reader looks for first."""
+    result: list[Fact] = []
+    if fit is not None:
+        result += _fit_facts(fit, truth)
+    for comparison in diagnosis.time if diagnosis is not None else ():
+        result.append(Fact(percent(comparison.relative_error), f"closed-loop error of {noun(comparison)}"))
+    if frf is not None:
+        result.append(
+            Fact(
+                f"{len(frf.response)} × {len(frf.frequency_hz)}",
+                f"configurations × lines, {frf.frequency_hz[0]:.3g} to {frf.frequency_hz[-1]:.3g} Hz",
+            )
+        )
+    elif record is not None and fit is None:
+        seconds = sum(run.valid.size * run.sample_time_s for run in record.runs)
+        result.append(Fact(f"{significant(seconds, 3)} s", "recorded"))
+    if design is not None:
+        result.append(Fact(str(design.n_config), "configurations chosen for the next robot"))
+    return result
+
+
+def _fit_facts(fit: Fit, truth: Truth | None) -> list[Fact]:
+    table = fit.parameters
+    shown = np.flatnonzero(table.reported)
+    groups = {table.groups[i] for i in shown}
+    what = "stiffness" if groups == {"stiffness"} else "parameter"
+    what += "" if len(shown) == 1 else "es" if what == "stiffness" else "s"
+    result = [Fact(str(len(shown)), f"{what} estimated")]
+    known = [d for i, d in enumerate(deviations(table, truth)) if d is not None and table.reported[i]]
+    if known:
+        shares = [abs(d.share) for d in known]
+        result.append(Fact(percent(float(np.median(shares))), "median deviation from the truth"))
+        result.append(Fact(percent(max(shares)), "largest deviation from the truth"))
+    errors = np.abs(
+        table.standard_error[shown] / np.where(table.estimate[shown] == 0, np.nan, table.estimate[shown])
+    )
+    if np.isfinite(errors).any():
+        result.append(Fact(percent(float(np.nanmedian(errors))), "median standard error"))
+    for comparison in fit.time:
+        result.append(Fact(percent(comparison.relative_error), f"relative error of {noun(comparison)}"))
+    if fit.n_starts > 1:
+        result.append(Fact(f"{fit.n_agree} of {fit.n_starts}", "starts agree"))
+    return result
+
+
+def steps(
+    excitation: Excitation | None,
+    record: Record | None,
+    frf: Frf | None,
+    fit: Fit | None,
+    design: Design | None,
+) -> list[tuple[str, str]]:
+    """Return what was done, one (noun, sentence) for each artifact that is at hand."""
+    result: list[tuple[str, str]] = []
+    if excitation is not None:
+        n_realization, n_block, n_exp, _, _ = excitation.reference.shape
+        band = (
+            f"{excitation.frequency_hz[0]:.3g} to {excitation.frequency_hz[-1]:.3g} Hz"
+            if len(excitation.line)
+            else ""
+        )
+        result.append(
+            (
+                "Excitation",
+                f"{len(excitation.line)} lines, {band}, period {excitation.period_s:g} s, {n_block} blocks of {n_exp} "
+                f"experiments, {n_realization} realisations",
+            )
+        )
+    if record is not None:
+        seconds = sum(run.valid.size * run.sample_time_s for run in record.runs)
+        names = sorted({name for run in record.runs for name in run.channels})
+        result.append(("Record", f"{record.source}: {significant(seconds, 4)} s of {', '.join(names)}"))
+    if frf is not None:
+        result.append(("Frequency response", f"{frf.estimator}; uncertainty: {frf.pooling or 'none stated'}"))
+    if fit is not None:
+        misfit = f"; weighted misfit {significant(fit.misfit, 3)} (1 where model and uncertainty are right)"
+        result.append(("Fit", f"{fit.method}: {fit.status}{misfit if fit.response is not None else ''}"))
+    if design is not None:
+        result.append(
+            (
+                "Design",
+                f"criterion {design.criterion}, certificate: no choice is better by more than "
+                f"{significant(design.gap, 2)}, rounding keeps {percent(design.efficiency)} of it",
+            )
+        )
+    return result

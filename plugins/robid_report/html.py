@@ -1,0 +1,211 @@
+"""The page: everything a run found, in one file that opens without network, today and in ten years.
+
+Text of the user (names, units, errors) reaches the page through jinja2 with escaping, or as JSON data that the
+page's own script writes as text. The policy in the page's head allows those scripts by their hash and nothing
+from outside. No clock and fixed ids: equal inputs give equal bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import sys
+from importlib import metadata, resources
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from robid_core import (
+    Design,
+    Diagnosis,
+    Excitation,
+    Fit,
+    FloatArray,
+    Frf,
+    Record,
+    Report,
+    ReportStage,
+    Robot,
+    Truth,
+)
+from robid_report import responses, traces
+from robid_report.findings import facts, findings, steps
+from robid_report.numbers import percent, significant
+from robid_report.parameters import rows
+from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
+
+LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "python-can", "canopen", "plotly")
+
+
+def json_for_script(data: Any) -> Markup:
+    """JSON that may stand in a script element: no character of it can end the element or start a comment."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+
+
+def script_hash(script: str) -> str:
+    """What a Content-Security-Policy calls an inline script: the base64 of its SHA-256."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+def versions() -> list[tuple[str, str, str]]:
+    """Python, every distribution that brings stages, and the libraries below: (name, version, what it brings)."""
+    brought: dict[str, list[str]] = {}
+    for point in metadata.entry_points(group="robid.stages"):
+        if point.dist is not None:
+            brought.setdefault(point.dist.metadata["Name"], []).append(point.name)
+    result = [("Python", ".".join(str(part) for part in sys.version_info[:3]), "")]
+    for name in sorted(brought):
+        result.append((name, metadata.version(name), ", ".join(sorted(set(brought[name])))))
+    for name in LIBRARIES:
+        try:
+            result.append((name, metadata.version(name), ""))
+        except metadata.PackageNotFoundError:
+            continue
+    return result
+
+
+def angles_as_text(robot: Robot, angle: FloatArray) -> list[list[str]]:
+    """Joint-side motor angles in degrees (millimetres on a prismatic axis), one list for each configuration."""
+    linear = robot.chain.joint_type[robot.mechanism.arm] == 1
+    shown = np.where(linear, 1000 * angle, np.degrees(angle))
+    units = [" mm" if straight else "°" for straight in linear]
+    return [
+        [f"{value:.1f}{unit}".replace("-", "−") for value, unit in zip(row, units, strict=True)]
+        for row in shown
+    ]
+
+
+def figures(robot: Robot, angle: FloatArray) -> list[list[Markup]]:
+    """Side and top view of each configuration; empty where there is nothing to see."""
+    body = skeleton(robot, angle)
+    if not is_worth_drawing(body):
+        return []
+    return [[draw(body, c, view) for view in VIEWS] for c in range(len(angle))]
+
+
+def response_section(robot: Robot, frf: Frf | None, fit: Fit | None) -> dict[str, Any] | None:
+    """Plot data of the measured responses, beside the fitted model where there is one."""
+    if fit is not None and fit.response is not None:
+        return responses.plot_data(fit.response, fitted=True)
+    if frf is None:
+        return None
+    model = robot.response(frf.angle, frf.frequency_hz, hold=frf.torque_hold)
+    return responses.plot_data(responses.comparison_of(frf, model), fitted=False)
+
+
+def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict[str, Any] | None:
+    """Chosen configurations as text and pictures, and the standard errors they promise."""
+    if design is None:
+        return None
+    pictures = figures(robot, design.angle)
+    chosen = [
+        {
+            "angles": angles,
+            "weight": percent(float(design.weight[i])),
+            "bar": round(100 * float(design.weight[i] / design.weight.max()), 1),
+            "experiments": int(design.experiments[i]),
+            "pictures": pictures[i] if pictures else [],
+        }
+        for i, angles in enumerate(angles_as_text(robot, design.angle))
+    ]
+    achieved = {}
+    if fit is not None:
+        table = fit.parameters
+        achieved = {
+            n: percent(abs(float(table.standard_error[i] / table.estimate[i])))
+            for i, n in enumerate(table.names)
+            if table.estimate[i] != 0
+        }
+    promised = [
+        (name, percent(float(error)), achieved.get(name, "–"))
+        for name, error in zip(design.parameter_names, design.predicted_standard_error, strict=True)
+    ]
+    return {
+        "chosen": chosen,
+        "promised": promised,
+        "criterion": design.criterion,
+        "gap": significant(design.gap, 2),
+        "efficiency": percent(design.efficiency),
+    }
+
+
+def render(content: dict[str, Any], data: dict[str, Any]) -> str:
+    """Fill the template; `data` goes to the page's script, `content` into the text."""
+    files = resources.files("robid_report")
+    text = {
+        name: (files / name).read_text(encoding="utf-8") for name in ("page.html.j2", "page.css", "page.js")
+    }
+    library = ""
+    if data["response"] or data["time"]:
+        from plotly.offline import get_plotlyjs
+
+        library = str(get_plotlyjs()).replace("\r\n", "\n")
+    scripts = [script for script in (library, text["page.js"]) if script]
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    page: str = environment.from_string(text["page.html.j2"]).render(
+        **content,
+        data=json_for_script(data),
+        style=Markup(text["page.css"]),
+        scripts=[Markup(script) for script in scripts],
+        policy=" ".join(f"'{script_hash(script)}'" for script in scripts),
+        versions=versions(),
+    )
+    return page
+
+
+class HtmlReport(ReportStage):
+    """One self-contained HTML page of whatever the pipeline has made.
+
+    page:
+      use: report.html
+      with: {title: Six-axis robot, spring}
+    """
+
+    title: str = ""
+    """Heading of the page; by default the robot's name."""
+
+    def run(
+        self,
+        robot: Robot,
+        frf: Frf | None = None,
+        fit: Fit | None = None,
+        record: Record | None = None,
+        design: Design | None = None,
+        diagnosis: Diagnosis | None = None,
+        excitation: Excitation | None = None,
+        truth: Truth | None = None,
+    ) -> Report:
+        """Collect what there is and write the page."""
+        response = response_section(robot, frf, fit)
+        angle = frf.angle if frf is not None else record.angle if record is not None else None
+        table, limit = rows(fit.parameters, truth) if fit is not None else ([], 0.0)
+        comparisons = [("Inverse model", c) for c in fit.time] if fit is not None else []
+        comparisons += (
+            [("Closed-loop simulation", c) for c in diagnosis.time] if diagnosis is not None else []
+        )
+        content = {
+            "title": self.title or robot.name,
+            "robot": robot.name,
+            "axes": robot.axis_names,
+            "findings": findings(frf, fit, record, design, truth),
+            "facts": facts(frf, fit, record, design, diagnosis, truth),
+            "verdict": diagnosis.verdict if diagnosis is not None else "",
+            "rows": [row for row in table if row.reported],
+            "nuisances": [row for row in table if not row.reported],
+            "plant": truth.plant if truth is not None else "",
+            "limit": f"{100 * limit:.0f} %",
+            "response": response is not None,
+            "fitted": response is not None and response["model"] is not None,
+            "configurations": angles_as_text(robot, angle) if angle is not None else [],
+            "pictures": figures(robot, angle) if angle is not None else [],
+            "time": [traces.plot_data(comparison, title) for title, comparison in comparisons],
+            "design": design_section(robot, design, fit),
+            "steps": steps(excitation, record, frf, fit, design),
+        }
+        return Report(html=render(content, {"response": response, "time": content["time"]}))

@@ -1,0 +1,60 @@
+"""Numbers for people and for plots: significant digits, no more."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """Write a number with so many significant digits: `412 300`, `0.0042`, `1.3×10⁻⁷`; a dash for NaN."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    rounded = float(f"{value:.{digits - 1}e}")
+    magnitude = 0 if rounded == 0 else math.floor(math.log10(abs(rounded)))
+    if not -4 <= magnitude < 7:
+        mantissa = f"{rounded / 10.0**magnitude:.{digits - 1}f}"
+        return f"{mantissa}×10{str(magnitude).translate(_RAISED)}".replace("-", "−")
+    decimals = max(digits - 1 - magnitude, 0)
+    return f"{rounded:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+
+
+def percent(share: float, signed: bool = False) -> str:
+    """Write a share as percent with three significant digits at most: `+2.31 %`; a dash for NaN."""
+    if not math.isfinite(share):
+        return "–"
+    value = 100 * share
+    decimals = 2 if abs(value) < 10 else 1 if abs(value) < 100 else 0
+    if value != 0 and abs(value) < 0.1:
+        decimals = 1 - math.floor(math.log10(abs(value)))
+    text = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
+    return text.replace("-", "−") + "\u202f%"
+
+
+def compact(values: npt.NDArray[Any], decimals: int) -> Any:
+    """Return nested lists rounded to `decimals`, None for NaN: what JSON takes and no longer than needed."""
+    rounded = np.round(np.asarray(values, dtype=float), decimals)
+    return _listed(rounded.tolist())
+
+
+def rounded_to(values: npt.NDArray[Any], digits: int) -> Any:
+    """Return nested lists rounded to `digits` significant digits of the largest entry, None for NaN."""
+    array = np.asarray(values, dtype=float)
+    largest = float(np.nanmax(np.abs(array), initial=0.0))
+    decimals = digits - 1 - (math.floor(math.log10(largest)) if largest > 0 else 0)
+    return compact(array, decimals)
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_listed(entry) for entry in value]
+    if not math.isfinite(value):
+        return None
+    return int(value) if value == int(value) else value

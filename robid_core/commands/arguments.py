@@ -1,0 +1,29 @@
+"""Arguments that several commands share, and the way they read a pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from robid_core.pipeline import Pipeline
+
+PipelineFile = Annotated[Path, typer.Argument(help="The pipeline file.", show_default="pipeline.yaml")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a setting, as stages.fit.with.starts=50."),
+]
+DataRoot = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="FOLDER", help="Folder of measured data, in place of ROBID_DATA."),
+]
+DEFAULT_PIPELINE = Path("pipeline.yaml")
+
+
+def load_pipeline(file: Path, overrides: list[str] | None, data: Path | None) -> Pipeline:
+    """Read a pipeline as a command asks for it."""
+    from robid_core.pipeline import Pipeline
+
+    return Pipeline.load(file, tuple(overrides or ()), data_root=data)

@@ -1,0 +1,122 @@
+"""`robid doctor`: whether this installation can work, and what it works with."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import typer
+
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pydantic",
+    "h5py",
+    "pin",
+    "cvxpy",
+    "python-can",
+    "canopen",
+    "mcap",
+    "torch",
+)
+Finding = tuple[bool, str]
+
+
+def command() -> None:
+    """Check versions, plugins, threads, the cache of compiled kernels, the data folder and the run folder."""
+    findings = [*versions(), *plugins(), kernel_cache(), threads(), data_folder(), run_folder()]
+    for good, text in findings:
+        typer.echo(f"{'ok  ' if good else 'FAIL'} {text}")
+    failures = sum(not good for good, _ in findings)
+    if failures:
+        typer.echo(f"{failures} of {len(findings)} checks failed", err=True)
+        raise typer.Exit(1)
+
+
+def versions() -> list[Finding]:
+    """Return the versions of robid, Python and the libraries whose results depend on them."""
+    from robid_core import __version__
+
+    found = []
+    for name in LIBRARIES:
+        try:
+            found.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            found.append(f"{name} not installed")
+    good = sys.version_info >= (3, 11)
+    return [
+        (good, f"robid {__version__}, Python {sys.version.split()[0]}"),
+        (True, f"libraries: {', '.join(found)}"),
+    ]
+
+
+def plugins() -> list[Finding]:
+    """Import every plugin; those that fail are named with the reason, and so are names that stand twice."""
+    from robid_core.errors import RobidError
+    from robid_core.registry import GROUPS, registry
+
+    findings: list[Finding] = []
+    count = 0
+    for group in GROUPS:
+        for name in registry().names(group):
+            try:
+                registry().load(group, name)
+                count += 1
+            except RobidError as error:
+                findings.append((False, f"plugin {group} {' '.join(str(error).split())}"))
+    return [(True, f"{count} plugins can be imported"), *findings]
+
+
+def kernel_cache() -> Finding:
+    """Tell where compiled kernels are kept, and whether that can be written."""
+    import robid_core
+
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(chosen) if chosen else Path(robid_core.__file__).parent
+    if _writable(folder):
+        return True, f"compiled kernels are kept in {chosen or 'the folders of their sources'}"
+    # numba then falls back to a folder of the user; only the first run of each process is slow if that fails too.
+    return (
+        True,
+        f"{folder} cannot be written: kernels are kept in the user's cache folder, or compiled every time",
+    )
+
+
+def threads() -> Finding:
+    """Tell the number of processors, and that a run takes one thread each."""
+    from robid_core.executors import thread_settings
+
+    each = ", ".join(f"{what} {count}" for what, count in thread_settings().items())
+    return True, f"{os.cpu_count()} processors; threads in each process of a run: {each}"
+
+
+def data_folder() -> Finding:
+    """Tell where measured data are looked for."""
+    from robid_core.errors import ConfigurationError
+    from robid_core.pipeline.places import ENVIRONMENT, find_places
+
+    try:
+        places = find_places(Path("pipeline.yaml"))
+    except ConfigurationError as error:
+        return False, str(error)
+    there = (
+        ""
+        if places.data_root.is_dir()
+        else f"; not there: set {ENVIRONMENT} where a pipeline reads recordings"
+    )
+    return True, f"measured data: {places.data_root} ({places.data_root_from}){there}"
+
+
+def run_folder() -> Finding:
+    """Tell whether results can be written beside a pipeline in this folder."""
+    folder = Path.cwd()
+    return _writable(
+        folder
+    ), f"results of pipelines here: {folder / 'runs'}{'' if _writable(folder) else ' (read-only)'}"
+
+
+def _writable(folder: Path) -> bool:
+    return os.access(folder, os.W_OK)

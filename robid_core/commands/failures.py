@@ -1,0 +1,88 @@
+"""What a person sees when a command fails, and with which exit code it ends."""
+
+from __future__ import annotations
+
+import functools
+import os
+import platform
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+import typer
+
+from robid_core import __version__
+from robid_core.errors import RobidError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+BUG = 70
+INTERRUPTED = 130
+
+
+def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
+    """Return the function with every error turned into a message and an exit code."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except RobidError as error:
+            if debug:
+                traceback.print_exc()
+            else:
+                _say(str(error))
+            raise SystemExit(error.exit_code) from error
+        except KeyboardInterrupt as error:
+            if debug:
+                traceback.print_exc()
+            _say("interrupted")
+            raise SystemExit(INTERRUPTED) from error
+        except Exception as error:
+            if _meant_for_typer(error):
+                raise
+            if debug:
+                traceback.print_exc()
+            else:
+                _say(_bug_message(error))
+            raise SystemExit(BUG) from error
+
+    return call
+
+
+def _meant_for_typer(error: Exception) -> bool:
+    """Tell whether the parser of the command line handles this: its own exceptions, and a closed pipe."""
+    own = isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "show")
+    return own or isinstance(error, BrokenPipeError)
+
+
+def _bug_message(error: Exception) -> str:
+    first = f"robid failed, and this is not your mistake: {type(error).__name__}: {error}"
+    try:
+        place = f"a report is in {_save_report()}"
+    except OSError as refused:
+        place = f"no report could be saved ({refused})"
+    return f"{first}\n{place}; the same command with --debug shows the traceback"
+
+
+def _save_report() -> Path:
+    """Write the traceback, the command and the versions where anyone may write; nothing of the data."""
+    handle, name = tempfile.mkstemp(prefix="robid-report-", suffix=".txt", text=True)
+    lines = [
+        f"robid {__version__}, Python {platform.python_version()}, {platform.platform()}",
+        f"command: {' '.join(sys.argv)}",
+        f"folder: {Path.cwd()}",
+        "",
+        traceback.format_exc(),
+    ]
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write("\n".join(lines))
+    return Path(name)
+
+
+def _say(text: str) -> None:
+    typer.echo(text, err=True)

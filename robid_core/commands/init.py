@@ -1,0 +1,79 @@
+"""`robid init`: a new project from a template."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(help="Folder of the project; made where it does not exist.")],
+    robot: Annotated[str, typer.Option("--robot", help="Packaged robot to begin with.")] = "one_axis",
+    own_robot: Annotated[
+        bool, typer.Option("--own-robot", help="Copy the robot into the project as robot.yaml, to be edited.")
+    ] = False,
+) -> None:
+    """Make a new project: a pipeline of a simulated robot that runs as it is, and a README that says what to change.
+
+    Nothing is overwritten.
+    """
+    from robid_core.errors import ConfigurationError, StoreError
+
+    files = project_files(folder, robot, own_robot)
+    present = [name for name in files if (folder / name).exists()]
+    if present:
+        raise ConfigurationError(
+            f"{folder}: holds {' and '.join(present)} already, which would be overwritten; name another folder"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            with (folder / name).open("x", encoding="utf-8") as file:
+                file.write(text)
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written: {error.strerror}; name another folder") from error
+    typer.echo(f"{folder}: {', '.join(files)}")
+    typer.echo(f"next: cd {folder} && robid plan && robid run")
+
+
+def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:
+    """Return the texts of a new project by file name; ConfigurationError for a robot that is not packaged."""
+    from robid_core.errors import ConfigurationError
+    from robid_core.pipeline.problems import suggestion
+    from robid_core.robot import Robot
+    from robid_core.robot.reading import PACKAGED_FILES
+
+    nominal = [name for name in PACKAGED_FILES if f"{name}_true" in PACKAGED_FILES]
+    if robot not in nominal:
+        raise ConfigurationError(f"no packaged robot '{robot}'; {suggestion(robot, nominal, 'there are')}")
+    values = {
+        "NAME": project_name(folder),
+        "ROBOT": "robot.yaml" if own_robot else robot,
+        "PLANT": f"{robot}_true",
+    }
+    files = {
+        target: fill((TEMPLATES / source).read_text(encoding="utf-8"), values)
+        for target, source in (("pipeline.yaml", "pipeline.template"), ("README.md", "readme.template"))
+    }
+    if own_robot:
+        files["robot.yaml"] = Robot.load(robot).to_yaml()
+    return files
+
+
+def project_name(folder: Path) -> str:
+    """Return the folder's name as far as it can name a pipeline."""
+    kept = "".join(
+        letter if letter.isascii() and letter.isalnum() else "-" for letter in folder.resolve().name
+    )
+    return kept.strip("-")[:64] or "project"
+
+
+def fill(template: str, values: dict[str, str]) -> str:
+    """Return the template with `@NAME@` and its like replaced."""
+    for key, value in values.items():
+        template = template.replace(f"@{key}@", value)
+    return template

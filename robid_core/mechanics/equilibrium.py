@@ -1,0 +1,105 @@
+"""Static equilibrium under gravity with the motors held: the operating point of (2.4).
+
+The measured motor angle defines the configuration; arm and elastic joints sag until springs and gravity
+balance. Newton's method with the gravity stiffness converges in a few steps, springs being far stiffer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid_core.errors import ConfigurationError, NotTrustworthy
+from robid_core.mechanics.chain import FloatArray
+from robid_core.mechanics.dynamics import dynamics
+from robid_core.mechanics.mechanism import Mechanism
+
+MAXIMUM_STEPS = 50  # a robot needs 3 to 5; a spring that cannot hold its arm needs more than any number
+STEP_TOLERANCE = 1e-13  # rad, times (1 + largest coordinate); Newton's error is the square of its last step
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Where the robot rests; leading axes are those of the motor angle."""
+
+    position: FloatArray
+    """Generalised coordinates z, shape (..., n_coordinate)."""
+    joint: FloatArray
+    """Joint coordinates q = T z, shape (..., n_joint)."""
+    torque: FloatArray
+    """Motor torque that holds the robot, N m at the motor shaft, shape (..., n_axis)."""
+
+
+def solve_equilibrium(mechanism: Mechanism, stiffness: FloatArray, motor_angle: FloatArray) -> Equilibrium:
+    """Rest position of arm and elastic joints at given motor angles.
+
+    Solves ``T^T g(T z) + sum_s k_s e_s e_s^T z = tau`` with tau zero but at the motors.
+
+    Parameters
+    ----------
+    mechanism
+        Chain, gears and springs.
+    stiffness
+        Spring constants, N m/rad, shape (n_spring,).
+    motor_angle
+        rad at the motor shaft, shape (..., n_axis).
+
+    Raises
+    ------
+    NotTrustworthy
+        Where no stable equilibrium is found: the springs cannot hold the arm; the message names the coordinate.
+    """
+    mechanism.check_springs(stiffness=stiffness)
+    n_axis, n = mechanism.n_axis, mechanism.n_coordinate
+    motor = np.asarray(motor_angle, dtype=np.float64)
+    if motor.shape[-1:] != (n_axis,) or not np.isfinite(motor).all():
+        raise ConfigurationError(
+            f"equilibrium: motor angle of shape {motor.shape}; give {n_axis} finite angles a row"
+        )
+    rows = motor.reshape(-1, n_axis)
+    joints, springs = mechanism.constraint_map, mechanism.spring_directions
+    spring_matrix = (springs.T * stiffness) @ springs
+    # Start where no spring is bent: arm joints follow the gears, elastic joints are straight.
+    undeformed = np.zeros((mechanism.chain.n_coordinate, n_axis))
+    undeformed[mechanism.arm] = mechanism.gear
+    free = [mechanism.chain.index(name) for name in mechanism.coordinate_names[n_axis:]]
+    z = np.concatenate((rows, rows @ undeformed[free].T), axis=1)
+    for _ in range(MAXIMUM_STEPS):
+        terms = dynamics(mechanism.chain, z @ joints.T)
+        residual = terms.bias @ joints + z @ spring_matrix
+        if n == n_axis:
+            break
+        tangent = (joints.T @ terms.gravity_stiffness @ joints + spring_matrix)[:, n_axis:, n_axis:]
+        step = np.linalg.solve(tangent, residual[:, n_axis:, None])[:, :, 0]
+        z[:, n_axis:] -= step
+        if (abs(step).max(axis=1) <= STEP_TOLERANCE * (1 + abs(z[:, n_axis:]).max(axis=1))).all():
+            break
+    else:
+        _refuse_unstable(mechanism, tangent)
+        row, column = np.unravel_index(int(np.argmax(abs(step))), step.shape)
+        raise NotTrustworthy(
+            f"equilibrium: configuration {row}, coordinate '{mechanism.coordinate_names[n_axis + column]}' still moves "
+            f"{abs(step).max():.3g} rad after {MAXIMUM_STEPS} steps; is its stiffness too low for the load?"
+        )
+    if n > n_axis:
+        _refuse_unstable(mechanism, tangent)
+    q = z @ joints.T
+    torque = dynamics(mechanism.chain, q).bias @ joints + z @ spring_matrix
+    shape = motor.shape[:-1]
+    return Equilibrium(
+        z.reshape(*shape, n), q.reshape(*shape, -1), torque[:, :n_axis].reshape(*shape, n_axis)
+    )
+
+
+def _refuse_unstable(mechanism: Mechanism, tangent: FloatArray) -> None:
+    lowest = np.linalg.eigvalsh(tangent)[:, 0]
+    if (lowest > 0).all():
+        return
+    row = int(np.argmin(lowest))
+    shape = np.linalg.eigh(tangent[row])[1][:, 0]
+    name = mechanism.coordinate_names[mechanism.n_axis + int(np.argmax(abs(shape)))]
+    raise NotTrustworthy(
+        f"equilibrium: configuration {row}, coordinate '{name}': stiffness with gravity is {lowest[row]:.4g} N m/rad; "
+        "the springs do not hold the arm; give a stiffer spring or check the masses"
+    )

@@ -1,0 +1,35 @@
+"""How the hot loops are compiled: numba, cached on disk, recompiled when anything they call has changed.
+
+Numba keys a cached kernel by the source of the file it stands in, not by the kernels it calls from other
+files: after an edit there, the cached kernel returns wrong numbers silently. `kernel` therefore folds the
+stamps of every compiled function that is named in the body into the stamp of the caller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba.extending import is_jitted
+
+FLOATING_POINT = {"contract", "nsz", "arcp"}
+"""What the compiler may rearrange; not-a-number and infinity keep their meaning, a diverging run is found."""
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile at the first call, without the interpreter lock, and keep the machine code on disk.
+
+    Callers hand in C-contiguous, writable float64 and int64 arrays only, so that there is one signature.
+    """
+    options: dict[str, Any] = {"nogil": True, "fastmath": FLOATING_POINT, "error_model": "numpy"}
+    compiled: Any = numba.njit(cache=True, **options)(function)
+    named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
+    try:
+        stamps = [called._cache._cache_file._source_stamp for called in named if is_jitted(called)]
+        compiled._cache._cache_file._source_stamp = (compiled._cache._cache_file._source_stamp, *stamps)
+    except (
+        AttributeError
+    ):  # a numba that keeps its stamps elsewhere: compile anew in every process, but right
+        compiled = numba.njit(**options)(function)
+    return compiled  # type: ignore[no-any-return]

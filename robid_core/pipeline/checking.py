@@ -1,0 +1,219 @@
+"""Settings against their pydantic model, strictly as JSON, every error at its place in the file.
+
+Pydantic finds the errors; here they are told in the file's terms. A typing error that is also a missing
+setting is one problem. Values are never coerced: what YAML 1.2 read must be what the setting wants.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import types
+import typing
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+
+from robid_core.errors import PluginError
+from robid_core.pipeline.document import Node
+from robid_core.pipeline.problems import Path, ProblemList, nearest, suggestion
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+_NOUNS = {
+    "an object": "a mapping",
+    "a valid array": "a list",
+    "a valid tuple": "a list",
+    "a valid dictionary": "a mapping",
+}
+_OLD_BOOLEANS = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
+
+
+def settings_model(plugin: Any) -> type[BaseModel]:
+    """Return the model of what `with:` may hold: the class itself, or the parameters of a function.
+
+    Raises PluginError where the object is neither.
+    """
+    if isinstance(plugin, type) and issubclass(plugin, BaseModel):
+        return plugin
+    if not callable(plugin):
+        raise PluginError(f"{plugin!r} is neither a class of settings nor a function")
+    hints = typing.get_type_hints(plugin)
+    fields: dict[str, Any] = {}
+    for parameter in inspect.signature(plugin).parameters.values():
+        if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+            continue
+        default = ... if parameter.default is parameter.empty else parameter.default
+        fields[parameter.name] = (hints.get(parameter.name, Any), default)
+    name = getattr(plugin, "__name__", "settings")
+    return create_model(name, __config__=_STRICT, __doc__=inspect.getdoc(plugin), **fields)
+
+
+def check(
+    model: type[Model], node: Node, path: Path, problems: ProblemList, context: Any = None
+) -> Model | None:
+    """Validate a node against a model; None where problems were found, which are then in the list.
+
+    Parameters
+    ----------
+    model
+        What is wanted.
+    node
+        What the file says.
+    path
+        Where `node` stands in the file.
+    problems
+        Takes the mistakes.
+    context
+        Handed to the model's validators.
+    """
+    try:
+        return model.model_validate_json(json.dumps(node.plain()), strict=True, context=context)
+    except ValidationError as error:
+        _tell(error, model, node, path, problems)
+        return None
+
+
+def _tell(
+    error: ValidationError, model: type[BaseModel], node: Node, path: Path, problems: ProblemList
+) -> None:
+    """Translate pydantic's errors, grouped by the mapping or value they belong to."""
+    unknown: dict[Path, list[str]] = defaultdict(list)
+    missing: dict[Path, list[str]] = defaultdict(list)
+    other: dict[Path, list[Mapping[str, Any]]] = defaultdict(list)
+    for item in error.errors(include_url=False):
+        location = tuple(item["loc"])
+        if item["type"] == "missing" and isinstance(location[-1], str):
+            missing[node.at(location[:-1])[0]].append(str(location[-1]))
+        elif item["type"] == "extra_forbidden":
+            found = node.at(location)[0]
+            unknown[found[:-1]].append(str(found[-1]))
+        else:
+            other[node.at(location)[0]].append(item)
+    for place in {**unknown, **missing}:
+        _tell_keys(unknown[place], missing[place], _keys(model, place), node, path, place, problems)
+    for place, items in other.items():
+        if not problems.spoils(*path, *place):
+            message, value = _wording(items), items[0].get("input")
+            if isinstance(value, str) and items[0]["type"] == "model_type" and "use" in _keys(model, place):
+                message += f"; write `{{use: {_short(value)}}}`"
+            problems.add(node.at(place)[1], (*path, *place), message)
+
+
+def _tell_keys(
+    unknown: list[str],
+    missing: list[str],
+    known: Mapping[str, str],
+    node: Node,
+    path: Path,
+    place: Path,
+    problems: ProblemList,
+) -> None:
+    """Report unknown and missing keys of one mapping; a misspelt required key is both, and told once."""
+    waiting = list(missing)
+    for key in unknown:
+        full = (*path, *place, key)
+        if problems.spoils(*full):
+            continue
+        mark = node.at((*place, key))[1]
+        meant = nearest(key, waiting) or nearest(key, list(known))
+        if meant in waiting:
+            waiting.remove(meant)
+        elif meant is None and len(unknown) == len(waiting) == 1:
+            problems.add(
+                mark, full, f"unknown key '{key}'; the key '{waiting.pop()}' is missing: is it that?"
+            )
+            continue
+        problems.add(mark, full, f"unknown key '{key}'; {suggestion(key, list(known), 'the keys here are')}")
+    for key in waiting:
+        full = (*path, *place, key)
+        if not problems.spoils(*full):
+            meaning = f": {known[key]}" if known.get(key) else ""
+            problems.add(node.at(place)[1], full, f"the key '{key}' is missing{meaning}")
+
+
+def _keys(model: type[BaseModel], place: Path) -> dict[str, str]:
+    """Return the keys a mapping inside a model may have, each with the first line of its description."""
+    annotation: Any = model
+    for part in place:
+        annotation = _inside(annotation, part)
+    chosen = _model_in(annotation)
+    if chosen is None:
+        return {}
+    return {
+        info.alias or name: (info.description or "").partition("\n")[0].rstrip(".")
+        for name, info in chosen.model_fields.items()
+    }
+
+
+def _inside(annotation: Any, part: str | int) -> Any:
+    model = _model_in(annotation)
+    if model is not None and isinstance(part, str):
+        for name, info in model.model_fields.items():
+            if part in (info.alias, name):
+                return info.annotation
+        return None
+    for candidate in _members(annotation):
+        arguments = [a for a in typing.get_args(candidate) if a is not Ellipsis]
+        if arguments and typing.get_origin(candidate) is not None:
+            return arguments[min(part, len(arguments) - 1)] if isinstance(part, int) else arguments[-1]
+    return None
+
+
+def _members(annotation: Any) -> list[Any]:
+    """Return the members of a union, annotations taken off; the annotation itself otherwise."""
+    if typing.get_origin(annotation) is typing.Annotated:
+        return _members(typing.get_args(annotation)[0])
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return [member for a in typing.get_args(annotation) for member in _members(a)]
+    return [annotation]
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    found = [a for a in _members(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
+    return found[0] if found else None
+
+
+def _wording(items: list[Mapping[str, Any]]) -> str:
+    """Return what is wrong with one value, and a hint where YAML and the user may read it differently."""
+    messages = list(dict.fromkeys(_message(item) for item in items))
+    first, rest = messages[0], [message.removeprefix("Input should be ") for message in messages[1:]]
+    hint = _hint(items[0])
+    return " or ".join([first, *rest]) + (f"; {hint}" if hint else "")
+
+
+def _message(item: Mapping[str, Any]) -> str:
+    if item["type"] == "missing":
+        return f"the list is too short: item {item['loc'][-1]} (counted from 0) is missing"
+    text = str(item["msg"])
+    if item["type"] in ("value_error", "assertion_error"):
+        return text.partition(", ")[2]
+    for theirs, ours in _NOUNS.items():
+        text = text.replace(theirs, ours)
+    return " ".join(text.replace(" after validation", "").split())
+
+
+def _hint(item: Mapping[str, Any]) -> str:
+    value, kind = item.get("input"), str(item["type"])
+    if kind == "bool_type" and isinstance(value, str) and value.casefold() in _OLD_BOOLEANS:
+        return f"'{value}' is text in YAML 1.2; write {_OLD_BOOLEANS[value.casefold()]}"
+    if kind == "int_type" and isinstance(value, float) and value.is_integer():
+        return f"{value!r} is not a whole number to YAML; write {int(value)}"
+    if kind in ("int_type", "float_type") and isinstance(value, str):
+        return f"'{_short(value)}' is text"
+    if kind == "string_type" and isinstance(value, bool | int | float):
+        return f"{value!r} is no text; write it in quotes if text is meant"
+    if kind == "literal_error" and isinstance(value, str):
+        near = nearest(
+            value,
+            [text.strip("'") for text in str(item["ctx"]["expected"]).replace(" or ", ", ").split(", ")],
+        )
+        return f"did you mean '{near}'?" if near else f"not '{_short(value)}'"
+    return "" if value is not None or kind == "missing" else "the value is empty"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:37] + "..."

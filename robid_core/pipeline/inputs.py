@@ -1,0 +1,136 @@
+"""The inputs of stages as the file declares them: what `inputs:` says, and what wiring makes of the rest."""
+
+from __future__ import annotations
+
+from robid_core.artifacts import Artifact
+from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest, suggestion
+from robid_core.pipeline.resolving import Declared
+from robid_core.pipeline.wiring import Node, Open, Wires, cycles, in_order, wire
+from robid_core.stage import KINDS
+
+
+def check_given(stage: Declared, declared: dict[str, Declared], problems: ProblemList) -> None:
+    """Check the `inputs:` of a stage and fill `stage.given`; a wrong entry counts as given, to None."""
+    table = stage.node.get("inputs")
+    path: Path = ("stages", stage.name, "inputs")
+    if problems.spoils(*path):
+        stage.given = {entry.name: None for entry in stage.inputs}
+        return
+    wanted = {entry.name: entry.artifact for entry in stage.inputs}
+    for parameter, node in (table.entries() if table is not None else {}).items():
+        if problems.spoils(*path, parameter):
+            message = "reported already"
+        elif stage.known and parameter not in wanted:
+            meant = nearest(parameter, list(wanted)) or next(iter(wanted), parameter)
+            message = _no_input(stage, parameter, list(wanted))
+            stage.given.setdefault(meant, None)
+        else:
+            message = _wrong_source(stage, str(node.value), wanted.get(parameter), declared)
+        stage.given[parameter] = None if message else str(node.value)
+        if message and table is not None and not problems.spoils(*path, parameter):
+            problems.add(table.keys[parameter], (*path, parameter), message)
+
+
+def _no_input(stage: Declared, parameter: str, wanted: list[str]) -> str:
+    if parameter in stage.lends:
+        return f"'{parameter}' is handed in by robid and not wired"
+    return f"{stage.plugin} has no input '{parameter}'; {suggestion(parameter, wanted, 'its inputs are')}"
+
+
+def _wrong_source(
+    stage: Declared, source: str, artifact: type[Artifact] | None, declared: dict[str, Declared]
+) -> str:
+    """Return what is wrong with taking an input from `source`, empty where nothing is."""
+    if source == stage.name:
+        return f"stage '{source}' cannot feed itself"
+    others = [name for name in declared if name != stage.name]
+    if source not in declared:
+        return f"no stage '{source}'; {suggestion(source, others, 'the other stages are')}"
+    made = declared[source].output
+    if artifact is None or made is None or not declared[source].known or issubclass(made, artifact):
+        return ""
+    fitting = [name for name in others if (o := declared[name].output) and issubclass(o, artifact)]
+    hint = f"; {_either(fitting)} makes one" if fitting else ""
+    return f"'{source}' makes {_a(made)}, not {_a(artifact)}{hint}"
+
+
+def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, str]]]:
+    """Return (stage, inputs) in the order in which they can run; what cannot be wired goes to `problems`."""
+    nodes = [
+        Node(
+            stage.name,
+            stage.output,
+            {entry.name: entry.artifact for entry in stage.inputs},
+            frozenset(entry.name for entry in stage.inputs if entry.optional),
+            stage.given,
+        )
+        for stage in declared.values()
+    ]
+    wires, unsettled = wire(nodes)
+    missing: dict[type[Artifact], list[Open]] = {}
+    for entry in unsettled:
+        if not declared[entry.stage].known:  # its plugin is a guess
+            continue
+        if entry.candidates:
+            _tell_ambiguous(entry, declared[entry.stage], problems)
+        else:
+            missing.setdefault(entry.artifact, []).append(entry)
+    # A stage that could not be understood may be the one that was meant to feed the others.
+    riddle = any(stage.output is None for stage in declared.values())
+    for artifact, entries in missing.items():
+        if not riddle:
+            _tell_missing(artifact, entries, declared, problems)
+    certain = {
+        name: {p: s for p, s in stage.given.items() if s} if riddle or not stage.known else wires[name]
+        for name, stage in declared.items()
+    }
+    for cycle in cycles(certain):
+        _tell_cycle(cycle, certain, declared[cycle[0]], problems)
+    return [] if problems.problems else [(name, wires[name]) for name in in_order(wires)]
+
+
+def _tell_ambiguous(entry: Open, stage: Declared, problems: ProblemList) -> None:
+    lines = _either([f"`inputs: {{{entry.parameter}: {name}}}`" for name in entry.candidates])
+    makers = f"{', '.join(entry.candidates[:-1])} and {entry.candidates[-1]}"
+    message = f"ambiguous: {makers} each make {_a(entry.artifact)}; write {lines}"
+    problems.add(_mark(stage), ("stages", stage.name, "inputs", entry.parameter), message)
+
+
+def _tell_missing(
+    artifact: type[Artifact], entries: list[Open], declared: dict[str, Declared], problems: ProblemList
+) -> None:
+    """Report a type that nobody makes once, at the first stage that needs it."""
+    stage = declared[entries[0].stage]
+    others = [name for name in dict.fromkeys(entry.stage for entry in entries) if name != stage.name]
+    needed = f" (so does {' and '.join(others)})" if others else ""
+    kinds = _either([kind.kind for kind in KINDS if issubclass(kind.output, artifact)])
+    message = (
+        f"'{stage.name}' needs {_a(artifact)}{needed}, and no stage makes one; add a stage of kind {kinds}"
+    )
+    problems.add(_mark(stage), ("stages", stage.name, "inputs", entries[0].parameter), message)
+
+
+def _tell_cycle(cycle: list[str], wires: Wires, stage: Declared, problems: ProblemList) -> None:
+    parameter = next(p for p, source in wires[cycle[0]].items() if source == cycle[-2])
+    problems.add(
+        _mark(stage),
+        ("stages", stage.name, "inputs", parameter),
+        f"cycle: {' -> '.join(cycle)}, each feeds the next; let '{stage.name}' take another stage than "
+        f"'{cycle[-2]}', by `inputs: {{{parameter}: ...}}`",
+    )
+
+
+def _mark(stage: Declared) -> Mark:
+    """Return where to point for the inputs of a stage: at `inputs`, else at the stage."""
+    return stage.node.keys.get("inputs", stage.mark)
+
+
+def _a(artifact: type[Artifact]) -> str:
+    name = artifact.__name__
+    if name.endswith("s"):
+        return name
+    return f"an {name}" if name[0] in "AEIOU" or name == "Frf" else f"a {name}"
+
+
+def _either(texts: list[str]) -> str:
+    return " or ".join(texts)

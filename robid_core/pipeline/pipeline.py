@@ -1,0 +1,237 @@
+"""A pipeline: read from YAML, every mistake told at once, inputs found, stages in the order they can run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from robid_core.drives import Drives
+from robid_core.errors import ConfigurationError, RobidError
+from robid_core.pipeline.characters import decode
+from robid_core.pipeline.checking import check
+from robid_core.pipeline.document import Node, read_document
+from robid_core.pipeline.grammar import PipelineFile, RobotUse, mend
+from robid_core.pipeline.inputs import check_given, order_stages
+from robid_core.pipeline.overrides import override
+from robid_core.pipeline.places import find_places
+from robid_core.pipeline.problems import Path as SettingPath, ProblemList, nearest, suggestion
+from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
+from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
+from robid_core.robot import Robot
+from robid_core.robot.reading import find_robot, read_description
+from robid_core.settings_types import Places, SettingFile, robot_source
+from robid_core.stage import Stage
+
+
+@dataclass(frozen=True)
+class StageNode:
+    """One stage of a pipeline, ready to run.
+
+    `inputs` maps parameters of `run` to the stage that feeds them (an optional one may be absent); `files`
+    are the files its settings name (hash them into the key of its result); `references` the plugins of
+    stages that its settings refer to.
+    """
+
+    name: str
+    plugin: Plugin
+    stage: Stage
+    inputs: dict[str, str]
+    line: int
+    column: int
+    files: tuple[SettingFile, ...] = ()
+    references: tuple[Plugin, ...] = ()
+
+
+@dataclass(frozen=True)
+class PluginChoice:
+    """A plugin that is no stage (drives, executor) with its settings checked."""
+
+    plugin: Plugin
+    settings: BaseModel
+    files: tuple[SettingFile, ...] = ()
+
+
+@dataclass(frozen=True)
+class RobotChoice:
+    """The nominal model: `source` is what `Robot.load` takes, `written` what the file says."""
+
+    written: str
+    source: str
+    dynamics: str
+
+    def load(self) -> Robot:
+        """Return the robot."""
+        return Robot.load(self.source)
+
+
+@dataclass(frozen=True)
+class Pipeline:
+    """A pipeline file that was read, checked and wired; `stages` are in the order in which they can run."""
+
+    path: Path
+    text: str
+    overrides: tuple[str, ...]
+    name: str
+    seed: int
+    robot: RobotChoice
+    drives: PluginChoice | None
+    executor: PluginChoice | None
+    stages: tuple[StageNode, ...]
+    places: Places
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the pipeline file, where its relative paths begin."""
+        return self.places.folder
+
+    @property
+    def data_root(self) -> Path:
+        """Read-only folder of measured data."""
+        return self.places.data_root
+
+    def stage(self, name: str) -> StageNode:
+        """Return a stage by name; ConfigurationError names the ones that exist."""
+        for node in self.stages:
+            if node.name == name:
+                return node
+        near = nearest(name, [node.name for node in self.stages])
+        hint = f"did you mean '{near}'?" if near else f"there are: {', '.join(n.name for n in self.stages)}"
+        raise ConfigurationError(f"{self.path.name} has no stage '{name}'; {hint}")
+
+    @classmethod
+    def load(
+        cls,
+        path: Path | str,
+        overrides: Sequence[str] = (),
+        *,
+        data_root: Path | None = None,
+        plugins: Registry | None = None,
+    ) -> Pipeline:
+        """Read a pipeline file.
+
+        Parameters
+        ----------
+        path
+            The file; messages name it as it is given here.
+        overrides
+            Values that replace those of the file, as ``stages.fit.with.starts=50``.
+        data_root
+            Folder of measured data, in place of ROBID_DATA.
+        plugins
+            Where plugins are found; by default what is installed.
+
+        Raises
+        ------
+        PipelineProblems
+            With every mistake of the file, in line order.
+        ConfigurationError
+            Where there is no such file.
+        """
+        file = Path(path)
+        try:
+            data = file.read_bytes()
+        except OSError as error:
+            reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error.strerror)
+            hint = "name a pipeline file, or make one with `robid init`"
+            raise ConfigurationError(f"{path}: {reason}; {hint}") from error
+        return cls.parse(data, file, overrides, data_root=data_root, plugins=plugins)
+
+    @classmethod
+    def parse(
+        cls,
+        data: bytes,
+        file: Path,
+        overrides: Iterable[str] = (),
+        *,
+        data_root: Path | None = None,
+        plugins: Registry | None = None,
+    ) -> Pipeline:
+        """Read a pipeline from bytes, as if they stood in `file`; see `load`."""
+        overrides = tuple(overrides)
+        problems = ProblemList(str(file))
+        text = decode(data, problems)
+        root = read_document(text, problems) if text is not None else None
+        if text is None or root is None:
+            problems.raise_if_any()
+            raise AssertionError("a document was refused without a problem")
+        for number, entry in enumerate(overrides):
+            root = override(root, entry, number, problems)
+        root = mend(root, problems)
+        head = check(PipelineFile, root, (), problems)
+        resolver = Resolver(plugins or registry(), find_places(file, data_root), problems)
+        robot = _robot(root, resolver)
+        drives = drives_or_executor(resolver, DRIVES, "drives", root)
+        executor = drives_or_executor(resolver, EXECUTORS, "executor", root)
+        stages = _stages(root, resolver)
+        problems.raise_if_any()
+        assert head is not None
+        assert robot is not None
+        return cls(
+            path=file,
+            text=text,
+            overrides=overrides,
+            name=head.name,
+            seed=head.seed,
+            robot=robot,
+            drives=PluginChoice(*drives) if drives else None,
+            executor=PluginChoice(*executor) if executor else None,
+            stages=stages,
+            places=resolver.places,
+        )
+
+
+def _robot(root: Node, resolver: Resolver) -> RobotChoice | None:
+    """Check the nominal model: the name or path, the robot file itself, what computes its dynamics."""
+    node, problems = root.get("robot"), resolver.problems
+    use = check(RobotUse, node, ("robot",), ProblemList("")) if node is not None else None
+    if node is None or use is None or problems.spoils("robot"):
+        return None
+    place: SettingPath = ("robot", "model") if node.get("model") else ("robot",)
+    try:
+        source = robot_source(use.model, resolver.places)
+        read_description(find_robot(source))
+    except (ValueError, RobidError) as error:
+        for line in str(error).splitlines():
+            problems.add(root.at(place)[1], place, line)
+        return None
+    try:
+        names = ["numpy", *resolver.plugins.names(DYNAMICS)]
+        if use.dynamics.rpartition(":")[2] not in names:
+            hint = suggestion(use.dynamics, names, "there are")
+            raise ConfigurationError(f"no dynamics '{use.dynamics}'; {hint}")
+        if use.dynamics != "numpy":
+            resolver.plugins.load(DYNAMICS, use.dynamics)
+    except RobidError as error:
+        problems.add(node.keys["dynamics"], ("robot", "dynamics"), str(error))
+        return None
+    return RobotChoice(use.model, source, use.dynamics)
+
+
+def _stages(root: Node, resolver: Resolver) -> tuple[StageNode, ...]:
+    """Check every stage, wire them, and return them in the order in which they can run."""
+    problems, table, drives = resolver.problems, root.get("stages"), root.get("drives")
+    declared: dict[str, Declared] = {}
+    if table is not None:
+        for name, node in table.entries().items():
+            declared[name] = resolver.stage(name, node, table.keys[name])
+    for stage in declared.values():
+        check_given(stage, declared, problems)
+        if stage.known and Drives in stage.lends.values() and (drives is None or drives.value is None):
+            message = f"{stage.plugin} moves motors, but the pipeline has no drives; add `drives: {{use: simulated}}`"
+            problems.add(stage.node.keys["use"], ("stages", stage.name, "use"), message)
+    order = order_stages(declared, problems)
+    if problems.problems:
+        return ()
+    nodes = []
+    for name, inputs in order:
+        stage = declared[name]
+        assert stage.plugin is not None
+        assert stage.stage is not None
+        line, column = stage.mark.line, stage.mark.column
+        nodes.append(
+            StageNode(name, stage.plugin, stage.stage, inputs, line, column, stage.files, stage.references)
+        )
+    return tuple(nodes)

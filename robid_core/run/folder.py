@@ -1,0 +1,70 @@
+"""The folder of a run: `runs/<pipeline name>/` beside the pipeline file, and what stands where in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from robid_core.errors import ConfigurationError
+from robid_core.pipeline import Pipeline
+from robid_core.store import failures_named
+
+RUNS = "runs"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Paths of one run: the pipeline as read, the manifest, the log, the lock, records of motions."""
+
+    path: Path
+
+    @classmethod
+    def of(cls, pipeline: Pipeline) -> RunFolder:
+        """Return the folder of a pipeline, whether it was run or not."""
+        return cls(pipeline.folder / RUNS / pipeline.name)
+
+    @classmethod
+    def find(cls, where: Path) -> RunFolder:
+        """Return the run that a person means by a run folder, a file in it, or a pipeline file."""
+        if (
+            where.suffix in (".yaml", ".yml")
+            and where.is_file()
+            and not (where.parent / "manifest.json").exists()
+        ):
+            where = cls.of(Pipeline.load(where)).path
+        for candidate in (where, *where.parents[:2]):
+            if (candidate / "manifest.json").is_file():
+                return cls(candidate)
+        raise ConfigurationError(
+            f"{where}: not a run, there is no manifest.json in it; name a folder in '{RUNS}', or run the pipeline first"
+        )
+
+    @property
+    def manifest(self) -> Path:
+        """Everything from which the run can be made again."""
+        return self.path / "manifest.json"
+
+    @property
+    def pipeline(self) -> Path:
+        """The pipeline as it was read."""
+        return self.path / "pipeline.yaml"
+
+    @property
+    def log(self) -> Path:
+        """What happened, run after run."""
+        return self.path / "log.txt"
+
+    @property
+    def lock(self) -> Path:
+        """The file whose lock a run holds."""
+        return self.path / "store" / "lock"
+
+    @property
+    def motions(self) -> Path:
+        """Records of motions on hardware."""
+        return self.path / "store" / "motions"
+
+    def make(self) -> None:
+        """Make what must be there before the lock can be taken."""
+        with failures_named("make", self.path):
+            self.lock.parent.mkdir(parents=True, exist_ok=True)

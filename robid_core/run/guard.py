@@ -1,0 +1,65 @@
+"""What is asked of a stage's code: errors that name it, and a result of the promised type.
+
+Plugins are trusted code; this is no sandbox. An error of ours passes with the stage's name before it, any
+other becomes a PluginError with three lines of cause, and the whole trace goes to the log.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from robid_core.artifacts import Artifact
+from robid_core.errors import PluginError, RobidError
+from robid_core.pipeline import StageNode
+
+
+@contextlib.contextmanager
+def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterator[None]:
+    """Let an error say which stage and plugin it comes from."""
+    try:
+        yield
+    except RobidError as error:
+        log.error("stage %s: %s", node.name, error, exc_info=True)
+        if not str(error).startswith((f"{node.name}:", f"stage {node.name}:")):
+            error.args = (f"stage {node.name}: {error}",)
+        raise
+    except (Exception, SystemExit) as error:
+        log.error("stage %s: %s failed", node.name, node.plugin, exc_info=True)
+        raise PluginError(
+            f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"
+            f"  {_where(error)}\n"
+            f"  full trace: {log_path}"
+        ) from error
+
+
+def _first_line(error: BaseException) -> str:
+    what = "not enough memory" if isinstance(error, MemoryError) else str(error).partition("\n")[0]
+    return f"{type(error).__name__}: {what}" if what else type(error).__name__
+
+
+def _where(error: BaseException) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    if not frames:
+        return "the trace is empty"
+    last = frames[-1]
+    return f"{last.filename}:{last.lineno}, in {last.name}: {last.line or ''}".rstrip(": ")
+
+
+def checked_result(node: StageNode, result: Any) -> Artifact:
+    """Return a stage's result; PluginError where it is not of the type its kind promises (R12)."""
+    promised = node.stage.output
+    if not isinstance(result, promised):
+        raise PluginError(
+            f"stage {node.name}: R12: {node.plugin} returned {_a(type(result).__name__)}, but its kind "
+            f"'{node.stage.kind}' promises {_a(promised.__name__)}; nothing was stored"
+        )
+    return result
+
+
+def _a(noun: str) -> str:
+    return f"an {noun}" if noun[0].lower() in "aeiou" else f"a {noun}"

@@ -1,0 +1,85 @@
+"""One run at a time in a run folder: a lock that dies with its holder.
+
+`flock` belongs to the open file, so that a killed holder leaves no stale lock behind. The file's text says who
+holds it; the text is for people, the lock is not in it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import fcntl
+import json
+import os
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from robid_core.errors import StoreError
+from robid_core.store import failures_named
+
+
+@contextlib.contextmanager
+def run_lock(path: Path, wait: bool, waiting: Callable[[str], None]) -> Iterator[None]:
+    """Hold the lock of a run folder.
+
+    Parameters
+    ----------
+    path
+        The lock file; made where it is missing, never removed.
+    wait
+        Wait for another holder to end, or refuse.
+    waiting
+        Called once, with who holds the lock, before waiting.
+
+    Raises
+    ------
+    StoreError
+        If another process holds the lock and `wait` is false, or the file cannot be opened or locked.
+    """
+    with failures_named("lock", path):
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        with failures_named("lock", path):
+            if not _try(descriptor):
+                holder = _holder(descriptor)
+                if not wait:
+                    raise StoreError(
+                        f"{path.parent.parent}: {holder}; nothing was done; "
+                        "wait for it to end, or run without --no-wait"
+                    )
+                waiting(holder)
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+            _write(descriptor, {"pid": os.getpid(), "host": socket.gethostname(), "since": _now()})
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):  # the text is for people; the lock itself is let go by closing
+                os.ftruncate(descriptor, 0)
+    finally:
+        os.close(descriptor)
+
+
+def _try(descriptor: int) -> bool:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _holder(descriptor: int) -> str:
+    try:
+        told = json.loads(os.pread(descriptor, 4096, 0))
+        return f"process {told['pid']} on {told['host']} is running here since {told['since']}"
+    except (OSError, ValueError, KeyError, TypeError):  # it took the lock and has not written yet
+        return "another process is running here"
+
+
+def _write(descriptor: int, content: dict[str, object]) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, json.dumps(content).encode(), 0)
+
+
+def _now() -> str:
+    return datetime.datetime.now().astimezone().isoformat(timespec="seconds")

@@ -1,0 +1,131 @@
+"""The manifest: everything from which a run can be made again, and what `--locked` holds it to.
+
+Written after each stage, at once and for good. It has the clock in it; identity to the bit is claimed for
+artifacts, not for the manifest.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from robid_core.errors import ConfigurationError, StoreError
+from robid_core.run.folder import RunFolder
+from robid_core.run.identity import differences
+from robid_core.store import Files, Store, failures_named
+
+MANIFEST_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class StageRecord:
+    """One stage in the manifest.
+
+    `outcome` is "made", "same" (made again, same bytes), "kept", "refused", or "earlier": the artifact that
+    stands in the folder comes from an earlier run, because this one did not get there.
+    """
+
+    outcome: str
+    key: str = ""
+    artifact: str = ""  # class name
+    file: str = ""  # relative to the run folder
+    sha256: str = ""
+    recording: bool = False
+    seconds: float = 0.0
+    inputs: Mapping[str, str] = field(default_factory=dict)  # parameter: stage
+    ingredients: Mapping[str, Any] = field(default_factory=dict)
+    note: str = ""
+
+
+@dataclass
+class Manifest:
+    """What a run was made of, and what came out."""
+
+    name: str
+    status: str  # "running", "done", "failed", "interrupted"
+    pipeline: dict[str, Any]  # file, sha256, overrides
+    seed: int
+    robot: dict[str, str]  # written, sha256
+    environment: dict[str, Any]
+    jobs: int
+    started: str
+    finished: str = ""
+    stages: dict[str, StageRecord] = field(default_factory=dict)
+
+    def write(self, store: Store, folder: RunFolder) -> None:
+        """Write the manifest in place of the one before."""
+        store.write_json(folder.manifest, {"robid_manifest": MANIFEST_FORMAT, **asdict(self)})
+
+    @classmethod
+    def read(cls, folder: RunFolder, files: Files | None = None) -> Manifest | None:
+        """Read the manifest of a run; None where there is none.
+
+        Raises StoreError where it is damaged or was written by a newer robid.
+        """
+        with failures_named("read", folder.manifest):
+            try:
+                data = (files or Files()).read(folder.manifest)
+            except FileNotFoundError:
+                return None
+        try:
+            content = json.loads(data)
+            version = content.pop("robid_manifest")
+            if version > MANIFEST_FORMAT:
+                raise StoreError(f"{folder.manifest}: written by a newer robid; update robid to read it")
+            stages = {name: StageRecord(**record) for name, record in content.pop("stages").items()}
+            return cls(**content, stages=stages)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise StoreError(
+                f"{folder.manifest}: damaged ({error}); delete it and run again, finished stages are kept"
+            ) from error
+
+
+def locked_differences(
+    old: Manifest, new: Manifest, ingredients: Mapping[str, Mapping[str, Any]]
+) -> list[str]:
+    """Return in words what of a run is no longer as its manifest says, one line each.
+
+    Parameters
+    ----------
+    old
+        The manifest of the run that is to be made again.
+    new
+        What would run now.
+    ingredients
+        What each stage would be made of now; its inputs are results, and not compared.
+    """
+    lines = []
+    if old.pipeline["sha256"] != new.pipeline["sha256"]:
+        lines.append("the pipeline file changed")
+    if old.pipeline["overrides"] != new.pipeline["overrides"]:
+        lines.append(f"--set: {old.pipeline['overrides']} -> {new.pipeline['overrides']}")
+    if old.seed != new.seed:
+        lines.append(f"seed: {old.seed} -> {new.seed}")
+    if old.robot["sha256"] != new.robot["sha256"]:
+        lines.append(f"the robot changed ({old.robot['written']} -> {new.robot['written']})")
+    for what, noun in (("versions", ""), ("threads", "threads of ")):
+        before, now = old.environment[what], new.environment[what]
+        for name in sorted({*before, *now}):
+            if before.get(name) != now.get(name):
+                lines.append(f"{noun}{name}: {before.get(name, 'absent')} -> {now.get(name, 'absent')}")
+    for name, now in ingredients.items():
+        if name not in old.stages:
+            lines.append(f"stage {name} is new")
+        elif old.stages[name].ingredients:
+            before = {key: value for key, value in old.stages[name].ingredients.items() if key != "inputs"}
+            now = {key: value for key, value in now.items() if key != "inputs"}
+            lines += [f"stage {name}: {line}" for line in differences(before, now)]
+    lines += [f"stage {name} is gone" for name in old.stages if name not in ingredients]
+    return lines
+
+
+def refuse_unlocked(folder: RunFolder, lines: list[str]) -> None:
+    """Raise ConfigurationError that lists what differs from the manifest."""
+    if lines:
+        listed = "\n".join(f"  {line}" for line in lines)
+        raise ConfigurationError(
+            f"{folder.manifest}: --locked, but this would be another run:\n{listed}\n"
+            "bring these back, or run without --locked"
+        )

@@ -1,0 +1,67 @@
+"""How to run, and what a run did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid_core.errors import NotTrustworthy
+from robid_core.pipeline import Pipeline
+from robid_core.run.folder import RunFolder
+from robid_core.run.manifest import Manifest
+
+ALL = "*"
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the command line asks for, with the names it has there."""
+
+    first: str | None = None
+    """--from: this stage and what depends on it; the rest must be in the store."""
+    last: str | None = None
+    """--until: this stage and what it needs."""
+    force: tuple[str, ...] = ()
+    """--force: make these stages again though they are up to date; `ALL` for every chosen one."""
+    jobs: int = 0
+    """--jobs: worker processes; 0 takes what the pipeline says, or as many as there are processors."""
+    locked: bool = False
+    """--locked: refuse unless everything is as the manifest says."""
+    wait: bool = True
+    """Not --no-wait: wait for another run in the same folder."""
+    again: bool = False
+    """--again: make recordings on hardware anew."""
+    at_the_robot: bool = False
+    """--at-the-robot: a person stands at the emergency stop; without it no hardware moves."""
+    check: bool = False
+    """--check: run each stage that is made twice, and refuse one that gives other bytes."""
+    deadline_s: float | None = None
+    """--deadline: longest time for one stage, after which its processes are killed; not for hardware."""
+    memory_mb: int | None = None
+    """--memory: most memory that one stage may take; not for hardware."""
+
+    def forced(self, pipeline: Pipeline) -> set[str]:
+        """Return the names of the stages to make again; ConfigurationError where one does not exist."""
+        if ALL in self.force:
+            return {node.name for node in pipeline.stages}
+        return {pipeline.stage(name).name for name in self.force}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What became of each stage (made, same, kept, refused), and why the numbers should be doubted, if so."""
+
+    folder: RunFolder
+    manifest: Manifest
+    outcomes: dict[str, str]
+    doubts: tuple[str, ...]
+    seconds: float
+
+    @property
+    def exit_code(self) -> int:
+        """0, or 6 where numbers are not trustworthy."""
+        return NotTrustworthy.exit_code if self.doubts else 0
+
+    @property
+    def idle(self) -> bool:
+        """Tell whether nothing had to be done."""
+        return all(outcome == "kept" for outcome in self.outcomes.values())

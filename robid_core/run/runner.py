@@ -1,0 +1,252 @@
+"""Runs a pipeline: each stage kept from the store or made, checked, stored and written down."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import logging
+import os
+import time
+from dataclasses import replace
+
+from robid_core.artifacts import Fit
+from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError
+from robid_core.executors import one_thread
+from robid_core.pipeline import Pipeline, StageNode
+from robid_core.run.beginning import executor, hold_to, new_manifest
+from robid_core.run.calling import Caller, stage_log
+from robid_core.run.folder import RunFolder
+from robid_core.run.guard import named_errors
+from robid_core.run.identity import Surroundings
+from robid_core.run.interruption import signals_as_interrupt
+from robid_core.run.lock import run_lock
+from robid_core.run.log import NAME, log_file
+from robid_core.run.manifest import Manifest, StageRecord
+from robid_core.run.motion import Motions
+from robid_core.run.options import RunOptions, RunResult
+from robid_core.run.plan import Action, Decision, decide, preview, refuse_unmade, selection
+from robid_core.run.progress import Listener, Silence
+from robid_core.run.recording import recording_decision
+from robid_core.stage import MapTasks
+from robid_core.store import Entry, Files, Store
+
+
+def run_pipeline(
+    pipeline: Pipeline,
+    options: RunOptions | None = None,
+    listener: Listener | None = None,
+    files: Files | None = None,
+) -> RunResult:
+    """Bring the results of a pipeline up to date.
+
+    Raises
+    ------
+    RobidError
+        As its class says; what was finished before is kept, and the next run goes on from there.
+    KeyboardInterrupt
+        On Ctrl-C, SIGTERM and SIGHUP, once the stage has stopped what it moves.
+    """
+    options, listener = options or RunOptions(), listener or Silence()
+    folder = RunFolder.of(pipeline)
+    folder.make()
+    title = f"run of {pipeline.path} by process {os.getpid()}"
+    with (
+        run_lock(folder.lock, options.wait, listener.waiting),
+        signals_as_interrupt(),
+        one_thread(),
+        log_file(folder.log, title),
+        executor(pipeline, options) as tasks,
+    ):
+        return _Run(pipeline, options, listener, Store(folder.path, files), tasks).execute()
+
+
+def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:
+    """Say what `run_pipeline` would do, and why; nothing is run or written."""
+    folder = RunFolder.of(pipeline)
+    chosen = selection(pipeline, options.first, options.last)
+    shared = Surroundings(pipeline, pipeline.robot.load())
+    previous = Manifest.read(folder)
+    if options.locked:
+        hold_to(previous, folder, new_manifest(shared, options), shared)
+    return preview(pipeline, chosen, options.forced(pipeline), shared, Store(folder.path), previous)
+
+
+class _Run:
+    """One run in progress; the lock is held."""
+
+    def __init__(
+        self, pipeline: Pipeline, options: RunOptions, listener: Listener, store: Store, tasks: MapTasks
+    ) -> None:
+        self.pipeline, self.options, self.listener, self.store = pipeline, options, listener, store
+        self.folder = RunFolder.of(pipeline)
+        self.shared = Surroundings(pipeline, pipeline.robot.load())
+        self.previous = Manifest.read(self.folder, store.files)
+        self.manifest = new_manifest(self.shared, options)
+        self.caller = Caller(self.shared, store, tasks, listener)
+        self.motions = Motions(store, self.folder.motions)
+        self.entries: dict[str, Entry] = {}
+        self.outcomes: dict[str, str] = {}
+        self.doubts: list[str] = []
+
+    def execute(self) -> RunResult:
+        """Run what is to be run; write the manifest whatever happens."""
+        began = time.perf_counter()
+        chosen = selection(self.pipeline, self.options.first, self.options.last)
+        forced = self.options.forced(self.pipeline) & chosen
+        self._refuse_before(chosen, forced)
+        self.store.prepare()
+        self.found_unfinished = self.motions.unfinished()
+        self.store.write(self.folder.pipeline, self.pipeline.text.encode())
+        try:
+            for index, node in enumerate(self.pipeline.stages, start=1):
+                self._stage(node, index, node.name in chosen, node.name in forced)
+                self.manifest.write(self.store, self.folder)
+        except BaseException as error:
+            stopped = isinstance(error, KeyboardInterrupt)
+            self._end("interrupted" if stopped else "failed")
+            raise
+        self._end("done")
+        self._doubt_fits()
+        seconds = time.perf_counter() - began
+        return RunResult(self.folder, self.manifest, self.outcomes, tuple(self.doubts), seconds)
+
+    def _refuse_before(self, chosen: set[str], forced: set[str]) -> None:
+        """Raise what can be told before anything runs; take over what the manifest knows of earlier runs."""
+        if self.options.locked:
+            hold_to(self.previous, self.folder, self.manifest, self.shared)
+        earlier = self.previous.stages if self.previous else {}
+        if self.options.first is not None:
+            decisions = preview(self.pipeline, chosen, forced, self.shared, self.store, self.previous)
+            refused = [name for name, record in earlier.items() if record.outcome == "refused"]
+            refuse_unmade(chosen, self.pipeline, decisions, refused)
+        for node in self.pipeline.stages:
+            if node.name in earlier:
+                record = earlier[node.name]
+                outcome = "refused" if record.outcome == "refused" else "earlier"
+                self.manifest.stages[node.name] = replace(record, outcome=outcome)
+
+    def _stage(self, node: StageNode, index: int, chosen: bool, forced: bool) -> None:
+        optional = {item.name for item in node.stage.inputs() if item.optional}
+        inputs = {p: self.entries[s].sha256 for p, s in node.inputs.items() if s in self.entries}
+        missing = [p for p in node.inputs if p not in inputs and p not in optional]
+        if missing:
+            if chosen:
+                self._refuse(
+                    node, f"needs {' and '.join(node.inputs[p] for p in missing)}, which gave no result"
+                )
+            return
+        decision = decide(node, inputs, self.shared, self.store, self.previous, forced)
+        moves = self.shared.moves_hardware(node.stage)
+        if moves and chosen:
+            decision = recording_decision(decision, self.options, self.motions, self.found_unfinished)
+        if decision.action is Action.KEEP and decision.entry is not None:
+            self._keep(node, decision.entry, decision)
+        elif chosen:
+            self._make(node, decision, index, moves)
+
+    def _keep(self, node: StageNode, entry: Entry, decision: Decision) -> None:
+        if entry.recording:
+            self.motions.finish(node.name, entry.key)
+        record = self.previous.stages.get(node.name) if self.previous else None
+        seconds = record.seconds if record is not None and record.key == entry.key else 0.0
+        self._finish(node, entry, decision, "kept", seconds)
+
+    def _make(self, node: StageNode, decision: Decision, index: int, moves: bool) -> None:
+        self.listener.begin(node.name, index, len(self.pipeline.stages), decision.reasons)
+        stage_log(node).info("begins: %s", "; ".join(decision.reasons))
+        if decision.damaged:
+            self._set_aside(node, decision)
+        began = time.perf_counter()
+        try:
+            with named_errors(node, stage_log(node), self.folder.log):
+                entry = self._move(node, decision) if moves else self._compute(node, decision)
+        except NotTrustworthy as error:
+            self._refuse(node, str(error))
+            return
+        record = self.previous.stages.get(node.name) if self.previous else None
+        outcome = "same" if record is not None and record.sha256 == entry.sha256 else "made"
+        self._finish(node, entry, decision, outcome, time.perf_counter() - began)
+
+    def _compute(self, node: StageNode, decision: Decision) -> Entry:
+        artifact = self.caller.call(node, self.entries)
+        before = decision.entry
+        entry = self.store.put(decision.key, node.name, artifact, decision.ingredients, recording=False)
+        if self.options.check and self.store.digest_of(self.caller.call(node, self.entries)) != entry.sha256:
+            raise PluginError(
+                f"stage {node.name}: R13: {node.plugin} ran twice and gave other bytes; its result cannot be made "
+                "again; look for chance without context.generator, clocks, or sets and their order"
+            )
+        if before is not None and not decision.damaged and before.sha256 != entry.sha256:
+            self._note(
+                f"stage {node.name}: R13: {node.plugin} gave other bytes than before from the same ingredients; "
+                "run with --check to see whether it is deterministic"
+            )
+        return entry
+
+    def _move(self, node: StageNode, decision: Decision) -> Entry:
+        """Record on hardware: begun is on the disk before anything moves, done after the data are."""
+        if self.options.again:
+            self.motions.give_up()
+        self.motions.begin(node.name, decision.key)
+        try:
+            artifact = self.caller.call(node, self.entries)
+        except MotionRefused:  # by its promise: before anything moved
+            self.motions.forget(decision.key)
+            raise
+        entry = self.store.put(decision.key, node.name, artifact, decision.ingredients, recording=True)
+        self.motions.finish(node.name, decision.key)
+        return entry
+
+    def _finish(
+        self, node: StageNode, entry: Entry, decision: Decision, outcome: str, seconds: float
+    ) -> None:
+        path = self.store.publish(node.name, entry)
+        self.entries[node.name], self.outcomes[node.name] = entry, outcome
+        self.manifest.stages[node.name] = StageRecord(
+            outcome=outcome,
+            key=entry.key,
+            artifact=entry.artifact,
+            file=str(path.relative_to(self.folder.path)),
+            sha256=entry.sha256,
+            recording=entry.recording,
+            seconds=round(seconds, 3),
+            inputs=node.inputs,
+            ingredients=decision.ingredients,
+        )
+        stage_log(node).info("%s in %.3f s: sha256 %s", outcome, seconds, entry.sha256)
+        self.listener.end(node.name, outcome, seconds)
+
+    def _refuse(self, node: StageNode, why: str) -> None:
+        """Go on without a stage whose numbers would not be trustworthy."""
+        why = why.removeprefix(f"stage {node.name}: ")
+        self.store.withdraw(node.name)
+        self.outcomes[node.name] = "refused"
+        self.manifest.stages[node.name] = StageRecord("refused", inputs=node.inputs, note=why)
+        self.doubts.append(f"stage {node.name}: {why}")
+        self._note(f"stage {node.name} gave no result: {why}")
+        self.listener.end(node.name, "refused", 0.0)
+
+    def _set_aside(self, node: StageNode, decision: Decision) -> None:
+        place = self.store.set_aside(decision.key, decision.entry)
+        kept = f"; it was set aside as {place}" if place is not None else ""
+        self._note(f"stage {node.name}: R06: {' '.join(decision.reasons)}{kept}; it is made again")
+
+    def _doubt_fits(self) -> None:
+        for node in self.pipeline.stages:
+            if node.name in self.entries and issubclass(node.stage.output, Fit):
+                fit = self.store.read(self.entries[node.name], Fit)
+                if not fit.converged:
+                    self.doubts.append(f"stage {node.name}: N07: the fit did not converge: {fit.status}")
+
+    def _note(self, text: str) -> None:
+        logging.getLogger(NAME).warning(text)
+        self.listener.note(text)
+
+    def _end(self, status: str) -> None:
+        self.manifest.status = status
+        self.manifest.finished = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+        if status == "done":
+            self.manifest.write(self.store, self.folder)
+            return
+        with contextlib.suppress(StoreError):  # the error that is on its way says more
+            self.manifest.write(self.store, self.folder)

@@ -1,0 +1,143 @@
+"""The few file operations that the store is made of, and what a failed one says.
+
+Everything that the store, the manifest and the motion records do to a disk goes through `Files`. Tests hand
+in another one: to fail the n-th call, or to note every call and build each state that a loss of power could
+leave behind.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from robid_core.errors import StoreError
+
+CHUNK = 1 << 20  # bytes hashed at a time
+
+# What a person can do about it, by the name the system gives the failure.
+ADVICE = {
+    errno.ENOSPC: "free some space and run again",
+    errno.EDQUOT: "free some of your quota and run again",
+    errno.EROFS: "the file system is read-only; move the project or mount it writable",
+    errno.EACCES: "give yourself the right to write there and run again",
+    errno.EPERM: "give yourself the right to write there and run again",
+    errno.EMFILE: "raise the limit of open files (ulimit -n) and run again",
+    errno.ENFILE: "the machine has too many files open; close some programs and run again",
+    errno.EIO: "the disk reports an error; check it before you run again",
+}
+
+
+class Files:
+    """Operations on real files; each one either does what its name says or raises OSError."""
+
+    def make_folder(self, path: Path) -> None:
+        """Create one folder whose parent exists; nothing happens where it stands already."""
+        path.mkdir(exist_ok=True)
+
+    def write(self, path: Path, writer: Callable[[Path], None]) -> None:
+        """Let `writer` create the file; an OSError that a library dressed up comes out as what it was."""
+        try:
+            writer(path)
+        except StoreError as error:
+            if isinstance(error.__cause__, OSError):
+                raise error.__cause__ from None
+            raise
+        except RuntimeError as error:  # HDF5 could not write, and then not close either
+            number = re.search(r"errno = (\d+)", str(error))
+            if number is None:
+                raise
+            raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
+
+    def sync(self, path: Path) -> None:
+        """Bring a file's content to the disk."""
+        _sync(path, os.O_RDONLY)
+
+    def sync_folder(self, path: Path) -> None:
+        """Bring a folder's names to the disk (where the file system can)."""
+        try:
+            _sync(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+        except OSError as error:
+            if error.errno != errno.EINVAL:  # some network file systems cannot sync a folder
+                raise
+
+    def protect(self, path: Path) -> None:
+        """Make a file read-only for everyone."""
+        path.chmod(0o444)
+
+    def replace(self, source: Path, target: Path) -> None:
+        """Give a file its final name at once, in the place of what had it."""
+        source.replace(target)
+
+    def link(self, source: Path, target: Path) -> None:
+        """Give a file a second name."""
+        os.link(source, target)
+
+    def copy(self, source: Path, target: Path) -> None:
+        """Copy a file's content, where a second name is impossible."""
+        shutil.copyfile(source, target)
+
+    def remove(self, path: Path) -> None:
+        """Take a name away; nothing happens where there is none."""
+        path.unlink(missing_ok=True)
+
+    def read(self, path: Path) -> bytes:
+        """Read a small file."""
+        return path.read_bytes()
+
+    def digest(self, path: Path) -> str:
+        """Return the sha256 of a file's content, in hex."""
+        digest = hashlib.sha256()
+        with path.open("rb") as file:
+            while block := file.read(CHUNK):
+                digest.update(block)
+        return digest.hexdigest()
+
+    def names(self, path: Path) -> list[str]:
+        """Return the names in a folder, sorted."""
+        return sorted(entry.name for entry in path.iterdir())
+
+
+def _sync(path: Path, flags: int) -> None:
+    descriptor = os.open(path, flags)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def failures_named(doing: str, path: Path, needed: int = 0) -> Iterator[None]:
+    """Turn an OSError into a StoreError: what was done to which path, why it failed, what to do.
+
+    Parameters
+    ----------
+    doing
+        The verb: "write", "read", "set aside".
+    path
+        What the user knows it by.
+    needed
+        Bytes that were to be written, for the message when the disk is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        why = os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
+        room = _room(path, needed) if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        advice = ADVICE.get(error.errno or 0, "check the disk and run again")
+        raise StoreError(
+            f"cannot {doing} {path}: {why}{room}; what was finished before is kept; {advice}"
+        ) from error
+
+
+def _room(path: Path, needed: int) -> str:
+    for folder in path.parents:
+        with contextlib.suppress(OSError):
+            free = shutil.disk_usage(folder).free / 1e6
+            return f" (about {max(needed / 1e6, 0.1):.1f} MB needed, {free:.1f} MB free)"
+    return ""

@@ -1,0 +1,211 @@
+"""The contract of stages, as one function that a plugin's test calls.
+
+Settings survive YAML; `run` is deterministic to the byte, leaves its inputs and the global state of chance
+alone, gives what its kind promises, and that survives writing and reading; all for 1, 2 and 6 axes. Frequency
+response estimators also meet a plant known in closed form. A clause that is broken is a ContractBroken whose
+message says which.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from robid_core.artifacts import Artifact, Configurations, Excitation, Frf, Record, Truth
+from robid_core.drives import Drives
+from robid_core.pipeline.checking import check
+from robid_core.pipeline.document import read_document
+from robid_core.pipeline.problems import ProblemList
+from robid_core.robot import Robot
+from robid_core.stage import KINDS, Context, FrfEstimator, Stage
+from robid_core.testing.broken import ContractBroken
+from robid_core.testing.estimators import (
+    check_covers_truth,
+    check_recovers_plant,
+    note_missing_uncertainty,
+)
+from robid_core.testing.inputs import example_artifacts, example_truth
+from robid_core.testing.lending import example_context, example_drives
+from robid_core.testing.robots import example_robot
+
+Examples = Callable[[Robot], Mapping[type[Artifact], Artifact]]
+
+
+def check_stage(
+    cls: type[Stage],
+    *,
+    for_axes: Sequence[int] = (1, 2, 6),
+    data_root: Path = Path(),
+    artifacts: Examples | None = None,
+    **settings: Any,
+) -> None:
+    """Check that a stage keeps the contract.
+
+    Parameters
+    ----------
+    cls
+        The stage.
+    for_axes
+        Sizes of the robots it is tried with.
+    data_root
+        Where it finds measured data, if it reads any.
+    artifacts
+        Inputs for a robot by type, in place of `example_artifacts`, for a stage that needs better ones.
+    settings
+        Its settings, as they stand under `with:`.
+
+    Raises
+    ------
+    ContractBroken
+        With the clause that is broken.
+    """
+    stage = check_settings(cls, **settings)
+    for n_axis in for_axes:
+        robot = example_robot(n_axis)
+        inputs = {**example_artifacts(robot), **(artifacts(robot) if artifacts is not None else {})}
+        arguments = {entry.name: _of_type(inputs, entry.artifact) for entry in cls.inputs()}
+        _check_run(stage, arguments, robot, data_root)
+    needed = {entry.name: arguments[entry.name] for entry in cls.inputs() if not entry.optional}
+    if len(needed) < len(arguments):
+        _check_run(stage, needed, robot, data_root)
+    if isinstance(stage, FrfEstimator) and issubclass(cls.output, Frf):
+        for n_axis in for_axes:
+            check_recovers_plant(stage, n_axis)
+        if not check_covers_truth(stage):
+            note_missing_uncertainty(stage)
+
+
+def check_settings(cls: type[Stage], **settings: Any) -> Stage:
+    """Check a stage's declaration and that its settings survive YAML; return the stage."""
+    name = cls.__name__
+    if cls.kind not in {kind.kind for kind in KINDS} or not issubclass(cls, KINDS):
+        raise ContractBroken(f"{name} is of no kind; derive it from one such as robid_core.FrfEstimator")
+    if not (cls.__doc__ or "").strip() or cls.__doc__ in {kind.__doc__ for kind in KINDS}:
+        raise ContractBroken(f"{name} has no docstring; `robid stages` shows it to the user")
+    cls.inputs(), cls.lends()
+    stage = cls(**settings)
+    text = stage.model_dump_json(by_alias=True)  # JSON is YAML
+    problems = ProblemList(name)
+    root = read_document(text, problems)
+    again = check(cls, root, (), problems) if root is not None else None
+    if again is None:
+        raise ContractBroken(f"{name}: its settings do not survive YAML: {problems.problems[0]}")
+    if again.model_dump_json(by_alias=True) != text:
+        raise ContractBroken(f"{name}: settings change on their way through YAML: {text} became {again!r}")
+    try:
+        cls.model_validate({**stage.model_dump(), "no_such_setting": 1})
+    except ValidationError:
+        pass
+    else:
+        raise ContractBroken(f"{name} takes unknown settings; keep model_config of robid_core.Stage")
+    try:
+        field = next(iter(cls.model_fields), "no_such_setting")
+        setattr(stage, field, None)
+    except ValidationError:
+        return stage
+    raise ContractBroken(f"{name} is mutable; keep model_config of robid_core.Stage")
+
+
+def _of_type(inputs: Mapping[type[Artifact], Artifact], wanted: type[Artifact]) -> Artifact:
+    if wanted in inputs:
+        return inputs[wanted]
+    for kind, artifact in inputs.items():
+        if issubclass(kind, wanted):
+            return artifact
+    raise ContractBroken(f"there is no example of {wanted.__name__}; give one by `artifacts`")
+
+
+def _check_run(stage: Stage, arguments: dict[str, Artifact], robot: Robot, data_root: Path) -> None:
+    """Run twice, compare, write, read."""
+    name = f"{type(stage).__name__} with {robot.n_axis} axes"
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        before = {key: _bytes(artifact, folder / "input") for key, artifact in arguments.items()}
+        robot_before = robot.to_yaml()
+        chance = repr(np.random.get_state())  # noqa: NPY002 - to see whether somebody else draws
+        settings = stage.model_dump_json()
+        first = stage.run(**arguments, **_lent(stage, robot, data_root, folder))
+        second = stage.run(**arguments, **_lent(stage, robot, data_root, folder))
+        if not isinstance(first, type(stage).output):
+            raise ContractBroken(
+                f"{name}: run gives a {type(first).__name__}, not a {type(stage).output.__name__}"
+            )
+        if repr(np.random.get_state()) != chance:  # noqa: NPY002
+            raise ContractBroken(f"{name}: run draws from np.random; draw from context.generator")
+        changed = [
+            key for key, artifact in arguments.items() if _bytes(artifact, folder / "input") != before[key]
+        ]
+        if changed or robot.to_yaml() != robot_before or stage.model_dump_json() != settings:
+            raise ContractBroken(
+                f"{name}: run changes what it is given: {', '.join(changed) or 'robot or settings'}"
+            )
+        written = _bytes(first, folder / "output")
+        if _bytes(second, folder / "output") != written:
+            raise ContractBroken(
+                f"{name}: run gives other bytes the second time with the same inputs and chance"
+            )
+        again = type(stage).output.read(folder / "output")
+        if _bytes(again, folder / "again") != written:
+            raise ContractBroken(f"{name}: the result changes when it is written and read")
+        _check_result(name, first, arguments, robot)
+
+
+def _bytes(artifact: Artifact, path: Path) -> bytes:
+    artifact.write(path)
+    return path.read_bytes()
+
+
+def _lent(stage: Stage, robot: Robot, data_root: Path, folder: Path) -> dict[str, Any]:
+    lent: dict[str, Any] = {}
+    for name, kind in stage.lends().items():
+        if kind is Robot:
+            lent[name] = robot
+        elif kind is Context:
+            lent[name] = example_context(data_root=data_root)
+        elif kind is Truth:
+            lent[name] = example_truth(robot)
+        elif issubclass(kind, Drives):
+            lent[name] = example_drives(robot, folder)
+    return lent
+
+
+def _check_result(name: str, result: Artifact, arguments: Mapping[str, Artifact], robot: Robot) -> None:
+    """Check what each kind of result promises."""
+    names = getattr(result, "axis_names", robot.axis_names)
+    if names != robot.axis_names:
+        raise ContractBroken(
+            f"{name}: the result speaks of the axes {names}, the robot has {robot.axis_names}"
+        )
+    if isinstance(result, Configurations):
+        beyond = (result.angle < robot.drives.lower) | (result.angle > robot.drives.upper)
+        if beyond.any():
+            raise ContractBroken(
+                f"{name}: {int(beyond.any(axis=1).sum())} configurations are beyond the joint limits"
+            )
+    if isinstance(result, Excitation):
+        _check_excitation(name, result, robot)
+    record = next((a for a in arguments.values() if isinstance(a, Record)), None)
+    if isinstance(result, Frf) and record is not None:
+        shape = (len(record.angle), len(record.frequency_hz), robot.n_axis, robot.n_axis)
+        if result.response.shape != shape:
+            raise ContractBroken(f"{name}: the response has shape {result.response.shape}, not {shape}")
+    if isinstance(result, Record):
+        sizes = {values.values.shape[-1] for run in result.runs for values in run.channels.values()}
+        if sizes != {robot.n_axis}:
+            raise ContractBroken(f"{name}: channels have {sizes} axes, the robot has {robot.n_axis}")
+
+
+def _check_excitation(name: str, excitation: Excitation, robot: Robot) -> None:
+    speed = np.abs(excitation.reference).max(axis=(0, 1, 2, 3))
+    if (speed > robot.drives.speed_limit).any():
+        raise ContractBroken(f"{name}: the reference is faster than the motors may turn")
+    drift = np.abs(excitation.reference.mean(axis=3)).max()
+    if drift > 1e-9 * speed.max():
+        raise ContractBroken(f"{name}: one period of the reference does not come back to where it began")
+    if excitation.line.min() < 1 or 2 * excitation.line.max() >= excitation.n_sample:
+        raise ContractBroken(f"{name}: excited bins must lie between 1 and half of n_sample")

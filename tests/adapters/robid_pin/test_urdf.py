@@ -1,0 +1,118 @@
+"""A URDF becomes the chain that pinocchio sees, and what no chain can hold is refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+from robid_core import ConfigurationError
+from robid_core.mechanics import dynamics
+from robid_pin.urdf import chain_from_urdf
+
+_INERTIAL = """<inertial><origin xyz="0.1 -0.05 0.2" rpy="0.4 0.2 0.3"/><mass value="{mass}"/>
+<inertia ixx="0.05" iyy="0.06" izz="0.04" ixy="0.004" ixz="-0.003" iyz="0.002"/></inertial>"""
+
+
+def _link(name: str, mass: float | None) -> str:
+    return f'<link name="{name}">{"" if mass is None else _INERTIAL.format(mass=mass)}</link>'
+
+
+def _joint(name: str, kind: str, parent: str, child: str, axis: str = "0 0 1", more: str = "") -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0.3 0.1 0.4" rpy="0.2 -0.5 0.7"/><axis xyz="{axis}"/>'
+        f'<limit lower="-3" upper="3" effort="10" velocity="5"/>{more}</joint>'
+    )
+
+
+def _write(folder: Path, *parts: str) -> Path:
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="test">{"".join(parts)}</robot>')
+    return path
+
+
+def test_the_chain_has_the_dynamics_of_pinocchios_model(tmp_path: Path) -> None:
+    # Every kind of joint, skew axes, a continuous joint (two configuration numbers in pinocchio), a branch, fixed
+    # joints before, between and behind, names that sort otherwise than the tree.
+    path = _write(
+        tmp_path,
+        _link("base", None), _link("stand", 5.0), _link("z", 2.0), _link("y", 3.0), _link("plate", 0.5),
+        _link("x", 1.5), _link("w", 1.0), _link("tool", 0.7),
+        _joint("foot", "fixed", "base", "stand"),
+        _joint("swing", "continuous", "stand", "z", "0.6 0 0.8"),
+        _joint("lift", "prismatic", "z", "y", "0 -0.6 0.8"),
+        _joint("bolt", "fixed", "y", "plate"),
+        _joint("bend", "revolute", "plate", "x", "0 -1 0"),
+        _joint("arm", "continuous", "y", "w", "1 0 0"),
+        _joint("flange", "fixed", "x", "tool"),
+    )  # fmt: skip
+    chain = chain_from_urdf(path)
+    assert sorted(chain.names) == ["arm", "bend", "lift", "swing"]
+    assert dict(zip(chain.names, chain.joint_type.tolist(), strict=True)) == {
+        "swing": 0, "lift": 1, "bend": 0, "arm": 0,
+    }  # fmt: skip
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    order = [model.joints[model.getJointId(name)].idx_v for name in chain.names]
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        position, speed = rng.normal(size=(2, 4))
+        step, v = np.empty(4), np.empty(4)
+        step[order], v[order] = position, speed
+        q = pinocchio.integrate(model, pinocchio.neutral(model), step)
+        upper = np.triu(pinocchio.crba(model, data, q))
+        ours = dynamics(chain, position, speed)
+        mass = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
+        np.testing.assert_allclose(ours.mass, mass, rtol=0, atol=1e-12 * abs(mass).max())
+        bias = pinocchio.rnea(model, data, q, v, np.zeros(4))[order]
+        np.testing.assert_allclose(ours.bias, bias, rtol=0, atol=1e-12 * abs(bias).max())
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ((_joint("j", "floating", "a", "b"),), "joint 'j' is of type 'floating'"),
+        ((_joint("j", "planar", "a", "b"),), "joint 'j' is of type 'planar'"),
+        (
+            (_joint("i", "revolute", "a", "b"), _joint("j", "revolute", "b", "c", more='<mimic joint="i"/>')),
+            "joint 'j' mimics another",
+        ),
+        ((_joint("j", "fixed", "a", "b"),), "no joint moves"),
+        ((_joint("j", "revolute", "a", "empty"),), "link 'empty' has no inertial with a mass"),
+        ((_joint("j", "revolute", "a", "lost"),), "link 'lost' has no inertial with a mass"),
+        ((_joint("j", "revolute", "a", "heavy"),), "link 'heavy': mass 'much' is not a number"),
+        (
+            (_joint("j", "revolute", "a", "b"), _joint("k", "revolute", "c", "b")),
+            "pinocchio cannot read the file",
+        ),
+    ],
+)
+def test_what_no_chain_can_hold_is_refused_by_name(tmp_path: Path, parts: tuple[str, ...], told: str) -> None:
+    heavy = _link("heavy", 1.0).replace('"1.0"', '"much"') if "heavy" in told else ""
+    links = (_link("a", 1.0), _link("b", 1.0), _link("c", 1.0), _link("empty", None), heavy)
+    with pytest.raises(ConfigurationError) as refused:
+        chain_from_urdf(_write(tmp_path, *links, *parts))
+    assert told in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_mass_behind_a_fixed_joint_counts(tmp_path: Path) -> None:
+    path = _write(
+        tmp_path, _link("a", 1.0), _link("frame", None), _link("load", 2.0),
+        _joint("j", "revolute", "a", "frame"), _joint("weld", "fixed", "frame", "load"),
+    )  # fmt: skip
+    assert chain_from_urdf(path).mass.tolist() == [2.0]
+
+
+def test_a_file_that_is_no_urdf_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="No such file"):
+        chain_from_urdf(tmp_path / "none.urdf")
+    path = tmp_path / "robot.urdf"
+    for content, told in ((b"<robot", "not readable as URDF"), (b"\xff\xfe", "not readable as URDF"),
+                          (b"<sdf/>", "describes a <sdf>, not a <robot>")):  # fmt: skip
+        path.write_bytes(content)
+        with pytest.raises(ConfigurationError, match=told):
+            chain_from_urdf(path)

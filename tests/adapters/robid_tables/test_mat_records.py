@@ -1,0 +1,87 @@
+"""MATLAB files become named arrays, structures flattened; damage never escapes as a traceback of scipy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from robid_core import DataRejected
+from robid_tables.mat import MatRecords
+
+
+def saved(folder: Path) -> Path:
+    path = folder / "recording.mat"
+    content = {
+        "q": np.arange(6.0).reshape(6, 1),
+        "gain": 2.5,
+        "counts": np.array([1, 2, 3], dtype=np.int16),
+        "name": "a robot",
+        "rec": {"position": np.ones((6, 4)), "drive": {"torque": np.zeros(5)}, "note": "text"},
+    }
+    scipy.io.savemat(path, content, do_compression=True)
+    return path
+
+
+def message_of(path: Path) -> str:
+    try:
+        MatRecords.read(path)
+    except DataRejected as error:
+        return str(error)
+    return ""
+
+
+def test_structures_are_flattened_and_text_is_left_out(tmp_path: Path) -> None:
+    columns = MatRecords.read(saved(tmp_path))
+    assert {name: values.shape for name, values in columns.items()} == {
+        "q": (6,),
+        "gain": (),
+        "counts": (3,),
+        "rec.position": (6, 4),
+        "rec.drive.torque": (5,),
+    }
+    assert all(values.dtype == np.float64 for values in columns.values())
+    np.testing.assert_array_equal(columns["counts"], [1.0, 2.0, 3.0])
+
+
+def test_the_elements_of_a_structure_array_are_numbered_as_matlab_does(tmp_path: Path) -> None:
+    path = tmp_path / "array.mat"
+    entries = np.zeros(2, dtype=[("x", "O")])
+    entries["x"] = [np.arange(3.0), np.arange(4.0)]
+    scipy.io.savemat(path, {"s": entries})
+    assert set(MatRecords.read(path)) == {"s(1).x", "s(2).x"}
+
+
+def test_the_description_tells_shapes_and_single_values(tmp_path: Path) -> None:
+    lines = MatRecords.describe(saved(tmp_path))
+    assert "gain: 2.5" in lines
+    assert "rec.position: (6, 4)" in lines
+
+
+def test_version_7_3_is_refused_with_the_way_out(tmp_path: Path) -> None:
+    path = tmp_path / "new.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["q"] = np.zeros(3)
+    with pytest.raises(DataRejected, match=r"v7\.3.*-v7"):
+        MatRecords.read(path)
+
+
+def test_a_damaged_file_is_rejected_wherever_it_was_cut(tmp_path: Path) -> None:
+    whole = saved(tmp_path).read_bytes()
+    path = tmp_path / "cut.mat"
+    messages = []
+    for length in range(1, len(whole) - 1, 7):
+        path.write_bytes(whole[:length])
+        messages.append(message_of(path))
+    assert all("cut.mat" in message for message in messages if message)
+    assert sum(map(bool, messages)) > len(messages) / 2  # cut between two variables a file is whole
+
+
+def test_text_is_no_matlab_file(tmp_path: Path) -> None:
+    path = tmp_path / "text.mat"
+    path.write_text("q,tau\n1,2\n" * 100)
+    with pytest.raises(DataRejected, match=r"text\.mat: cannot be read as a MATLAB file"):
+        MatRecords.read(path)

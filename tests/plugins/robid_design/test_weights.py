@@ -1,0 +1,62 @@
+"""Optimal weights against closed forms, their certificate, and rounding."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from robid_design.weights import certificate_gap, criterion_value, optimal_weights, whole_experiments
+
+
+def random_information(n_candidate: int, n: int, rank: int, seed: int) -> np.ndarray:
+    a = np.random.default_rng(seed).standard_normal((n_candidate, n, rank))
+    return a @ a.transpose(0, 2, 1)
+
+
+def test_two_orthogonal_experiments_share_equally_for_d_and_by_root_for_a() -> None:
+    """diag(4, 0) and diag(0, 1): D gives 1/2 each; A minimises 1/(4 w) + 1/(1 - w), w = 1/3."""
+    information = np.array([[[4.0, 0], [0, 0]], [[0, 0], [0, 1.0]]])
+    np.testing.assert_allclose(optimal_weights(information, "D"), [0.5, 0.5], atol=1e-4)
+    np.testing.assert_allclose(optimal_weights(information, "A"), [1 / 3, 2 / 3], atol=1e-4)
+
+
+def test_polynomial_regression_puts_its_weight_where_the_theory_does() -> None:
+    """Quadratic regression on [-1, 1]: D-optimal at -1, 0, 1 with a third each (Kiefer and Wolfowitz 1960)."""
+    x = np.linspace(-1, 1, 41)
+    rows = np.stack([np.ones_like(x), x, x * x], axis=1)
+    weight = optimal_weights(rows[:, :, None] * rows[:, None, :], "D")
+    np.testing.assert_allclose(weight[[0, 20, 40]], 1 / 3, atol=1e-4)
+    assert weight[[0, 20, 40]].sum() == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+def test_the_certificate_bounds_what_any_other_weights_gain(criterion: str) -> None:
+    information = random_information(60, 5, 3, 1)
+    weight = optimal_weights(information, criterion)  # type: ignore[arg-type]
+    gap = certificate_gap(information, weight, criterion)  # type: ignore[arg-type]
+    # An interior-point solver stops near 1e-4 of the objective.
+    assert -1e-6 < gap < 1e-2
+    best = criterion_value(information, weight, criterion)  # type: ignore[arg-type]
+    rng = np.random.default_rng(2)
+    for other in rng.dirichlet(np.full(60, 0.1), 200):
+        assert criterion_value(information, other, criterion) <= best * (1 + gap)  # type: ignore[arg-type]
+
+
+def test_weights_that_are_not_optimal_have_a_gap() -> None:
+    information = random_information(60, 5, 3, 1)
+    assert certificate_gap(information, np.full(60, 1 / 60), "D") > 0.1
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=30).filter(lambda w: sum(w) > 1e-3), st.integers(1, 40))
+def test_rounding_spends_every_experiment_on_supported_candidates(weights: list[float], experiments: int) -> None:
+    weight = np.array(weights) / sum(weights)
+    count = whole_experiments(weight, experiments)
+    assert count.sum() == experiments
+    assert (count >= 0).all()
+    assert not (count[weight == 0] > 0).any()
+
+
+def test_rounding_of_many_experiments_is_nearly_proportional() -> None:
+    """Pukelsheim and Rieder: no share is off by a whole experiment or more."""
+    weight = np.random.default_rng(3).dirichlet(np.ones(7))
+    assert np.abs(whole_experiments(weight, 1000) - 1000 * weight).max() < 1 + 7 / 2 * weight.max()

@@ -1,0 +1,213 @@
+"""Closed-loop simulation against a plant that is solved exactly from sample to sample."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robid_core import (
+    Channel,
+    ConfigurationError,
+    Context,
+    DataRejected,
+    DenseRun,
+    Diagnosis,
+    Fit,
+    NotTrustworthy,
+    ParameterTable,
+    Record,
+    Robot,
+)
+from robid_core.stage import map_in_process
+from robid_core.testing import check_stage
+from robid_diagnosis.closed_loop import ClosedLoopSimulation, with_prefix
+
+STEP, MASS, VISCOUS, OFFSET, LIMIT = 1e-3, 90.0, 200.0, -3.0, 4000.0
+POSITION_GAIN, SPEED_GAIN = 20.0, 5000.0
+
+
+def slide(folder: Path, limit: float = LIMIT, **friction: float) -> Robot:
+    data = {
+        "robid_robot": 1,
+        "name": "slide",
+        "bodies": [{"joint": "x", "type": "prismatic", "axis": [1, 0, 0], "mass": MASS - 1.0}],
+        "axes": {
+            "x": {
+                "rotor_inertia": 1.0,
+                "torque_limit": limit,
+                "speed_limit": 10.0,
+                "friction": {"viscous": VISCOUS, "offset": OFFSET, **friction},
+                "controller": {
+                    "speed_gain": SPEED_GAIN, "position_gain": POSITION_GAIN, "speed_feedforward": 0.0,
+                },
+            }
+        },
+    }  # fmt: skip
+    (folder / "slide.yaml").write_text(json.dumps(data))
+    return Robot.load("slide.yaml", folder)
+
+
+def exact_run(
+    reference: np.ndarray, start: float, offset: float = OFFSET, limit: float = LIMIT
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position and force of a mass with viscous friction under a sampled cascade; between samples in closed form.
+
+    M dv/dt = u - offset - F v with u held: v tends to (u - offset) / F with the time constant M / F.
+    """
+    position, force = np.empty_like(reference), np.empty_like(reference)
+    q, v, last, decay = start, 0.0, start, np.exp(-VISCOUS / MASS * STEP)
+    for k, wanted in enumerate(reference):
+        u = np.clip(SPEED_GAIN * (POSITION_GAIN * (wanted - q) - (q - last) / STEP), -limit, limit)
+        position[k], force[k], last = q, u, q
+        final = (u - offset) / VISCOUS
+        q += final * STEP + (v - final) * MASS / VISCOUS * (1 - decay)
+        v = final + (v - final) * decay
+    return position, force
+
+
+def reference(n_sample: int = 3000) -> np.ndarray:
+    time = np.arange(n_sample) * STEP
+    return 0.1 + 0.05 * (1 - np.cos(2 * np.pi * 0.7 * time)) + np.where(time > 1.5, 0.02, 0.0)
+
+
+def record(
+    robot: Robot, *lanes: tuple[np.ndarray, np.ndarray], drop: str = "", sample_time: float = STEP
+) -> Record:
+    names, n_sample = ("position_reference", "motor_position", "motor_torque"), len(lanes[0][0])
+    units = ("m", "m", "N")
+    columns = [[reference(n_sample), *lane] for lane in lanes]
+    channels = {
+        name: Channel("motor", units[i], np.array([c[i] for c in columns])[None, :, None, None, :, None])
+        for i, name in enumerate(names)
+        if name != drop
+    }  # fmt: skip
+    valid = np.ones((1, len(lanes), 1, 1, n_sample), dtype=bool)
+    run = DenseRun(sample_time, channels, np.arange(n_sample) * sample_time, valid)
+    return Record(robot.axis_names, "computed", "zero_order_hold", (run,), np.zeros((1, 1)))
+
+
+def fit(values: dict[str, float], converged: bool = True) -> Fit:
+    n = len(values)
+    table = ParameterTable(
+        tuple(values), ("",) * n, ("",) * n, np.zeros(n), np.array(list(values.values())), np.ones(n),
+        np.ones(n, dtype=bool), np.zeros(n, dtype=bool),
+    )  # fmt: skip
+    return Fit("test", "stopped early", converged, 1.0, 1, 1, table, np.eye(n), tuple(values))
+
+
+def diagnose(robot: Robot, measured: Record, values: dict[str, float], **settings: Any) -> Diagnosis:
+    context = Context(
+        np.random.default_rng(0), map_in_process, lambda done, total, note="": None, logging.getLogger("test")
+    )
+    return ClosedLoopSimulation(**settings).run(measured, fit(values), robot, context)
+
+
+TRUE = {"mass.x": MASS - 1.0, "friction.x.viscous": VISCOUS, "friction.x.offset": OFFSET}
+
+
+def test_the_true_parameters_repeat_the_recording(tmp_path: Path) -> None:
+    robot = slide(tmp_path, viscous=50.0, offset=0.0)
+    diagnosis = diagnose(robot, record(robot, exact_run(reference(), 0.1)), TRUE)
+    position, force = diagnosis.time
+    # Midpoint steps of h = 0.25 ms on a time constant of M/F = 0.45 s: relative error (h F / M)^2 / 12 = 3e-8.
+    assert position.relative_error < 1e-6
+    assert force.relative_error < 1e-5
+    assert (position.channel, position.unit_symbol, force.unit_symbol) == ("motor_position", "m", "N")
+    # The constant force that the position loop cannot remove: offset / (gains) away from where it would be.
+    still = exact_run(np.full(3000, 0.1), 0.1)[0]
+    assert still[-1] - 0.1 == pytest.approx(-OFFSET / (SPEED_GAIN * POSITION_GAIN), rel=1e-3)
+
+
+def test_saturation_is_simulated(tmp_path: Path) -> None:
+    robot = slide(tmp_path, limit=400.0, offset=0.0)
+    measured = record(robot, exact_run(reference(), 0.1, offset=0.0, limit=400.0))
+    position, force = diagnose(robot, measured, {**TRUE, "friction.x.offset": 0.0}).time
+    assert np.abs(force.measured).max() == np.abs(force.modelled).max() == 400.0
+    assert position.relative_error < 1e-6
+
+
+def test_wrong_parameters_do_not(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    measured = record(robot, exact_run(reference(), 0.1))
+    errors = {
+        name: diagnose(robot, measured, {**TRUE, name: value}).time[1].relative_error
+        for name, value in (("mass.x", 95.0), ("friction.x.viscous", 230.0), ("friction.x.offset", 3.0))
+    }
+    assert min(errors.values()) > 0.005
+
+
+def test_each_experiment_starts_at_its_own_rest_and_the_start_can_be_skipped(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    measured = record(robot, exact_run(reference(), 0.1), exact_run(reference(), 0.13))
+    diagnosis = diagnose(robot, measured, TRUE, skip_s=0.4)
+    position = diagnosis.time[0]
+    assert position.relative_error < 1e-6
+    np.testing.assert_allclose(position.time_s, np.r_[np.arange(0.4, 3, STEP), 3 + np.arange(0.4, 3, STEP)])
+    np.testing.assert_array_equal(position.measured[2600:, 0], exact_run(reference(), 0.13)[0][400:])
+
+
+def test_the_verdict_tells_errors_in_units_place_and_gain(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    position, force = exact_run(reference(), 0.1)
+    force = force.copy()
+    force[1234] += 50.0
+    verdict = diagnose(robot, record(robot, (position, force)), {**TRUE, "inertia.x.xx": 1.0}).verdict
+    assert "motor position within" in verdict
+    assert "motor force within" in verdict
+    assert "at most 50 N, on x at 1.23 s" in verdict
+    assert "with the robot file's parameters" in verdict
+    assert "no place for them: inertia.x.xx." in verdict
+
+
+def test_a_fit_that_did_not_converge_is_not_simulated(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
+    measured = record(robot, exact_run(reference(), 0.1))
+    with pytest.raises(NotTrustworthy, match="stopped early"):
+        ClosedLoopSimulation().run(measured, fit(TRUE, converged=False), robot, context)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "told"),
+    [
+        ({"drop": "position_reference"}, DataRejected, "neither position_reference nor speed_reference"),
+        ({"drop": "motor_torque"}, DataRejected, "motor_torque"),
+        ({"sample_time": 2e-3}, ConfigurationError, "set sample_time_s in the robot file"),
+    ],
+)
+def test_a_record_that_cannot_be_simulated_is_refused(
+    tmp_path: Path, change: dict[str, Any], error: type[Exception], told: str
+) -> None:
+    robot = slide(tmp_path)
+    with pytest.raises(error, match=told):
+        diagnose(robot, record(robot, exact_run(reference(), 0.1), **change), TRUE)
+
+
+def test_a_fit_of_nothing_that_the_robot_has_is_refused(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    with pytest.raises(ConfigurationError, match=r"none of the fitted parameters a, b"):
+        diagnose(robot, record(robot, exact_run(reference(), 0.1)), {"a": 1.0, "b": 2.0})
+
+
+def test_skipping_everything_is_refused(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    with pytest.raises(DataRejected, match="shorter than skip_s = 3 s"):
+        diagnose(robot, record(robot, exact_run(reference(), 0.1)), TRUE, skip_s=3.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(2.2e-6, "m", "2.2 µm"), (0.0034, "m", "3.4 mm"), (1.5e-8, "rad", "15 nrad"), (2.0, "m", "2 m"),
+     (0.002, "N", "0.002 N"), (0.0, "m", "0 m")],
+)  # fmt: skip
+def test_small_lengths_and_angles_take_a_prefix(value: float, unit: str, text: str) -> None:
+    assert with_prefix(value, unit) == text
+
+
+def test_the_stage_keeps_the_contract() -> None:
+    check_stage(ClosedLoopSimulation, skip_s=0.1)

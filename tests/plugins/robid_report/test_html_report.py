@@ -1,0 +1,375 @@
+"""The page: whole, safe, the same every time, and honest about what is wrong first."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import json
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robid_core import (
+    Artifact,
+    Channel,
+    DenseRun,
+    Design,
+    Diagnosis,
+    Excitation,
+    Fit,
+    Frf,
+    ParameterTable,
+    Record,
+    ResponseComparison,
+    Robot,
+    TimeComparison,
+    Truth,
+)
+from robid_core.testing import check_stage
+from robid_report.html import HtmlReport, json_for_script
+from robid_report.stick_figure import skeleton
+
+N_CONFIG, N_FREQ = 3, 20
+
+
+def single_spaced(text: str) -> str:
+    return re.sub(r"[ \n]+", " ", text)
+
+
+class Page(HTMLParser):
+    """Elements, attributes and text of a page, as a browser's parser would see them."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.scripts: list[tuple[dict[str, str], str]] = []
+        self.text: list[str] = []
+        self._script: dict[str, str] | None = None
+        self._collected: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = {name: value or "" for name, value in attrs}
+        self.elements.append((tag, found))
+        if tag == "script":
+            self._script, self._collected = found, []
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "script" and self._script is not None:
+            self.scripts.append((self._script, "".join(self._collected)))
+            self._script = None
+
+    def handle_data(self, data: str) -> None:
+        (self._collected if self._script is not None else self.text).append(data)
+
+    @property
+    def words(self) -> str:
+        return single_spaced(" ".join(self.text))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("one_axis")
+
+
+def everything(robot: Robot, n_axis: int | None = None) -> dict[str, Any]:
+    """One of each artifact, small and plausible."""
+    draw = np.random.default_rng(0)
+    axes = robot.axis_names
+    n = len(axes)
+    angle = draw.uniform(-0.5, 0.5, (N_CONFIG, n))
+    frequency = np.geomspace(4, 80, N_FREQ)
+    response = robot.response(angle, frequency)
+    names = ("gear_stiffness.axis_1", "gear_damping.axis_1")
+    table = ParameterTable(
+        names=names,
+        units=("N m/rad", "N m s/rad"),
+        groups=("stiffness", "damping"),
+        start=np.array([8e4, 60.0]),
+        estimate=np.array([5.5e4, 44.0]),
+        standard_error=np.array([6e2, 3.0]),
+        reported=np.array([True, False]),
+        at_bound=np.array([False, False]),
+    )
+    comparison = ResponseComparison(
+        axes, frequency, 1.1 * response, response, 0.9 * response, np.full(response.shape, 0.5)
+    )
+    time = np.arange(50) * 0.001
+    wave = np.sin(40 * time)[:, None] * np.ones(n)
+    trace = TimeComparison(axes, "motor_torque", "N m", 0.05, time, wave, 0.95 * wave)
+    channel = Channel("motor", "rad", np.zeros((1, 1, 1, 1, 50, n)))
+    run = DenseRun(0.001, {"motor_position": channel}, time, np.ones((1, 1, 1, 1, 50), dtype=bool))
+    return {
+        "frf": Frf(
+            axis_names=axes, estimator="logarithmic mean", pooling="two blocks", sample_time_s=1e-3,
+            torque_hold="zero_order_hold", angle=angle, frequency_hz=frequency, response=response,
+            valid=np.ones((N_CONFIG, N_FREQ), dtype=bool),
+        ),
+        "fit": Fit("log response", "converged", True, 1.1, 20, 12, table, np.eye(2), names, comparison, (trace,)),
+        "record": Record(axes, "drives", "zero_order_hold", (run,), angle),
+        "design": Design(
+            axis_names=axes, angle=angle, criterion="D", parameter_names=names[:1], gap=1e-7, efficiency=0.97,
+            weight=np.array([0.5, 0.3, 0.2]), experiments=np.array([4, 2, 2]), candidate_index=np.arange(3),
+            information=np.eye(1), predicted_standard_error=np.array([0.01]),
+        ),
+        "diagnosis": Diagnosis("closed loop", "The robot does what it should.", (trace,)),
+        "excitation": Excitation(
+            axes, 1e-3, 2, np.array([5, 7]), np.zeros((1, 2, 1, 1000, n)), np.zeros(n)
+        ),
+        "truth": Truth("one_axis_true", names, np.array([5.6e4, 45.0])),
+    }  # fmt: skip
+
+
+def page_of(robot: Robot, **artifacts: Any) -> str:
+    return HtmlReport().run(robot, **artifacts).html
+
+
+@pytest.fixture(scope="module")
+def full(robot: Robot) -> str:
+    return page_of(robot, **everything(robot))
+
+
+def test_the_page_has_every_section_and_its_numbers(full: str) -> None:
+    page = Page(full)
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert {"parameters", "responses", "time", "design", "provenance", "time-0", "time-1"} <= set(ids)
+    numbers = ("55\u202f000", "± 600", "−1.79\u202f%", "−1.7", "12 of 20", "4 experiments", "97.0\u202f%")
+    sentences = ("The robot does what it should.", "logarithmic mean; uncertainty: two blocks")
+    for text in ("gear_stiffness.axis_1", *numbers, *sentences):
+        assert text in page.words, text
+    assert "banner" not in {attributes.get("id") for _, attributes in page.elements}
+
+
+def test_the_page_names_versions_of_robid_and_its_libraries(full: str) -> None:
+    from importlib import metadata
+
+    words = Page(full).words
+    for name in ("robid", "numpy", "plotly"):
+        assert f"{name} {metadata.version(name)}" in words
+    assert "report.html" in words
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        (),
+        *((name,) for name in ("frf", "fit", "record", "design", "diagnosis", "excitation")),
+        ("fit", "truth"),
+    ],
+)
+def test_any_part_makes_a_page(robot: Robot, chosen: tuple[str, ...]) -> None:
+    artifacts = everything(robot)
+    page = Page(page_of(robot, **{name: artifacts[name] for name in chosen}))
+    assert robot.name in page.words
+    # Nothing to plot, no plotting library.
+    assert len(page.scripts) == (3 if {"frf", "fit", "diagnosis"} & set(chosen) else 2)
+
+
+def test_equal_inputs_give_equal_bytes(robot: Robot, full: str) -> None:
+    assert page_of(robot, **everything(robot)) == full
+
+
+def test_only_the_pages_own_scripts_may_run_and_nothing_is_fetched(full: str) -> None:
+    page = Page(full)
+    policy = next(
+        attributes["content"]
+        for tag, attributes in page.elements
+        if tag == "meta" and attributes.get("http-equiv") == "Content-Security-Policy"
+    )
+    directives = dict(part.strip().split(" ", 1) for part in policy.split(";"))
+    assert directives["default-src"] == "'none'"
+    assert "unsafe" not in directives["script-src"]
+    runnable = [text for attributes, text in page.scripts if attributes.get("type") != "application/json"]
+    allowed = set(directives["script-src"].split())
+    assert {
+        f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in runnable
+    } == allowed
+    for tag, attributes in page.elements:
+        assert tag not in {"link", "iframe", "object", "embed", "base", "img"}
+        assert not {"src", "href", "action", "srcset"} & set(attributes), (tag, attributes)
+        assert not [name for name in attributes if name.startswith("on")]
+    style = re.search(r"<style>(.*?)</style>", full, re.S)
+    assert style
+    assert "url(" not in style[1]
+    assert "@import" not in style[1]
+
+
+def test_the_page_opens_with_its_policy_before_any_script(full: str) -> None:
+    assert full.index("Content-Security-Policy") < full.index("<script")
+
+
+PAYLOADS = (
+    "<script>alert(1)</script>",
+    "</script><img src=x onerror=alert(1)>",
+    '"><svg onload=alert(1)>',
+    "'-alert(1)-'",
+    "{{ 7*7 }}{% raw %}",
+    "<!--<script>",
+    "\u2028]]>&lt;b&gt;",
+)
+
+
+def poisoned(value: Any, text: str) -> Any:
+    """Replace every string in an artifact, however deep."""
+    if isinstance(value, str):
+        return text
+    if isinstance(value, Artifact):
+        return dataclasses.replace(
+            value, **{f.name: poisoned(getattr(value, f.name), text) for f in dataclasses.fields(value)}
+        )
+    if isinstance(value, tuple):
+        # Names stay different from each other, as names must.
+        return tuple(
+            poisoned(entry, f"{text}{index}" if isinstance(entry, str) else text)
+            for index, entry in enumerate(value)
+        )
+    if isinstance(value, dict):
+        return {f"{text}{index}": poisoned(entry, text) for index, entry in enumerate(value.values())}
+    return value
+
+
+@pytest.mark.parametrize("payload", PAYLOADS)
+def test_Y11_text_of_the_user_stays_text(robot: Robot, full: str, payload: str) -> None:
+    artifacts = {name: poisoned(artifact, payload) for name, artifact in everything(robot).items()}
+    # What the robot file names, too: the robot is not an artifact.
+    axis = robot.description.axes["axis_1"].model_copy(update={"joint": "axis_1"})
+    description = robot.description.model_copy(update={"name": payload, "axes": {payload: axis}})
+    hostile = HtmlReport(title=payload).run(Robot(description), **artifacts).html
+    page, clean = Page(hostile), Page(full)
+
+    # The same elements with the same attributes in the same order as the harmless page.
+    assert [(t, sorted(a)) for t, a in page.elements] == [(t, sorted(a)) for t, a in clean.elements]
+    for tag, attributes in page.elements:
+        assert not [name for name in attributes if name.startswith("on")], tag
+        assert "id" not in attributes or re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", attributes["id"])
+    assert [text for _, text in page.scripts[1:]] == [text for _, text in clean.scripts[1:]]
+    data = json.loads(page.scripts[0][1])
+    assert data["time"][0]["axes"][0]["name"] == f"{payload}0"
+    assert single_spaced(payload) in page.words
+
+
+def test_json_cannot_leave_its_script_element() -> None:
+    text = str(json_for_script({"name": "</script><!--&\u2028"}))
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == {"name": "</script><!--&\u2028"}
+    with pytest.raises(ValueError, match="Out of range"):
+        json_for_script({"value": float("nan")})
+
+
+def spoiled(artifacts: dict[str, Any], what: str) -> dict[str, Any]:
+    fit: Fit = artifacts["fit"]
+    if what == "fit":
+        return {**artifacts, "fit": fit.replace(converged=False, status="gradient still 0.3 after 50 steps")}
+    if what == "bound":
+        return {
+            **artifacts,
+            "fit": fit.replace(parameters=fit.parameters.replace(at_bound=np.array([True, False]))),
+        }
+    if what == "blind":
+        blind = fit.parameters.replace(standard_error=np.array([np.nan, 1.0]))
+        return {**artifacts, "fit": fit.replace(parameters=blind)}
+    if what == "lines":
+        valid = np.ones((N_CONFIG, N_FREQ), dtype=bool)
+        valid[1, :5] = False
+        return {**artifacts, "frf": artifacts["frf"].replace(valid=valid)}
+    if what == "record":
+        record: Record = artifacts["record"]
+        hole = record.run.valid.copy()
+        hole[..., 17] = False
+        return {**artifacts, "record": record.replace(runs=(record.run.replace(valid=hole),))}
+    return {**artifacts, "design": artifacts["design"].replace(gap=0.2)}
+
+
+@pytest.mark.parametrize(
+    ("what", "told"),
+    [
+        ("fit", "did not converge; its numbers must not be used: gradient still 0.3 after 50 steps"),
+        ("bound", "not identified: gear_stiffness.axis_1"),
+        ("blind", "Without a standard error: gear_stiffness.axis_1"),
+        ("lines", "Configuration 2 is rejected: 25.0\u202f% of its lines"),
+        ("record", "partial: 1 of 50 samples"),
+        ("design", "not optimal"),
+    ],
+)
+def test_Y13_what_is_rejected_stands_first_and_in_red(robot: Robot, what: str, told: str) -> None:
+    html = page_of(robot, **spoiled(everything(robot), what))
+    page = Page(html)
+    body = [tag for tag, _ in page.elements].index("body")
+    tag, attributes = page.elements[body + 1]
+    assert (tag, attributes["id"], attributes["class"]) == ("div", "banner", "banner red")
+    assert told in page.words
+    assert html.index(told.split(":")[0]) < html.index("<h1>")
+
+
+def test_minor_findings_are_not_red(robot: Robot) -> None:
+    artifacts = everything(robot)
+    valid = np.ones((N_CONFIG, N_FREQ), dtype=bool)
+    valid[0, 3] = False
+    page = Page(page_of(robot, **{**artifacts, "frf": artifacts["frf"].replace(valid=valid)}))
+    banner = next(attributes for _, attributes in page.elements if attributes.get("id") == "banner")
+    assert banner["class"] == "banner amber"
+
+
+def test_an_estimate_far_from_the_truth_is_told(robot: Robot) -> None:
+    artifacts = everything(robot)
+    truth = Truth("plant", ("gear_stiffness.axis_1",), np.array([7e4]))
+    assert (
+        "More than four standard errors from the truth: gear_stiffness.axis_1"
+        in Page(page_of(robot, **{**artifacts, "truth": truth})).words
+    )
+
+
+def test_six_axes_fit_into_eight_megabytes_and_are_drawn() -> None:
+    robot = Robot.load("six_axis")
+    draw = np.random.default_rng(0)
+    angle, frequency = draw.uniform(-1, 1, (4, 6)), np.geomspace(4, 80, 100)
+    response = robot.response(angle, frequency)
+    frf = Frf(
+        axis_names=robot.axis_names, estimator="test", pooling="", sample_time_s=1e-3, torque_hold="zero_order_hold",
+        angle=angle, frequency_hz=frequency, response=response,
+        input_gram_inverse=np.broadcast_to(np.eye(6) + 0j, response.shape).copy(),
+        output_covariance=np.broadcast_to(np.eye(6) + 0j, response.shape).copy(),
+    )  # fmt: skip
+    html = page_of(robot, frf=frf)
+    assert len(html.encode()) < 8e6
+    page = Page(html)
+    assert sum("stick" in attributes.get("class", "") for _, attributes in page.elements) == 8
+    data = json.loads(page.scripts[0][1])["response"]
+    shown = np.array(data["start"]["db"])[2, 4, 1]
+    np.testing.assert_allclose(shown, 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006)
+    np.testing.assert_allclose(
+        np.array(data["measured"]["deg"])[0, 0, 0], np.degrees(np.angle(response[0, :, 0, 0])), atol=0.006
+    )
+    # Unit covariances: one standard deviation is 1 (rad/s^2)/(N m), the band reaches two above.
+    high = np.array(data["band"]["high"])[1, 3, 3]
+    np.testing.assert_allclose(high, 20 * np.log10(np.abs(response[1, :, 3, 3]) + 2), atol=0.006)
+
+
+def test_lines_that_were_not_estimated_are_not_drawn(robot: Robot) -> None:
+    frf = everything(robot)["frf"]
+    valid = np.ones((N_CONFIG, N_FREQ), dtype=bool)
+    valid[0, 3] = False
+    data = json.loads(Page(page_of(robot, frf=frf.replace(valid=valid))).scripts[0][1])["response"]
+    drawn = data["measured"]["db"]
+    assert drawn[0][0][0][3] is None
+    assert drawn[1][0][0][3] is not None
+
+
+def test_the_stick_figure_of_a_turned_arm_stands_where_the_angles_say() -> None:
+    robot = Robot.load("one_axis")
+    body = skeleton(robot, np.array([[0.0], [0.5]]))
+    # A pendulum of centre of mass (0.05, 0, 0.5) about the y axis.
+    for c, angle in enumerate((0.0, 0.5)):
+        x = 0.05 * np.cos(angle) + 0.5 * np.sin(angle)
+        z = -0.05 * np.sin(angle) + 0.5 * np.cos(angle)
+        np.testing.assert_allclose(body.points[c, -1], [x, 0.0, z], atol=1e-12)
+
+
+def test_the_stage_keeps_the_contract() -> None:
+    check_stage(HtmlReport, title="Example")

@@ -1,0 +1,51 @@
+"""Compiled kernels notice when something they call has changed, in another file too."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from robid_core.mechanics import warm_up
+
+_LAW = """
+from robid_core.mechanics.kernel import kernel
+@kernel
+def law(x):
+    return {slope} * x
+"""
+_LOOP = """
+from law import law
+from robid_core.mechanics.kernel import kernel
+@kernel
+def loop(x):
+    return law(x) + 1.0
+print(loop(2.0), sum(loop.stats.cache_hits.values()))
+"""
+
+
+def test_a_cached_kernel_is_compiled_again_when_a_law_in_another_file_changes(tmp_path: Path) -> None:
+    def run(slope: float) -> list[str]:
+        (tmp_path / "law.py").write_text(_LAW.format(slope=slope))
+        (tmp_path / "loop.py").write_text(_LOOP)
+        environment = os.environ | {
+            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        command = [sys.executable, "loop.py"]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    assert run(1.0) == ["3.0", "0"]
+    assert run(1.0) == ["3.0", "1"]
+    assert run(4.0) == ["9.0", "0"]
+
+
+def test_warming_up_tells_what_it_compiles() -> None:
+    told: list[str] = []
+    warm_up(told.append)
+    assert [line.split(":")[0] for line in told] == ["kernel 1 of 3", "kernel 2 of 3", "kernel 3 of 3"]
+    warm_up()

@@ -1,0 +1,171 @@
+"""The response against closed forms, its twin, finite differences and the exact discretisation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from robid_core.errors import ConfigurationError
+from robid_core.mechanics import (
+    linear_model,
+    response,
+    response_with_gradient,
+    second_order_model,
+    solve_equilibrium,
+)
+from robid_core.mechanics.reference import response_by_solving
+
+_OMEGA = 2 * np.pi * np.geomspace(4, 80, 25)
+_SAMPLE_TIME = 1e-3
+
+
+def _model(arm: Any, n_config: int = 3, motor_damping: Any = None, **changed: Any) -> Any:
+    mechanism = arm.mechanism
+    angle = np.random.default_rng(6).uniform(-1.2, 1.2, (n_config, mechanism.n_axis))
+    motor = np.linalg.solve(mechanism.gear, angle.T).T
+    z = solve_equilibrium(mechanism, arm.stiffness, motor).position
+    arm = replace(arm, **changed)
+    return second_order_model(arm.mechanism, arm.stiffness, arm.damping, z, motor_damping)
+
+
+def test_two_masses_and_a_spring_respond_as_the_textbook_says(two_mass: Any) -> None:
+    arm = replace(two_mass, damping=np.array([0.5]))
+    model = _model(arm, n_config=1)
+    rotor, load, k, d, r = 2e-3, 0.3, 3e3, 0.5, 0.1
+    s = 1j * _OMEGA
+    gear = k + d * s
+    expected = (load * s**2 + gear) / (rotor * (load * s**2 + gear) + r**2 * load * gear)
+    np.testing.assert_allclose(response(model, _OMEGA)[0, :, 0, 0], expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["three_axis", "half_rigid", "carriage"])
+@pytest.mark.parametrize("hold", [None, _SAMPLE_TIME])
+def test_kernel_agrees_with_its_twin(name: str, hold: float | None, request: pytest.FixtureRequest) -> None:
+    arm = request.getfixturevalue(name)
+    model = _model(arm, motor_damping=np.full(arm.mechanism.n_axis, 0.01))
+    ours, twin = response_with_gradient(model, _OMEGA, hold), response_by_solving(model, _OMEGA, hold)
+    for field in ("response", "spring_vectors", "motor_vectors"):
+        got, expected = getattr(ours, field), getattr(twin, field)
+        assert got.shape == expected.shape
+        # elimination without pivoting loses at most the damping ratio, two digits here
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * abs(expected).max(initial=1.0))
+    np.testing.assert_array_equal(response(model, _OMEGA, hold), ours.response)
+
+
+def test_one_configuration_needs_no_leading_axis(three_axis: Any) -> None:
+    many = _model(three_axis)
+    one = replace(many, mass=many.mass[1], damping=many.damping, stiffness=many.stiffness[1])
+    one = replace(one, damping=many.damping[1])
+    np.testing.assert_array_equal(response(one, _OMEGA), response(many, _OMEGA)[1])
+    assert response_with_gradient(one, _OMEGA).spring_vectors.shape == (25, 4, 3)
+
+
+@pytest.mark.parametrize("hold", [None, _SAMPLE_TIME])
+def test_gradient_vectors_give_the_finite_difference(three_axis: Any, hold: float | None) -> None:
+    viscous = np.array([0.02, 0.01, 0.015])
+    model = _model(three_axis, motor_damping=viscous)
+    gradient = response_with_gradient(model, _OMEGA, hold)
+    x, v, w = gradient.spring_vectors, gradient.motor_vectors, _OMEGA[:, None, None]
+
+    def outer(vectors: Any, i: int) -> Any:
+        return vectors[..., i, :, None] * vectors[..., i, None, :]
+
+    def difference(up: Any, down: Any, step: float) -> Any:
+        return (response(up, _OMEGA, hold) - response(down, _OMEGA, hold)) / (2 * step)
+
+    def check(got: Any, expected: Any) -> None:
+        np.testing.assert_allclose(got, expected, rtol=0, atol=2e-5 * abs(expected).max())
+
+    # Steps of 1e-4: the second-order remainder is (1e-4 / 2 zeta)^2 with damping ratios above 0.02, below 2e-5
+    # (of a motor's damper, 1e-5 beside 0.01: (1e-3)^2).
+    for s in range(4):
+        step = np.zeros(4)
+        step[s] = 1e-4 * three_axis.stiffness[s]
+        e = np.outer(model.spring_directions[s], model.spring_directions[s])
+        up = replace(model, stiffness=model.stiffness + step[s] * e)
+        down = replace(model, stiffness=model.stiffness - step[s] * e)
+        check(-outer(x, s), difference(up, down, step[s]))
+        size = 1e-3 * three_axis.damping[s]
+        up, down = (
+            replace(model, damping=model.damping + size * e),
+            replace(model, damping=model.damping - size * e),
+        )
+        check(-1j * w * outer(x, s), difference(up, down, size))
+    for a in range(3):
+        e = np.zeros_like(model.mass[0])
+        e[a, a] = 1.0
+        up, down = (
+            replace(model, damping=model.damping + 1e-5 * e),
+            replace(model, damping=model.damping - 1e-5 * e),
+        )
+        check(-1j * w * outer(v, a), difference(up, down, 1e-5))
+    e = np.zeros_like(model.mass[0])
+    e[0, 0] = 1.0
+    up, down = replace(model, mass=model.mass + 1e-7 * e), replace(model, mass=model.mass - 1e-7 * e)
+    expected = difference(up, down, 1e-7)
+    # the inertia moves the images too, which the vectors leave out
+    np.testing.assert_allclose(w**2 * outer(v, 0), expected, rtol=0, atol=1e-3 * abs(expected).max())
+
+
+def test_spring_constants_enter_the_model_as_the_gradient_takes_them(three_axis: Any) -> None:
+    # At fixed positions dK/dk_s is the outer product of the spring's direction: the same for robot and gradient.
+    k = three_axis.stiffness.copy()
+    k[3] *= 1.001
+    model, stiffer = _model(three_axis), _model(three_axis, stiffness=k)
+    e = model.spring_directions[3]
+    expected = model.stiffness + 0.001 * three_axis.stiffness[3] * np.outer(e, e)
+    np.testing.assert_allclose(stiffer.stiffness, expected, rtol=0, atol=1e-10 * abs(expected).max())
+
+
+def test_torque_and_angle_are_reciprocal(three_axis: Any) -> None:
+    g = response(_model(three_axis), _OMEGA, _SAMPLE_TIME)
+    np.testing.assert_allclose(g, np.swapaxes(g, -1, -2), rtol=0, atol=1e-12 * abs(g).max())
+
+
+@pytest.mark.parametrize("name", ["three_axis", "half_rigid", "carriage"])
+def test_held_torque_and_sampled_position_follow_the_exact_discretisation(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    arm = request.getfixturevalue(name)
+    mechanism, n_axis = arm.mechanism, arm.mechanism.n_axis
+    viscous = np.full(n_axis, 0.02 if name != "carriage" else 200.0)
+    z = solve_equilibrium(
+        mechanism, arm.stiffness, np.linalg.solve(mechanism.gear, np.full(n_axis, 0.5))
+    ).position
+    model = second_order_model(mechanism, arm.stiffness, arm.damping, z, viscous)
+    state_space = linear_model(mechanism, arm.stiffness, arm.damping, z, ("motor_angle",), viscous)
+    matrices = (state_space.a, state_space.b, state_space.c, state_space.d)
+    a, b, c, d, _ = cont2discrete(matrices, _SAMPLE_TIME)
+    shift = np.exp(1j * _OMEGA * _SAMPLE_TIME)[:, None, None]
+    exact = -(_OMEGA[:, None, None] ** 2) * (
+        c @ np.linalg.solve(shift * np.eye(len(a)) - a, b.astype(complex)) + d
+    )
+    # the bound of the docstring
+    inverse = np.linalg.inv(model.mass)
+    sampling = 2 * np.pi / _SAMPLE_TIME
+    near = 1 - _OMEGA / sampling
+    damped = abs((inverse @ model.damping @ inverse)[:n_axis, :n_axis]).max()
+    sprung = abs((inverse @ model.stiffness @ inverse)[:n_axis, :n_axis]).max()
+    bound = (
+        2.2 * damped * _OMEGA**3 / sampling**4 / near**4 + 5.1 * sprung * _OMEGA**4 / sampling**6 / near**6
+    )
+    error = abs(response(model, _OMEGA, _SAMPLE_TIME) - exact).max(axis=(1, 2))
+    rounding = 1e-9 * abs(exact).max()  # of the discrete matrices
+    assert (
+        error <= 1.2 * bound + rounding
+    ).all()  # 1.2: terms of the next order in (motor's decay) / sampling
+    # and the bound says something: without the images the error is far larger at the last lines
+    plain = (
+        response(model, _OMEGA)
+        * (np.exp(-0.5j * _OMEGA * _SAMPLE_TIME) * np.sinc(_OMEGA * _SAMPLE_TIME / 2 / np.pi))[:, None, None]
+    )
+    assert abs(plain - exact).max(axis=(1, 2))[-1] > 5 * (1.2 * bound + rounding)[-1]
+
+
+def test_frequencies_at_or_below_zero_are_refused(three_axis: Any) -> None:
+    with pytest.raises(ConfigurationError, match="frequencies must be finite and above zero"):
+        response(_model(three_axis), np.array([0.0, 1.0]))

@@ -1,0 +1,153 @@
+"""A small world of plugins for the tests of pipeline files: every kind, none of them does anything."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+
+from robid_core import (
+    Acquisition,
+    CandidateDesign,
+    Configurations,
+    DataPath,
+    Design,
+    DiagnosisStage,
+    Drives,
+    Estimator,
+    Excitation,
+    ExcitationDesign,
+    ExperimentDesign,
+    Fit,
+    Frf,
+    FrfEstimator,
+    Preprocessing,
+    ProjectPath,
+    Record,
+    Report,
+    ReportStage,
+    Robot,
+    Settings,
+    StageRef,
+)
+
+
+class Candidates(CandidateDesign):
+    """Some configurations."""
+
+    count: PositiveInt
+    """How many."""
+
+    def run(self, robot: Robot) -> Configurations:
+        raise NotImplementedError
+
+
+class Multisine(ExcitationDesign):
+    """A multisine."""
+
+    band_hz: tuple[PositiveFloat, PositiveFloat]
+    """Lowest and highest frequency."""
+    lines: PositiveInt = 100
+    """How many."""
+    odd: bool = True
+    """Odd bins only."""
+
+    def run(self, robot: Robot, configurations: Configurations) -> Excitation:
+        raise NotImplementedError
+
+
+class DriveAcquisition(Acquisition):
+    """Measures."""
+
+    periods: Annotated[int, Field(gt=0)] = 2
+    """Periods that are kept."""
+    settle_periods: NonNegativeInt = 1
+    """Periods dropped before."""
+
+    def run(self, drives: Drives, configurations: Configurations, excitation: Excitation) -> Record:
+        raise NotImplementedError
+
+
+class Filter(Settings):
+    """A filter."""
+
+    order: PositiveInt = 4
+    cutoff_hz: PositiveFloat
+
+
+class Recorded(Acquisition):
+    """Reads."""
+
+    origin: str = ""
+    path: DataPath
+    """The recording."""
+    channels: ProjectPath | None = None
+    filters: tuple[Filter, ...] = ()
+
+    def run(self) -> Record:
+        raise NotImplementedError
+
+
+class Clean(Preprocessing):
+    """A better record."""
+
+    def run(self, record: Record) -> Record:
+        raise NotImplementedError
+
+
+class LogMean(FrfEstimator):
+    """Logarithmic mean."""
+
+    discard: NonNegativeInt = 0
+    """Leading periods dropped."""
+
+    def run(self, record: Record) -> Frf:
+        raise NotImplementedError
+
+
+class LogFit(Estimator):
+    """Fits."""
+
+    starts: PositiveInt = 20
+    """Random starts."""
+    tolerance: PositiveFloat = 1e-8
+    criterion: Literal["response", "log_response"] = "log_response"
+    estimator: StageRef = StageRef(use="frf.log")
+
+    def run(self, robot: Robot, frf: Frf) -> Fit:
+        raise NotImplementedError
+
+
+class Optimal(ExperimentDesign):
+    """Chooses."""
+
+    def run(self, robot: Robot, fit: Fit, frf: Frf) -> Design:
+        raise NotImplementedError
+
+
+class Page(ReportStage):
+    """Shows."""
+
+    def run(self, fit: Fit | None = None, design: Design | None = None, frf: Frf | None = None) -> Report:
+        raise NotImplementedError
+
+
+class Explain(DiagnosisStage):
+    """A stage whose run breaks the contract."""
+
+    def run(self, record: int) -> None:  # not an artifact
+        raise NotImplementedError
+
+
+class NoDrives(Settings):
+    """Stands in for drives."""
+
+    plant: str = "six_axis_true"
+    bitrate: PositiveInt = 1_000_000
+
+
+def pool(workers: int = 2, *, address: str | None = None) -> None:
+    """An executor that is a function."""
+
+
+not_a_stage = 3

@@ -1,0 +1,233 @@
+"""A stranger's package of stages, small and quick, with switches for everything that can go wrong.
+
+Each call of a stage leaves a line in the file that STRANGE_CALLS names, so that tests see what really ran.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from robid_core import (
+    Acquisition,
+    CandidateDesign,
+    Channel,
+    Configurations,
+    Context,
+    DataPath,
+    DenseRun,
+    Design,
+    Drives,
+    Estimator,
+    ExperimentDesign,
+    Fit,
+    Frf,
+    FrfEstimator,
+    MotionRefused,
+    NotTrustworthy,
+    OpenDrives,
+    ParameterTable,
+    Record,
+    Report,
+    ReportStage,
+    Robot,
+    Session,
+    Truth,
+)
+
+BIAS = 0.0  # tests edit this line
+
+
+def called(name: str) -> None:
+    """Leave a trace of a call."""
+    path = os.environ.get("STRANGE_CALLS")
+    if path:
+        with Path(path).open("a", encoding="utf-8") as file:
+            file.write(name + "\n")
+
+
+def square(values: Any, power: int) -> Any:
+    """A parallel task whose last digit depends on the order of its sum."""
+    return np.sum(values[::3] ** power, axis=0)
+
+
+class Where(CandidateDesign):
+    """Random configurations."""
+
+    count: int = 3
+    """How many."""
+
+    def run(self, robot: Robot, context: Context) -> Configurations:
+        called("where")
+        return Configurations(robot.axis_names, context.generator.normal(size=(self.count, robot.n_axis)))
+
+
+class FromFile(CandidateDesign):
+    """Configurations from a file of the data folder."""
+
+    path: DataPath
+    """The file."""
+
+    def run(self, robot: Robot, context: Context) -> Configurations:
+        called("where")
+        values = np.loadtxt(context.data_root / self.path, ndmin=2)
+        return Configurations(robot.axis_names, values)
+
+
+class Measure(Acquisition):
+    """Measures, or pretends to."""
+
+    noise: float = 0.1
+    """How much."""
+    seconds: float = 0.0
+    """How long it takes."""
+    fault: str = ""
+    """What goes wrong."""
+
+    def run(self, configurations: Configurations, drives: Drives, context: Context) -> Record:
+        called("acquire")
+        if self.fault == "refused":
+            raise MotionRefused("D03: too fast; nothing was sent")
+        n_config, n_axis = configurations.angle.shape
+        for index in range(10):
+            context.progress(index, 10, "measuring")
+            time.sleep(self.seconds / 10)
+        if self.fault == "killed":
+            os._exit(9)
+        if self.fault:
+            raise RuntimeError(self.fault)
+        shape = (n_config, 1, 1, 1, 64, n_axis)
+        values = context.generator.normal(size=shape) * self.noise + configurations.angle[:, None, None, None, None]
+        channel = Channel("motor", "rad", values)
+        run = DenseRun(0.001, {"motor_position": channel}, np.arange(64) * 0.001, np.ones(shape[:-1], dtype=bool))
+        return Record(configurations.axis_names, "strange", "zero_order_hold", (run,), configurations.angle)
+
+
+class Respond(FrfEstimator):
+    """A response, computed with parallel work."""
+
+    power: int = 2
+    """Of what is summed."""
+    digits: int | None = None
+    """Rounding of the result."""
+
+    def run(self, record: Record, context: Context) -> Frf:
+        called("frf")
+        blocks = record.run.values("motor_position").reshape(len(record.angle), 64, -1)
+        sums = context.map(square, [(block[:, ::-1], self.power) for block in blocks])
+        response = np.array(sums)[:, None, :, None] * np.eye(blocks.shape[2]) + 0j + BIAS
+        if self.digits is not None:
+            response = np.round(response, self.digits)
+        return Frf(
+            record.axis_names, "strange", "none", 0.001, "zero_order_hold", record.angle, np.array([1.0]), response
+        )
+
+
+class Estimate(Estimator):
+    """A fit that does what its settings say."""
+
+    outcome: str = "converged"
+    """converged, not converged, refused, raises, exits, a list, nan, clock."""
+    hold: float = 0.0
+    """Seconds that it takes."""
+
+    def run(self, robot: Robot, frf: Frf, context: Context) -> Fit:
+        called("fit")
+        time.sleep(self.hold)
+        context.log.info("fitting %s", self.outcome)
+        if self.outcome == "refused":
+            raise NotTrustworthy("the numbers would be wrong; measure longer")
+        if self.outcome == "raises":
+            raise ZeroDivisionError("a stranger's mistake\nwith a second line")
+        if self.outcome == "exits":
+            raise SystemExit(3)
+        if self.outcome == "a list":
+            return [1, 2]  # type: ignore[return-value]
+        value = float(np.abs(frf.response).mean())
+        if self.outcome == "nan":
+            value = float("nan")
+        if self.outcome == "clock":
+            value = float(time.perf_counter_ns())
+        if self.outcome == "memory":
+            value = float(np.ones(10**9).sum())
+        table = ParameterTable(
+            ("gear_stiffness.axis_1",),
+            ("N m/rad",),
+            ("stiffness",),
+            np.array([1.0]),
+            np.array([value]),
+            np.array([0.1]),
+            np.array([True]),
+            np.array([False]),
+        )
+        converged = self.outcome != "not converged"
+        status = "converged" if converged else "the budget of 3 steps is spent"
+        return Fit("strange", status, converged, 1.0, 1, 1, table, np.eye(1))
+
+
+class Choose(ExperimentDesign):
+    """Chooses, from a converged fit only."""
+
+    experiments: int = 4
+    """How many."""
+
+    def run(self, fit: Fit, configurations: Configurations) -> Design:
+        called("choose")
+        if not fit.converged:
+            raise NotTrustworthy("the fit it stands on did not converge")
+        one = np.ones(1)
+        return Design(
+            configurations.axis_names,
+            configurations.angle[:1],
+            criterion="D",
+            parameter_names=("gear_stiffness.axis_1",),
+            gap=0.0,
+            efficiency=1.0,
+            weight=one,
+            experiments=np.array([self.experiments]),
+            candidate_index=np.array([0]),
+            information=np.eye(1),
+            predicted_standard_error=one,
+        )
+
+
+class Page(ReportStage):
+    """A page."""
+
+    title: str = "strange"
+    """On top."""
+
+    def run(self, fit: Fit, design: Design | None = None, truth: Truth | None = None) -> Report:
+        called("page")
+        true = truth.value[0] if truth is not None else "?"
+        chosen = "chosen" if design is not None else "no design"
+        return Report(f"<h1>{self.title}</h1><p>{fit.parameters.estimate[0]!r} {true} {fit.status} {chosen}</p>")
+
+
+class Simulated(Drives):
+    """Nothing moves."""
+
+    moves_hardware: ClassVar[bool] = False
+
+    stiffness: float = 2.0
+    """Of the plant."""
+
+    def open(self, session: Session) -> OpenDrives:
+        raise NotImplementedError
+
+    def truth(self, robot: Robot) -> Truth:
+        return Truth("strange", ("gear_stiffness.axis_1",), np.array([self.stiffness]))
+
+
+class Hardware(Drives):
+    """Says that it moves a robot."""
+
+    address: str = "here"
+    """Where."""
+
+    def open(self, session: Session) -> OpenDrives:
+        raise NotImplementedError

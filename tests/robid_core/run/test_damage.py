@@ -1,0 +1,116 @@
+"""A damaged artifact is named, set aside and made again, never used (R06, R07, A02)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robid_core.errors import StoreError
+from robid_core.run import Silence
+
+
+class Ear(Silence):
+    def __init__(self) -> None:
+        self.heard: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.heard.append(text)
+
+
+@pytest.mark.parametrize("stage", ["where", "frf", "page"])
+def test_a_flipped_byte_anywhere_is_found_and_mended(world: Any, stage: str) -> None:
+    world.run()
+    before = world.hashes()
+    world.ran()
+    blob = world.blob(stage)
+    size = blob.stat().st_size
+    generator = np.random.default_rng(3)
+    for place in [0, size - 1, *generator.integers(size, size=3)]:
+        world.flip(world.blob(stage), int(place))
+        ear = Ear()
+        result = world.run(listener=ear)
+        assert world.ran() == [stage]
+        assert result.outcomes[stage] == "same"
+        assert world.hashes() == before
+        assert len(ear.heard) == 1
+        assert "R06" in ear.heard[0]
+        assert blob.name in ear.heard[0]
+    assert len(list((world.folder / "store" / "quarantine").iterdir())) == 10  # 5 blobs and their entries
+
+
+def test_a_file_edited_under_its_public_name_is_found_too(world: Any) -> None:
+    world.run()
+    before = world.hashes()
+    public = world.folder / "artifacts" / "fit.h5"
+    assert public.stat().st_mode & 0o222 == 0
+    public.chmod(0o644)
+    public.write_bytes(b"mine")  # the same file as in the store
+    world.ran()
+    world.run()
+    assert world.ran() == ["fit"]
+    assert world.hashes() == before
+
+
+def test_a_public_file_that_was_replaced_or_deleted_comes_back(world: Any) -> None:
+    world.run()
+    before = world.hashes()
+    (world.folder / "artifacts" / "fit.h5").unlink()
+    page = world.folder / "artifacts" / "page.html"
+    page.unlink()
+    page.write_text("mine")
+    world.ran()
+    world.run()
+    assert world.ran() == []
+    assert world.hashes() == before
+
+
+@pytest.mark.parametrize("damage", ["flip", "empty", "missing", "not json", "another key"])
+def test_a_damaged_index_entry_is_as_good_as_none(world: Any, damage: str) -> None:
+    result = world.run()
+    before = world.hashes()
+    folder = world.folder / "store" / "index"
+    entry: Path = folder / f"{result.manifest.stages['frf'].key}.json"
+    if damage == "flip":
+        world.flip(entry, entry.read_bytes().index(b"sha256") + 12)
+    elif damage == "missing":
+        entry.unlink()
+    elif damage == "another key":
+        entry.write_bytes((folder / f"{result.manifest.stages['fit'].key}.json").read_bytes())
+    else:
+        entry.write_bytes({"empty": b"", "not json": b"[1, 2"}[damage])
+    world.ran()
+    world.run()
+    assert world.ran() == ["frf"]
+    assert world.hashes() == before
+
+
+def test_every_bit_of_an_index_entry_is_guarded(world: Any) -> None:
+    result = world.run(last="where")
+    key = result.manifest.stages["where"].key
+    path = world.folder / "store" / "index" / f"{key}.json"
+    whole = path.read_bytes()
+    good = world.store.lookup(key)
+    for place in range(len(whole)):
+        data = bytearray(whole)
+        data[place] ^= 4
+        path.write_bytes(data)
+        try:
+            found = world.store.lookup(key)
+        except StoreError as error:  # the digit of the format became a larger one
+            assert "newer robid" in str(error)
+            continue
+        assert found.state.value == "damaged" or found == good, place
+    path.write_bytes(whole)
+
+
+def test_two_keys_with_the_same_bytes_are_both_mended(world: Any) -> None:
+    world.run()
+    world.run("stages.fit.with.hold=0.001")  # the same bytes under a second key
+    world.flip(world.blob("fit"))
+    world.run("stages.fit.with.hold=0.001")
+    world.ran()
+    assert world.run().exit_code == 0
+    assert world.run().idle

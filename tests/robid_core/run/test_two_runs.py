@@ -1,0 +1,92 @@
+"""Two runs in one folder: the second waits or is told who is there, and a lock dies with its holder (R05)."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robid_core.errors import StoreError
+from robid_core.run.lock import run_lock
+
+ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
+
+
+def start(world: Any, **options: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        world.command(**options), env=world.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for(world: Any, stage: str, process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + 60
+    while not (world.calls.exists() and stage in world.calls.read_text().split()):
+        assert process.poll() is None, process.stderr and process.stderr.read()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_second_run_is_told_who_holds_the_folder_or_waits(world: Any) -> None:
+    world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 2.0}}")
+    first = start(world)
+    wait_for(world, "fit", first)
+    with pytest.raises(StoreError, match=rf"process {first.pid} on .* is running here since 20\d\d-") as caught:
+        world.run(wait=False)
+    assert caught.value.exit_code == 7
+    others = [start(world) for _ in range(2)]
+    for process in (first, *others):
+        assert process.wait(60) == 0
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        process.stderr.close()
+    assert sorted(world.ran()) == sorted(ORDER)  # each stage ran once in all
+
+
+def test_a_killed_holder_leaves_no_lock(world: Any) -> None:
+    world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 60.0}}")
+    first = start(world)
+    wait_for(world, "fit", first)
+    first.send_signal(signal.SIGKILL)
+    first.communicate()
+    world.say("hold: 60.0", "hold: 0.0")
+    assert world.run(wait=False).exit_code == 0
+
+
+def test_waiting_says_once_for_whom(tmp_path: Path) -> None:
+    path = tmp_path / "run" / "store" / "lock"
+    path.parent.mkdir(parents=True)
+    code = "import fcntl, os, sys, time\nfd = os.open(sys.argv[1], os.O_RDWR | os.O_CREAT)\n"
+    code += "fcntl.flock(fd, fcntl.LOCK_EX); print('held', flush=True); time.sleep(0.5)"
+    with subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        heard: list[str] = []
+        with run_lock(path, wait=True, waiting=heard.append):
+            assert heard == ["another process is running here"]  # it wrote no name
+            with path.open() as file, pytest.raises(BlockingIOError):
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            assert str(os.getpid()) in path.read_text()
+    assert path.read_text() == ""
+
+
+def test_sigterm_interrupts_and_the_next_run_goes_on(world: Any) -> None:
+    world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 60.0}}")
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        process = start(world)
+        wait_for(world, "fit", process)
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        assert process.returncode == 130
+        assert '"status": "interrupted"' in (world.folder / "manifest.json").read_text()
+        assert world.ran()[-1] == "fit"
+    world.say("hold: 60.0", "hold: 0.0")
+    world.run()
+    assert world.ran() == ["fit", "choose", "page"]
