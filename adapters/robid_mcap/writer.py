@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +52,10 @@ class Sink:
 
     def close(self) -> None:
         """Bring the file to the disk and close it."""
-        os.fsync(self._file.fileno())
-        self._file.close()
+        try:
+            os.fsync(self._file.fileno())
+        finally:
+            self._file.close()
 
 
 class McapLog:
@@ -194,12 +196,17 @@ class McapLog:
                 )
 
     def close(self, complete: bool) -> None:
-        """Finish the file; only a complete one gets its final name."""
+        """Finish the file; only a complete one gets its final name.
+
+        A log that is broken off is finished as well as it can be: what broke it off is the error to tell.
+        """
         if self._closed:
             return
         self._closed = True
-        with self._refusing(StoreError):
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._sink.close()
+        with self._refusing(StoreError) if complete else suppress(OSError):
+            try:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+            finally:
+                self._sink.close()
             if complete:
                 self._part.replace(self.path)

@@ -153,7 +153,7 @@ def tell_drift(record: Record, context: Context, discard: int) -> None:
             if leakage > 0.01:
                 context.log.warning(
                     "configuration %d: %s drifts from period to period, by up to %.1f %% of its motion at a "
-                    "line; is there a position loop?",
+                    "line; let it settle longer, or close a position loop",
                     configuration,
                     name,
                     100 * leakage,

@@ -66,10 +66,13 @@ def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:
 
 def project_name(folder: Path) -> str:
     """Return the folder's name as far as it can name a pipeline."""
+    from robid_core.settings_types import is_device_name
+
     kept = "".join(
         letter if letter.isascii() and letter.isalnum() else "-" for letter in folder.resolve().name
     )
-    return kept.strip("-")[:64] or "project"
+    kept = kept.strip("-")[:64]
+    return "project" if not kept or is_device_name(kept) else kept
 
 
 def fill(template: str, values: dict[str, str]) -> str:

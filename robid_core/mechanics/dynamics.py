@@ -78,8 +78,8 @@ def dynamics(chain: Chain, position: FloatArray, speed: FloatArray | None = None
 def chain_arrays(chain: Chain) -> ChainArrays:
     """Turn every joint frame so that its axis is a local one, and list who moves whom."""
     n = chain.n_coordinate
-    local, turn = zip(*map(_local_axis, chain.axis, chain.joint_type), strict=True)
-    turn = np.array(turn)
+    local, turns = zip(*map(_local_axis, chain.axis, chain.joint_type), strict=True)
+    turn = np.array(turns)
     ancestor = np.eye(n)
     for j, parent in enumerate(chain.parent):
         if parent >= 0:
@@ -151,6 +151,34 @@ def sine_cosine(angle, screw):  # type: ignore[no-untyped-def]
         b = s if odd else c
         screw[6, j] = -a if turned >= 2.0 else a
         screw[7, j] = -b if turned == 1.0 or turned == 2.0 else b
+
+
+@kernel
+def project(screw, momentum, ancestor, mass):  # type: ignore[no-untyped-def]
+    """Fill the lower triangle of the mass matrix: the momentum of each joint along the screws above it."""
+    for j in range(screw.shape[1]):
+        a0, a1, a2 = momentum[0, j], momentum[1, j], momentum[2, j]
+        b0, b1, b2 = momentum[3, j], momentum[4, j], momentum[5, j]
+        for i in range(j + 1):
+            mass[j, i] = ancestor[j, i] * (
+                screw[0, i] * a0 + screw[1, i] * a1 + screw[2, i] * a2
+                + screw[3, i] * b0 + screw[4, i] * b1 + screw[5, i] * b2
+            )  # fmt: skip
+
+
+@kernel
+def project_gravity(screw, momentum, ancestor, gravity, stiffness):  # type: ignore[no-untyped-def]
+    """Fill the lower triangle of dg/dq: gravity times linear momentum, on the axis of the joint above.
+
+    A prismatic joint turns nothing; its axis counts as zero.
+    """
+    for j in range(screw.shape[1]):
+        b0, b1, b2 = momentum[3, j], momentum[4, j], momentum[5, j]
+        c0 = gravity[1] * b2 - gravity[2] * b1
+        c1 = gravity[2] * b0 - gravity[0] * b2
+        c2 = gravity[0] * b1 - gravity[1] * b0
+        for i in range(j + 1):
+            stiffness[j, i] = ancestor[j, i] * (screw[0, i] * c0 + screw[1, i] * c1 + screw[2, i] * c2)
 
 
 @kernel
@@ -302,23 +330,9 @@ def evaluate(  # type: ignore[no-untyped-def]
         if parent >= 0:
             for k in range(24, 40):
                 record[parent, k] += record[j, k]
-    for j in range(n):
-        a0, a1, a2 = momentum[0, j], momentum[1, j], momentum[2, j]
-        b0, b1, b2 = momentum[3, j], momentum[4, j], momentum[5, j]
-        for i in range(j + 1):
-            mass[j, i] = ancestor[j, i] * (
-                screw[0, i] * a0 + screw[1, i] * a1 + screw[2, i] * a2
-                + screw[3, i] * b0 + screw[4, i] * b1 + screw[5, i] * b2
-            )  # fmt: skip
-        if stiff:
-            # gravity times momentum, on the axis of the joint above; a prismatic one turns nothing, its axis is 0
-            cx = gravity[1] * b2 - gravity[2] * b1
-            cy = gravity[2] * b0 - gravity[0] * b2
-            cz = gravity[0] * b1 - gravity[1] * b0
-            for i in range(j + 1):
-                gravity_stiffness[j, i] = ancestor[j, i] * (
-                    screw[0, i] * cx + screw[1, i] * cy + screw[2, i] * cz
-                )
+    project(screw, momentum, ancestor, mass)
+    if stiff:
+        project_gravity(screw, momentum, ancestor, gravity, gravity_stiffness)
 
 
 @kernel

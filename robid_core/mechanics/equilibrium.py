@@ -18,6 +18,9 @@ from robid_core.mechanics.mechanism import Mechanism
 MAXIMUM_STEPS = 50  # a robot needs 3 to 5; a spring that cannot hold its arm needs more than any number
 STEP_TOLERANCE = 1e-13  # rad, times (1 + largest coordinate); Newton's error is the square of its last step
 
+ESCAPED = 1e6  # rad or m: a joint that a step sent there does not come back
+SINGULAR = 1e-12  # of the largest stiffness; below it rounding decides the sign
+
 
 @dataclass(frozen=True)
 class Equilibrium:
@@ -65,25 +68,8 @@ def solve_equilibrium(mechanism: Mechanism, stiffness: FloatArray, motor_angle: 
     undeformed[mechanism.arm] = mechanism.gear
     free = [mechanism.chain.index(name) for name in mechanism.coordinate_names[n_axis:]]
     z = np.concatenate((rows, rows @ undeformed[free].T), axis=1)
-    for _ in range(MAXIMUM_STEPS):
-        terms = dynamics(mechanism.chain, z @ joints.T)
-        residual = terms.bias @ joints + z @ spring_matrix
-        if n == n_axis:
-            break
-        tangent = (joints.T @ terms.gravity_stiffness @ joints + spring_matrix)[:, n_axis:, n_axis:]
-        step = np.linalg.solve(tangent, residual[:, n_axis:, None])[:, :, 0]
-        z[:, n_axis:] -= step
-        if (abs(step).max(axis=1) <= STEP_TOLERANCE * (1 + abs(z[:, n_axis:]).max(axis=1))).all():
-            break
-    else:
-        _refuse_unstable(mechanism, tangent)
-        row, column = np.unravel_index(int(np.argmax(abs(step))), step.shape)
-        raise NotTrustworthy(
-            f"equilibrium: configuration {row}, coordinate '{mechanism.coordinate_names[n_axis + column]}' still moves "
-            f"{abs(step).max():.3g} rad after {MAXIMUM_STEPS} steps; is its stiffness too low for the load?"
-        )
     if n > n_axis:
-        _refuse_unstable(mechanism, tangent)
+        _sag(mechanism, spring_matrix, z)
     q = z @ joints.T
     torque = dynamics(mechanism.chain, q).bias @ joints + z @ spring_matrix
     shape = motor.shape[:-1]
@@ -92,9 +78,34 @@ def solve_equilibrium(mechanism: Mechanism, stiffness: FloatArray, motor_angle: 
     )
 
 
+def _sag(mechanism: Mechanism, spring_matrix: FloatArray, z: FloatArray) -> None:
+    """Move the coordinates behind the motors, in place, until nothing pulls on them."""
+    n_axis, joints = mechanism.n_axis, mechanism.constraint_map
+    for _ in range(MAXIMUM_STEPS):
+        terms = dynamics(mechanism.chain, z @ joints.T)
+        residual = (terms.bias @ joints + z @ spring_matrix)[:, n_axis:]
+        tangent = (joints.T @ terms.gravity_stiffness @ joints + spring_matrix)[:, n_axis:, n_axis:]
+        try:
+            step = np.linalg.solve(tangent, residual[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:
+            break  # a singular tangent: told below
+        z[:, n_axis:] -= step
+        largest = abs(z[:, n_axis:]).max(axis=1)
+        if not (largest < ESCAPED).all():
+            break
+        if (abs(step).max(axis=1) <= STEP_TOLERANCE * (1 + largest)).all():
+            _refuse_unstable(mechanism, tangent)
+            return
+    _refuse_unstable(mechanism, tangent)
+    raise NotTrustworthy(
+        f"equilibrium: no rest position of '{', '.join(mechanism.coordinate_names[n_axis:])}' after {MAXIMUM_STEPS} "
+        "steps of Newton's method; is a stiffness far too low for the load?"
+    )
+
+
 def _refuse_unstable(mechanism: Mechanism, tangent: FloatArray) -> None:
     lowest = np.linalg.eigvalsh(tangent)[:, 0]
-    if (lowest > 0).all():
+    if (lowest > SINGULAR * abs(tangent).max(axis=(1, 2))).all():
         return
     row = int(np.argmin(lowest))
     shape = np.linalg.eigh(tangent[row])[1][:, 0]

@@ -96,7 +96,7 @@ def hold_torque(  # type: ignore[no-untyped-def]
         for a in range(n_axis):
             i = motor + a
             moment, slope = friction_law(middle_speed[i], motor_law[a, 0], motor_law[a, 1], motor_law[a, 2])
-            stage[k, i] += torque[a] - moment - slope * (right[i] - middle_speed[i])
+            stage[k, i] += torque[a] - motor_law[a, 3] - moment - slope * (right[i] - middle_speed[i])
             system[i, i] = constant[i, i] + half * slope
             for e in range(1, fill[a, 0] + 1):
                 system[i, fill[a, e]] = constant[i, fill[a, e]]

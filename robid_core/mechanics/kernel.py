@@ -24,12 +24,17 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """
     options: dict[str, Any] = {"nogil": True, "fastmath": FLOATING_POINT, "error_model": "numpy"}
     compiled: Any = numba.njit(cache=True, **options)(function)
-    named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
     try:
-        stamps = [called._cache._cache_file._source_stamp for called in named if is_jitted(called)]
-        compiled._cache._cache_file._source_stamp = (compiled._cache._cache_file._source_stamp, *stamps)
-    except (
-        AttributeError
-    ):  # a numba that keeps its stamps elsewhere: compile anew in every process, but right
+        caches = [called._cache._cache_file for called in _called_kernels(function)]
+        own: Any = compiled._cache._cache_file
+        own._source_stamp = (own._source_stamp, *(cache._source_stamp for cache in caches))
+    except AttributeError:
+        # A numba that keeps its stamps elsewhere: compile anew in every process, slow but right.
         compiled = numba.njit(**options)(function)
     return compiled  # type: ignore[no-any-return]
+
+
+def _called_kernels(function: Callable[..., Any]) -> list[Any]:
+    """Compiled functions that are named in the body of a function."""
+    named = (function.__globals__.get(name) for name in function.__code__.co_names)
+    return [thing for thing in named if thing is not None and is_jitted(thing)]

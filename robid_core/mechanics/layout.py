@@ -27,7 +27,7 @@ class PlantArrays(NamedTuple):
     spring_start: IntArray  # (n + 1,) first entry of each row of the spring matrix in the next two
     spring_column: IntArray  # (n_entry,)
     spring_value: FloatArray  # (n_entry, 2) of sum k_s e_s e_s^T, and of the dampers likewise
-    motor_law: FloatArray  # (n_axis, 3) Coulomb torque, viscous gain, friction speed
+    motor_law: FloatArray  # (n_axis, 4) Coulomb torque, viscous gain, friction speed, offset
     constant: FloatArray  # (n, n) rotors, and springs and dampers as the implicit step adds them to the mass
     fill: IntArray  # (n_axis, 1 + n) number and list of the coordinates before a motor that its elimination touches
 
@@ -105,7 +105,7 @@ def plant_arrays(
     mechanism: Mechanism,
     stiffness: FloatArray,
     damping: FloatArray,
-    friction: tuple[FloatArray, FloatArray, FloatArray],
+    friction: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     implicit_step: float,
 ) -> PlantArrays:
     """Lay the robot out for the loop; `implicit_step` is 0 for an explicit method."""
@@ -126,7 +126,7 @@ def plant_arrays(
     row, column = np.nonzero((spring != 0) | (damper != 0))
     return PlantArrays(
         *chain_arrays(mechanism.chain),
-        *_padded_rows(joints),
+        *padded_rows(joints),
         np.searchsorted(row, np.arange(n + 1)).astype(np.int64),
         column.astype(np.int64),
         np.ascontiguousarray(np.column_stack((spring[row, column], damper[row, column]))),
@@ -136,7 +136,7 @@ def plant_arrays(
     )
 
 
-def _padded_rows(matrix: FloatArray) -> tuple[IntArray, FloatArray]:
+def padded_rows(matrix: FloatArray) -> tuple[IntArray, FloatArray]:
     """Columns and values of the nonzero entries of each row, filled up with zeros at column 0."""
     width = int((matrix != 0).sum(axis=1).max(initial=1))
     column = np.zeros((len(matrix), width), dtype=np.int64)

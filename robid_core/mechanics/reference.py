@@ -99,7 +99,7 @@ def acceleration_by_solving(
     mechanism: Mechanism,
     stiffness: FloatArray,
     damping: FloatArray,
-    friction: tuple[FloatArray, FloatArray, FloatArray],
+    friction: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     position: FloatArray,
     speed: FloatArray,
     torque: FloatArray,
@@ -111,7 +111,7 @@ def acceleration_by_solving(
     mechanism, stiffness, damping
         The robot, see `simulate`.
     friction
-        Coulomb torque, viscous gain and friction speed of the motors, each of shape (n_axis,).
+        Coulomb torque, viscous gain, friction speed and constant offset of the motors, each of shape (n_axis,).
     position, speed
         Generalised coordinates and their rates, shape (n_coordinate,).
     torque
@@ -123,5 +123,5 @@ def acceleration_by_solving(
     mass[:n_axis, :n_axis] += np.diag(mechanism.rotor_inertia)
     force = -joints.T @ terms.bias
     force -= springs.T @ (stiffness * (springs @ position) + damping * (springs @ speed))
-    force[:n_axis] += torque - friction_torque(speed[:n_axis], *friction)
+    force[:n_axis] += torque - friction_torque(speed[:n_axis], *friction[:3]) - friction[3]
     return np.asarray(np.linalg.solve(mass, force), dtype=np.float64)

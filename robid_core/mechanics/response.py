@@ -15,6 +15,7 @@ import numpy.typing as npt
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.kernel import kernel
+from robid_core.mechanics.layout import padded_rows
 from robid_core.mechanics.linearize import SecondOrderModel
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -68,7 +69,7 @@ def response(
     -------
     (rad/s^2)/(N m), shape (..., n_freq, n_axis, n_axis), [output, input].
     """
-    position, frequency = _position(model, omega, model.n_axis)
+    position, _, frequency = _position(model, omega, model.spring_directions[:0])
     return _sampled(model, position, frequency, hold_sample_time)
 
 
@@ -76,11 +77,11 @@ def response_with_gradient(
     model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None = None
 ) -> ResponseGradient:
     """Response as `response` gives it, and the factors of its derivatives at fixed equilibrium."""
-    position, frequency = _position(model, omega, model.mass.shape[-1])
+    position, deflection, frequency = _position(model, omega, model.spring_directions)
     hold, _ = hold_factor(frequency, hold_sample_time)
-    sampled = _sampled(model, position[..., : model.n_axis, :], frequency, hold_sample_time)
-    vectors = (1j * frequency * np.sqrt(hold))[:, None, None] * position
-    return ResponseGradient(sampled, model.spring_directions @ vectors, vectors[..., : model.n_axis, :])
+    scale = (1j * frequency * np.sqrt(hold))[:, None, None]
+    sampled = _sampled(model, position, frequency, hold_sample_time)
+    return ResponseGradient(sampled, scale * deflection, scale * position)
 
 
 def hold_factor(omega: FloatArray, sample_time: float | None) -> tuple[ComplexArray, ComplexArray]:
@@ -92,16 +93,26 @@ def hold_factor(omega: FloatArray, sample_time: float | None) -> tuple[ComplexAr
     return half_sample * np.sin(x) / x, half_sample * (x**2 * np.cos(x) / np.sin(x) ** 2 - np.sin(x) / x)
 
 
-def _position(model: SecondOrderModel, omega: FloatArray, rows: int) -> tuple[ComplexArray, FloatArray]:
+def _position(
+    model: SecondOrderModel, omega: FloatArray, springs: FloatArray
+) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """Motor angles and spring deflections over motor torque, and the frequencies."""
     frequency = np.array(omega, dtype=np.float64, order="C")
     if frequency.ndim != 1 or not (np.isfinite(frequency) & (frequency > 0)).all():
         raise ConfigurationError("response: frequencies must be finite and above zero, in one row")
-    n = model.mass.shape[-1]
+    n, leading = model.mass.shape[-1], model.mass.shape[:-2]
     parts = (model.mass, model.damping, model.stiffness)
     matrices = [np.array(part, dtype=np.float64, order="C").reshape(-1, n, n) for part in parts]
-    position = np.empty((len(matrices[0]), len(frequency), rows, model.n_axis), dtype=np.complex128)
-    position_response(*matrices, frequency, position)
-    return position.reshape(*model.mass.shape[:-2], *position.shape[1:]), frequency
+    shape = (len(matrices[0]), len(frequency))
+    position = np.empty((*shape, model.n_axis, model.n_axis), dtype=np.complex128)
+    deflection = np.empty((*shape, len(springs), model.n_axis), dtype=np.complex128)
+    position_response(*matrices, frequency, *padded_rows(springs), position, deflection)
+    rows = (*leading, len(frequency))
+    return (
+        position.reshape(*rows, *position.shape[2:]),
+        deflection.reshape(*rows, *deflection.shape[2:]),
+        frequency,
+    )
 
 
 def _sampled(
@@ -114,25 +125,28 @@ def _sampled(
 
 
 @kernel
-def position_response(mass, damping, stiffness, omega, position):  # type: ignore[no-untyped-def]
-    """First rows of Z(w)^-1 B for every configuration and frequency; B takes the first coordinates.
+def position_response(  # type: ignore[no-untyped-def]
+    mass, damping, stiffness, omega, spring_column, spring_value, position, deflection
+):
+    """Motor angles, and deflections of springs, over motor torque for every configuration and frequency.
 
-    Z = U D U^T from the last coordinate up: the right-hand sides are then nonzero in the last block only.
-    Without pivoting: damping keeps the pivots off zero (growth is bounded by one over the damping ratio).
-
-    Parameters are contiguous arrays: (n_config, n, n) three times, (n_freq,), (n_config, n_freq, rows, n_axis).
+    Z = U D U^T from the last coordinate up: right-hand sides are then nonzero in the first block only, and only the
+    first block is needed where no deflection is asked for. Without pivoting: damping keeps the pivots off zero
+    (growth is bounded by one over the damping ratio). Contiguous arrays: (n_config, n, n) three times, (n_freq,),
+    `padded_rows` of the spring directions, (n_config, n_freq, n_axis, n_axis), (n_config, n_freq, n_spring, n_axis).
     """
-    n, rows, n_axis = mass.shape[1], position.shape[2], position.shape[3]
+    n, n_axis, n_spring = mass.shape[1], position.shape[2], deflection.shape[2]
+    rows = n if n_spring > 0 else n_axis
     z = np.empty((n, n), dtype=np.complex128)
     inverse = np.empty(n, dtype=np.complex128)
+    x = np.empty(n, dtype=np.complex128)
     for config in range(mass.shape[0]):
         for line in range(omega.shape[0]):
             w = omega[line]
             for i in range(n):
                 for j in range(i + 1):
-                    z[i, j] = complex(
-                        stiffness[config, i, j] - w * w * mass[config, i, j], w * damping[config, i, j]
-                    )
+                    real = stiffness[config, i, j] - w * w * mass[config, i, j]
+                    z[i, j] = complex(real, w * damping[config, i, j])
             for k in range(n - 1, -1, -1):
                 inverse[k] = 1.0 / z[k, k]
                 for i in range(k):
@@ -144,16 +158,20 @@ def position_response(mass, damping, stiffness, omega, position):  # type: ignor
             for motor in range(n_axis):
                 # U y = e_motor upwards, then D, then U^T x = y downwards
                 for i in range(rows):
-                    position[config, line, i, motor] = 0.0
-                position[config, line, motor, motor] = 1.0
+                    x[i] = 0.0
+                x[motor] = 1.0
                 for k in range(motor, -1, -1):
-                    y = position[config, line, k, motor]
                     for i in range(k):
-                        position[config, line, i, motor] -= z[k, i] * y
+                        x[i] -= z[k, i] * x[k]
                 for i in range(motor + 1):
-                    position[config, line, i, motor] *= inverse[i]
+                    x[i] *= inverse[i]
                 for k in range(rows):
-                    x = position[config, line, k, motor]
                     for i in range(k):
-                        x -= z[k, i] * position[config, line, i, motor]
-                    position[config, line, k, motor] = x
+                        x[k] -= z[k, i] * x[i]
+                for i in range(n_axis):
+                    position[config, line, i, motor] = x[i]
+                for s in range(n_spring):
+                    total = 0.0 * x[0]
+                    for e in range(spring_column.shape[1]):
+                        total += spring_value[s, e] * x[spring_column[s, e]]
+                    deflection[config, line, s, motor] = total

@@ -55,7 +55,7 @@ class Controller:
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction at the motor shafts, coulomb tanh(v / speed) + viscous v, every field of shape (n_axis,)."""
+    """Friction at the motor shafts, coulomb tanh(v / speed) + viscous v + offset, every field of shape (n_axis,)."""
 
     coulomb: FloatArray
     """N m."""
@@ -63,6 +63,8 @@ class Friction:
     """N m s/rad."""
     speed: FloatArray
     """rad/s, > 0; below coulomb * step / rotor inertia a motor that comes to rest rattles at that speed."""
+    offset: FloatArray
+    """Constant torque that the motor works against whatever its speed, N m; a rest state does not hold it."""
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,7 @@ def simulate(
         _axes(friction, "coulomb", n_axis),
         _axes(friction, "viscous", n_axis),
         _axes(friction, "speed", n_axis),
+        _axes(friction, "offset", n_axis),
     )
     if not (law[2] > 0).all():
         raise ConfigurationError(
@@ -262,8 +265,10 @@ def _rows(state: SimulationState, name: str, n_lane: int, n_axis: int, order: In
 
 def _axes(values: Controller | Friction, name: str, n_axis: int) -> FloatArray:
     value = np.array(getattr(values, name), dtype=np.float64, order="C")
-    if value.shape != (n_axis,) or not np.isfinite(value).all() or (value < 0).any():
+    signed = name == "offset"
+    if value.shape != (n_axis,) or not np.isfinite(value).all() or ((value < 0).any() and not signed):
+        bound = "" if signed else " >= 0"
         raise ConfigurationError(
-            f"simulate: {name} needs {n_axis} finite numbers >= 0, one an axis; it is {value}"
+            f"simulate: {name} needs {n_axis} finite numbers{bound}, one an axis; it is {value}"
         )
     return value

@@ -49,7 +49,7 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
         spring,
         damper,
         Controller(one * 0.1, one, one, one, one * 10, one * 0),
-        Friction(one * 0.01, one * 0.001, one * 0.1),
+        Friction(one * 0.01, one * 0.001, one * 0.1, one * 0.0),
         rest_state(mechanism, spring, np.zeros((1, 1))),
         np.zeros((1, 2, 1)),
     )

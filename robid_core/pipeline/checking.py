@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import types
 import typing
 from collections import defaultdict
@@ -29,6 +30,7 @@ _NOUNS = {
     "a valid tuple": "a list",
     "a valid dictionary": "a mapping",
 }
+_CONTAINERS = {"List": "list", "Tuple": "list", "Set": "list", "Dictionary": "mapping"}
 _OLD_BOOLEANS = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
 
 
@@ -92,15 +94,26 @@ def _tell(
             found = node.at(location)[0]
             unknown[found[:-1]].append(str(found[-1]))
         else:
-            other[node.at(location)[0]].append(item)
+            other[_place(item, node)].append(item)
     for place in {**unknown, **missing}:
         _tell_keys(unknown[place], missing[place], _keys(model, place), node, path, place, problems)
     for place, items in other.items():
         if not problems.spoils(*path, *place):
-            message, value = _wording(items), items[0].get("input")
+            message, value = (
+                _wording(items).removeprefix(f"{place[-1]}: " if place else ""),
+                items[0].get("input"),
+            )
             if isinstance(value, str) and items[0]["type"] == "model_type" and "use" in _keys(model, place):
                 message += f"; write `{{use: {_short(value)}}}`"
             problems.add(node.at(place)[1], (*path, *place), message)
+
+
+def _place(item: Mapping[str, Any], node: Node) -> Path:
+    """Return where an error stands; one of the whole mapping that begins `key: ` is meant for that key."""
+    place = node.at(tuple(item["loc"]))[0]
+    key = _message(item).partition(": ")[0]
+    inside = node.find(place)
+    return (*place, key) if item["type"] == "value_error" and inside and inside.get(key) else place
 
 
 def _tell_keys(
@@ -193,6 +206,7 @@ def _message(item: Mapping[str, Any]) -> str:
         return text.partition(", ")[2]
     for theirs, ours in _NOUNS.items():
         text = text.replace(theirs, ours)
+    text = re.sub("^(List|Tuple|Set|Dictionary) ", lambda noun: f"This {_CONTAINERS[noun[1]]} ", text)
     return " ".join(text.replace(" after validation", "").split())
 
 

@@ -106,17 +106,26 @@ def read_document(text: str, problems: ProblemList) -> Node | None:
     except _Hopeless:
         return None
     except MarkedYAMLError as error:
-        at = error.problem_mark or error.context_mark
-        mark = Mark(at.line + 1, at.column + 1) if at is not None else Mark(1, 1)
-        reason = " ".join(str(error.problem or error.context).split())
-        problems.add(
-            mark, (), f"not YAML: {reason}; check indentation, quotes and brackets before this place"
-        )
+        _tell_syntax(error, problems)
         return None
     except YAMLError as error:
         problems.add(Mark(1, 1), (), f"not YAML: {' '.join(str(error).split())}")
         return None
     return _Composer(events, problems).document()
+
+
+def _tell_syntax(error: MarkedYAMLError, problems: ProblemList) -> None:
+    """Report what the parser stumbled over; what never ends is told where it begins."""
+    reason, begun, at = str(error.problem or error.context), "", error.problem_mark or error.context_mark
+    if error.context and error.context_mark is not None:
+        endless = "end of stream" in reason
+        begun = f", {error.context}" + (
+            "" if endless else f" that begins at line {error.context_mark.line + 1}"
+        )
+        at = error.context_mark if endless else at
+    mark = Mark(at.line + 1, at.column + 1) if at is not None else Mark(1, 1)
+    hint = "check indentation, quotes and brackets before this place"
+    problems.add(mark, (), f"not YAML: {' '.join((reason + begun).split())}; {hint}")
 
 
 class _Hopeless(Exception):

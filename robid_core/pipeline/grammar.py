@@ -117,7 +117,7 @@ def _mend(node: Node, model: type[Settings], path: Path, problems: ProblemList) 
             )
         if meant is not None:
             problems.add(node.keys[key], (*path, key), f"unknown key '{key}'; did you mean '{meant}'?")
-            if isinstance(entry.value, dict) != (meant in _TABLES):
+            if entry.value is None or isinstance(entry.value, dict) != (meant in _TABLES):
                 problems.spoiled.add((*path, meant))
         entries[meant or key] = entry
         keys[meant or key] = node.keys[key]

@@ -28,7 +28,7 @@ def controller_of(robot: Robot) -> Controller:
 def friction_of(robot: Robot) -> Friction:
     """Coulomb, viscous and constant friction of the motors."""
     d = robot.drives
-    return Friction(d.coulomb, d.viscous, d.friction_speed)
+    return Friction(d.coulomb, d.viscous, d.friction_speed, d.friction_offset)
 
 
 def sensor_noise(

@@ -1,8 +1,8 @@
 """A plant known in closed form, and records of it that are exact but for the noise that is asked for.
 
 Masses, springs and dampers: ``M a + D v + K x = B torque``, so ``G = (i w)^2 (K + i w D - w^2 M)^-1 B`` from torque
-to acceleration, which is not symmetric. A record is made in the frequency domain at the excited lines and turned into samples: it is
-periodic, in steady state, and has energy at no other line.
+to acceleration, which is not symmetric. A record is made in the frequency domain at the excited lines and turned
+into samples: it is periodic, in steady state, and has energy at no other line.
 """
 
 from __future__ import annotations

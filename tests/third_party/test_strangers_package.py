@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -53,7 +54,7 @@ def test_the_package_is_explained(stranger: dict[str, str], project: Path) -> No
     done = robid("stages", "frf.etfe", project=project, environment=stranger)
     assert done.returncode == 0
     assert "takes record: Record; makes Frf" in done.stdout
-    assert "discard  integer >= 0  0        Leading periods dropped as transient." in done.stdout
+    assert "discard  integer >= 0  0  Leading periods dropped as transient." in done.stdout
 
 
 def test_its_mistakes_are_told_like_any_other(stranger: dict[str, str], project: Path) -> None:
@@ -62,7 +63,7 @@ def test_its_mistakes_are_told_like_any_other(stranger: dict[str, str], project:
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr == (
-        "pipeline.yaml:12:30: stages.frf.with.discrad: unknown key 'discrad'; did you mean 'discard'?\n"
+        "pipeline.yaml:12:31: stages.frf.with.discrad: unknown key 'discrad'; did you mean 'discard'?\n"
     )
 
 
@@ -73,8 +74,6 @@ def test_the_schema_knows_it(stranger: dict[str, str], project: Path) -> None:
 
 
 def test_without_the_package_the_file_is_refused_before_anything_runs(project: Path) -> None:
-    import os
-
     done = robid("validate", project=project, environment=dict(os.environ))
     assert done.returncode == 2
     assert done.stderr.startswith("pipeline.yaml:12:9: stages.frf.use: no stage 'frf.etfe'; ")

@@ -1,8 +1,7 @@
 """One virtual drive, spoken to in bytes: NMT, heartbeat, EMCY, and its objects."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from robid_can.drive import DriveNode
 from robid_can.drive.state_machine import State

@@ -4,8 +4,7 @@ import binascii
 import struct
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from robid_can.dictionary import virtual_drive_dictionary
 from robid_can.drive.objects import ObjectStore

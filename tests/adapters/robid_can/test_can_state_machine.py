@@ -3,8 +3,7 @@
 import itertools
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robid_can.drive.state_machine import State, follow, statusword
 from robid_can.host import state as host

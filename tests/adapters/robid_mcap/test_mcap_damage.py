@@ -60,8 +60,7 @@ def test_A01_file_cut_anywhere_gives_every_whole_chunk_and_says_what_is_missing(
     for cut in sorted({*range(0, len(data), 997), *range(0, 400, 7), *range(len(data) - 60, len(data), 5)}):
         try:
             record, told = read(tmp_path / "cut.mcap", data[:cut], caplog)
-        except DataRejected as error:
-            assert "A01" in str(error)
+        except DataRejected:
             refused = cut
             continue
         assert_no_wrong_sample(record, truth)
@@ -70,6 +69,9 @@ def test_A01_file_cut_anywhere_gives_every_whole_chunk_and_says_what_is_missing(
             assert f"recovered {counts[-1]} of 6000 samples" in told
         assert "A01" in told or cut > len(data) - 10  # the end mark's last bytes carry nothing
     assert refused < 1000  # only where the plan itself is cut off
+    (tmp_path / "cut.mcap").write_bytes(data[:refused])
+    with pytest.raises(DataRejected, match="A01"):
+        McapRecords.read_record(tmp_path / "cut.mcap")
     assert counts == sorted(counts)
     assert counts[0] == 0
     assert counts[-1] == 6000
@@ -144,7 +146,9 @@ def hostile_files():
         ),
         "record of an enormous length": struct.pack("<BQ", 5, 2**60),
         "string of an enormous length": record_bytes(3, struct.pack("<HI", 1, 2**31) + b"abc"),
-        "metadata of an enormous length": record_bytes(12, struct.pack("<I", 1) + b"x" + struct.pack("<I", 2**31)),
+        "metadata of an enormous length": record_bytes(
+            12, struct.pack("<I", 1) + b"x" + struct.pack("<I", 2**31)
+        ),
         "attachment of an enormous length": record_bytes(9, struct.pack("<QQI", 0, 0, 2**32 - 1)),
         "record that nobody knows": record_bytes(200, b"abc"),
         "empty record of every kind": b"".join(record_bytes(kind, b"") for kind in range(1, 16)),
@@ -197,8 +201,12 @@ def test_foreign_protobuf_with_imports_and_nested_messages_is_decoded(tmp_path):
     with path.open("wb") as out:
         writer = Writer(out)
         writer.start()
-        channel = writer.register_channel("/j", "protobuf", writer.register_schema("p.Joint", "protobuf", schema_data))
-        odd = writer.register_channel("/odd", "protobuf", writer.register_schema("p.No", "protobuf", b"\xff\xff"))
+        channel = writer.register_channel(
+            "/j", "protobuf", writer.register_schema("p.Joint", "protobuf", schema_data)
+        )
+        odd = writer.register_channel(
+            "/odd", "protobuf", writer.register_schema("p.No", "protobuf", b"\xff\xff")
+        )
         raw = writer.register_channel("/raw", "ros1", 0)
         writer.add_message(channel, 10**9, wire, 0)
         writer.add_message(channel, 2 * 10**9, b"\xff\xff", 0)  # cannot be decoded

@@ -170,9 +170,13 @@ def test_readers_of_others_find_scalars_with_their_unit_in_the_name(tmp_path, pl
 def test_plain_channels_are_read_by_name_with_their_times(tmp_path, plan):
     traces = traces_of(plan)
     channels = McapRecords.read(write(tmp_path / "a.mcap", plan, traces))
-    assert {"/axis_1.position_rad", "/axis_1.torque_nm", "/axis_1.log_time_s", "/can/bulk.frames"} <= set(channels)
+    assert {"/axis_1.position_rad", "/axis_1.torque_nm", "/axis_1.log_time_s", "/can/bulk.frames"} <= set(
+        channels
+    )
     assert channels["/axis_1.log_time_s"].shape == channels["/axis_1.position_rad"].shape
-    np.testing.assert_array_equal(channels["/axis_1.position_rad"][:70], traces[0, 0, 0].position.reshape(-1, 2)[::20, 0])
+    np.testing.assert_array_equal(
+        channels["/axis_1.position_rad"][:70], traces[0, 0, 0].position.reshape(-1, 2)[::20, 0]
+    )
     assert set(channels["/can/frames.identifier"].tolist()) == {0x701}
 
 
@@ -190,11 +194,30 @@ def test_A14_disk_that_is_full_stops_the_run_with_a_line(tmp_path, plan, monkeyp
     def full(data):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(log._sink, "write", full)
     traces = traces_of(plan)
-    with pytest.raises(MotionAborted, match=r"A14: the raw log .*a\.mcap\.part cannot be written \(No space left"):
+
+    def write_all():
         for place, trace in traces.items():
             log.trace(place, "x", trace)
+
+    write_all()
+    monkeypatch.setattr(log._sink, "write", full)
+    with pytest.raises(
+        MotionAborted, match=r"A14: the raw log .*a\.mcap\.part cannot be written \(No space left"
+    ):
+        write_all()
+    log.close(complete=False)  # what broke it off is told, not that it cannot be finished either
+    record = McapRecords.read_record(tmp_path / "a.mcap.part")
+    assert record.run.valid[0, 0, 0].sum() > 0  # what was written stays readable
+
+
+def test_complete_log_that_cannot_be_finished_is_told(tmp_path, plan, monkeypatch):
+    log = McapRecords.create(tmp_path / "a.mcap")
+    log.plan(plan)
+    monkeypatch.setattr(log._sink, "write", lambda data: (_ for _ in ()).throw(OSError(28, "No space left")))
+    with pytest.raises(StoreError, match="A14"):
+        log.close(complete=True)
+    assert not (tmp_path / "a.mcap").exists()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="folders without permission are made differently elsewhere")
@@ -210,7 +233,11 @@ def test_values_are_packed_as_increments_only_where_nothing_is_lost():
     assert pack(exact, unit).type == "<i4"
     assert pack(exact[:1], unit).type == "<i2"
     assert unpack(pack(exact, unit), 2).tobytes() == exact.tobytes()
-    for values in (exact + 1e-18 * np.array([[0, 0], [1, 1]]) + 1e-9, np.array([[np.nan, 0.0]]), 1e12 * exact):
+    for values in (
+        exact + 1e-18 * np.array([[0, 0], [1, 1]]) + 1e-9,
+        np.array([[np.nan, 0.0]]),
+        1e12 * exact,
+    ):
         packed = pack(values, unit)
         assert packed.type == "<f8"
         np.testing.assert_array_equal(unpack(packed, 2), values)

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from robid_core import ConfigurationError, Context, Robot
 from robid_core.stage import map_in_process
+from robid_core.testing import check_stage
 from robid_design.candidates import RandomCandidates, draw_configurations, latin_hypercube
 
 
@@ -74,3 +75,7 @@ def test_where_hardly_any_configuration_will_do_it_says_so() -> None:
 def test_settings_that_cannot_be_are_refused(settings: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         RandomCandidates(**settings)
+
+
+def test_the_contract_of_stages_is_kept() -> None:
+    check_stage(RandomCandidates, count=3)

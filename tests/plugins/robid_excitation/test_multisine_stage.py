@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from robid_core import ConfigurationError, Configurations, Context, MotionRefused, Robot, clear_motion
 from robid_core.stage import map_in_process
+from robid_core.testing import check_stage
 from robid_excitation.multisine import Multisine, missed_resonances, speed_of_torque
 from robid_excitation.prediction import motor_speed, slow_part
 
@@ -39,10 +40,15 @@ def context(seed: int = 1) -> Context:
     return Context(np.random.default_rng(seed), map_in_process, lambda done, total, note="": None, log)
 
 
+def run(stage: Multisine, standing: Configurations, robot: Robot, seed: int = 1) -> Any:
+    """Run the stage; the predictions are there."""
+    return stage.run(standing, robot, context(seed))
+
+
 def test_references_have_the_lines_and_the_sine_that_were_asked_for(
     robot: Robot, standing: Configurations
 ) -> None:
-    excitation: Any = Multisine(**SETTINGS).run(standing, robot, context())
+    excitation = run(Multisine(**SETTINGS), standing, robot)
     assert excitation.reference.shape == (2, 2, 1, 2000, 1)
     assert excitation.slow_sine_bin == 2
     assert excitation.slow_sine_speed.tolist() == [9.0]
@@ -59,7 +65,7 @@ def test_references_have_the_lines_and_the_sine_that_were_asked_for(
 
 
 def test_same_seed_gives_the_same_bytes(robot: Robot, standing: Configurations) -> None:
-    first, again, other = (Multisine(**SETTINGS).run(standing, robot, context(seed)) for seed in (1, 1, 2))
+    first, again, other = (run(Multisine(**SETTINGS), standing, robot, seed) for seed in (1, 1, 2))
     assert first.reference.tobytes() == again.reference.tobytes()
     assert first.predicted_torque.tobytes() == again.predicted_torque.tobytes()
     assert first.reference.tobytes() != other.reference.tobytes()
@@ -68,7 +74,7 @@ def test_same_seed_gives_the_same_bytes(robot: Robot, standing: Configurations) 
 def test_predicted_motion_is_within_the_limits_and_passes_the_gate(
     robot: Robot, standing: Configurations
 ) -> None:
-    excitation: Any = Multisine(**SETTINGS).run(standing, robot, context())
+    excitation = run(Multisine(**SETTINGS), standing, robot)
     assert (excitation.predicted_torque <= 0.9 * robot.drives.torque_limit).all()
     assert (excitation.predicted_torque > np.abs(robot.gravity_torque(standing.angle))).all()
     assert (excitation.predicted_speed > 9.0).all()
@@ -84,7 +90,7 @@ def test_torque_of_the_simulated_robot_is_flat_and_as_large_as_asked(
 ) -> None:
     # Rigid below the first resonance at 18 Hz, the rotor alone far above: flat within the ratio of both
     # inertias (2.4) is what a formula without resonances can give.
-    excitation: Any = Multisine(**{**SETTINGS, "slow_sine_rad_s": 0.0}, torque_share=0.5).run(
+    excitation = Multisine(**{**SETTINGS, "slow_sine_rad_s": 0.0}, torque_share=0.5).run(
         standing, robot, context()
     )
     reference = np.concatenate([excitation.reference[0, :, 0]] * 2, axis=1)
@@ -96,7 +102,7 @@ def test_torque_of_the_simulated_robot_is_flat_and_as_large_as_asked(
 
 
 def test_motion_has_the_configuration_in_its_middle(robot: Robot, standing: Configurations) -> None:
-    excitation: Any = Multisine(**SETTINGS).run(standing, robot, context())
+    excitation = run(Multisine(**SETTINGS), standing, robot)
     start = robot.motor_angle(standing.angle[0]) - excitation.start_offset(0)[:, 0]
     reference = np.concatenate([excitation.realization(0)[:, 0]] * 2, axis=1)
     position = robot.simulate(reference, robot.joint_angle(start)).position[:, 2000:]
@@ -123,7 +129,7 @@ def test_what_breaks_a_limit_is_refused_with_an_amplitude_that_does_not(
     standing = Configurations(robot.axis_names, np.array([[0.0]]))
     settings = {**SETTINGS, **changes}
     with pytest.raises(MotionRefused, match=limit) as refusal:
-        Multisine(**settings).run(standing, robot, context())
+        run(Multisine(**settings), standing, robot)
     message = str(refusal.value)
     assert "axis_1 would reach" in message
     assert "nothing has moved" in message
@@ -131,7 +137,7 @@ def test_what_breaks_a_limit_is_refused_with_an_amplitude_that_does_not(
         name: float(value) for name, value in re.findall(r"(\w+): ([0-9.e-]+)", message.split("moved; ")[1])
     }
     assert "speed_rms_rad_s" in advice
-    cleared: Any = Multisine(**{**settings, **advice}).run(standing, robot, context())
+    cleared = run(Multisine(**{**settings, **advice}), standing, robot)
     assert (cleared.predicted_torque <= 18).all()
     assert (cleared.predicted_speed <= 360).all()
 
@@ -142,12 +148,10 @@ def test_advice_holds_for_the_default_amplitude_too(robot: Robot, monkeypatch: p
     with pytest.raises(
         MotionRefused, match="motor torque of .* allowed.*torque_share: [0-9.]+ would fit"
     ) as refusal:
-        Multisine(**SETTINGS).run(standing, robot, context())
+        run(Multisine(**SETTINGS), standing, robot)
     share = float(str(refusal.value).split("torque_share: ")[1].split()[0])
     assert share < 0.5
-    assert (
-        Multisine(**SETTINGS, torque_share=share).run(standing, robot, context()).predicted_torque <= 18
-    ).all()
+    assert (run(Multisine(**SETTINGS, torque_share=share), standing, robot).predicted_torque <= 18).all()
 
 
 def test_a_pose_at_its_limit_is_refused_by_name(robot: Robot) -> None:
@@ -155,18 +159,17 @@ def test_a_pose_at_its_limit_is_refused_by_name(robot: Robot) -> None:
     with pytest.raises(
         MotionRefused, match="axis_1 would reach a motor angle of .* beyond its upper limit of 200 rad"
     ):
-        Multisine(**SETTINGS).run(edge, robot, context())
+        run(Multisine(**SETTINGS), edge, robot)
 
 
 def test_torque_that_gravity_needs_is_left_free(robot: Robot) -> None:
     # The arm held level needs 1.97 N m of 20; with a tenth of the limit as margin nothing may move.
     level = Configurations(robot.axis_names, np.array([[np.pi / 2]]))
     with pytest.raises(MotionRefused, match="no amplitude fits: move the configuration"):
-        Multisine(**SETTINGS, margin=0.09).run(level, robot, context())
+        run(Multisine(**SETTINGS, margin=0.09), level, robot)
     # The default amplitude yields to it instead of being refused.
     assert (
-        Multisine(**SETTINGS, margin=0.35, torque_share=0.9).run(level, robot, context()).predicted_torque
-        <= 7
+        run(Multisine(**SETTINGS, margin=0.35, torque_share=0.9), level, robot).predicted_torque <= 7
     ).all()
 
 
@@ -181,10 +184,10 @@ def test_resonances_between_the_lines_are_told(
     omega = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max())
     assert missed[0] == pytest.approx(omega / (2 * np.pi), rel=0.01)
     assert missed[1] < missed[2]
-    Multisine(**SETTINGS).run(standing, robot, context())
+    run(Multisine(**SETTINGS), standing, robot)
     assert "may fall between the lines" in caplog.text
     caplog.clear()
-    Multisine(**{**SETTINGS, "period_s": 8.0, "lines": 100}).run(standing, robot, context())
+    run(Multisine(**{**SETTINGS, "period_s": 8.0, "lines": 100}), standing, robot)
     assert "between the lines" not in caplog.text
 
 
@@ -206,13 +209,14 @@ def test_settings_that_cannot_be_are_refused(changes: dict[str, Any], message: s
 
 
 def test_settings_that_do_not_suit_the_robot_are_refused(robot: Robot, standing: Configurations) -> None:
-    for changes, message in [
+    cases: list[tuple[dict[str, Any], str]] = [
         ({"period_s": 2.0003}, "period_s: 2.0003 s is not an even number .* 2 s is"),
         ({"band_hz": (4.0, 600.0)}, "600 Hz is not below half the sampling rate of one_axis, 500 Hz"),
         ({"axis_scale": (1.0, 2.0)}, "2 factors for the 1 axes of one_axis"),
-    ]:
+    ]
+    for changes, message in cases:
         with pytest.raises(ConfigurationError, match=message):
-            Multisine(**{**SETTINGS, **changes}).run(standing, robot, context())
+            run(Multisine(**{**SETTINGS, **changes}), standing, robot)
     loose = robot.description.model_copy(deep=True)
     axis = loose.axes["axis_1"].model_copy(
         update={"controller": loose.axes["axis_1"].controller.model_copy(update={"speed_gain": 0.0})}
@@ -258,3 +262,26 @@ def test_slow_and_fast_parts_are_told_apart() -> None:
     speed = motor_speed((slow + fast)[:, None], np.array([9, 15]), 0.01)  # period 2 s
     expected = -np.pi * 2 * 2 * np.sin(2 * np.pi * 2 * time) + np.pi * 9 * np.cos(2 * np.pi * 9 * time)
     assert speed[:, 0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_contract_of_stages_is_kept() -> None:
+    check_stage(Multisine, band_hz=(4.0, 40.0), lines=12, period_s=2.0, blocks=2, slow_sine_rad_s=9.0)
+
+
+def test_six_axes_are_asked_for_orthogonal_torques_within_their_limits() -> None:
+    robot = Robot.load("six_axis")
+    standing = Configurations(robot.axis_names, np.array([[0.3, 0.2, -0.4, 0.5, 0.7, 0.1]]))
+    excitation = run(Multisine(**SETTINGS), standing, robot)
+    assert excitation.reference.shape == (1, 2, 6, 2000, 6)
+    u = np.moveaxis(np.fft.rfft(excitation.reference[0], axis=2)[:, :, excitation.line], 1, -1)
+    gram = u @ u.conj().swapaxes(-1, -2)
+    size = np.sqrt(np.einsum("mkii->mki", gram).real)
+    assert np.abs(gram / (size[..., :, None] * size[..., None, :]) - np.eye(6)).max() < 1e-9
+    # Half of the limit for the multisine, gravity and friction beside it.
+    share = excitation.predicted_torque[0] / robot.drives.torque_limit
+    assert (share > 0.35).all()
+    assert (share <= 0.9).all()
+    # The slow sine's phases differ between blocks and axes, not between the experiments of a block.
+    slow = np.angle(np.fft.rfft(excitation.reference[0], axis=2)[:, :, 2])
+    assert np.abs(slow - slow[:, :1]).max() < 1e-9
+    assert np.diff(np.sort(slow[:, 0].ravel())).min() > 1e-6

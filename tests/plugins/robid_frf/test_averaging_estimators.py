@@ -12,7 +12,6 @@ from scipy import stats
 
 from robid_core import (
     Channel,
-    ComplexArray,
     Context,
     DataRejected,
     DenseRun,
@@ -24,6 +23,7 @@ from robid_core import (
 from robid_core.estimation.covariance import confidence_radius
 from robid_core.estimation.multisine import logarithmic_odd_lines, multisine, sine
 from robid_core.stage import map_in_process
+from robid_core.testing import check_stage
 from robid_frf.h1 import H1
 from robid_frf.logarithmic import LogarithmicMean
 
@@ -227,12 +227,12 @@ def test_what_cannot_be_stated_is_said() -> None:
         assert frf.pooling.endswith("noise: none stated, a single period was kept")
     # One block with an experiment to spare states it.
     spare, _ = recording(n=2, n_block=1, n_exp=3, position_noise=1e-6)
-    frf: Any = H1().run(spare, context())
+    frf = H1().run(spare, context())
     assert frf.has_covariance
     assert "3 experiments for 2 inputs, 1 to spare, pooled over 9 lines" in frf.pooling
     # Blocks without an experiment per input have no response of their own; together they do.
     halves, _ = recording(n=2, n_block=4, n_exp=1)
-    frf: Any = H1().run(halves, context())
+    frf = H1().run(halves, context())
     assert frf.block_response is None
     assert np.abs(frf.response - truth).max() < 1e-9 * np.abs(truth).max()
     with pytest.raises(PoorExcitation, match="1 experiments cannot separate 2 inputs"):
@@ -275,6 +275,14 @@ def test_a_drift_from_period_to_period_is_told(caplog: pytest.LogCaptureFixture)
     H1().run(changed(record, "motor_position", drift), context())
     assert "axis_2 drifts from period to period" in caplog.text
     assert "axis_1 drifts" not in caplog.text
+
+
+@pytest.mark.parametrize("form", [None, "matrix", "element"])
+def test_the_contract_of_stages_is_kept(form: str | None) -> None:
+    if form is None:
+        check_stage(H1, for_axes=(1, 2))
+    else:
+        check_stage(LogarithmicMean, for_axes=(1, 6) if form == "matrix" else (2,), form=form)
 
 
 def test_same_record_gives_the_same_bytes() -> None:

@@ -70,3 +70,9 @@ def test_leakage_of_a_drift_is_what_the_transform_of_a_ramp_says() -> None:
     line = 0.5 * 1.5 / (2 * np.pi * LINE / (N * STEP))
     assert drift_leakage(motion, LINE)[1] == pytest.approx((ramp / line).max(), rel=0.01)
     assert drift_leakage(motion[:, :1], LINE).tolist() == [0.0, 0.0]  # one period cannot tell
+
+
+def test_noise_is_no_drift() -> None:
+    generator = np.random.default_rng(5)
+    motion = position(7.0, 2, 0.01, generator) + 0.1 * generator.standard_normal((2, 3, N, 2))
+    assert drift_leakage(motion, LINE).tolist() == [0.0, 0.0]

@@ -42,10 +42,17 @@ def _draw_chain(rng: np.random.Generator, n: int, tree: bool) -> Chain:
     mass = rng.uniform(0.5, 3.0, n)
     if n > 3:  # bodies without mass stand before elastic coordinates
         mass[1], inertia[1] = 0.0, np.zeros((3, 3))
+    axis /= np.linalg.norm(axis, axis=1)[:, None]
+    for j in range(
+        0, n, 2
+    ):  # every other joint turns or slides along an axis of its frame, as most robots' do
+        axis[j] = np.eye(3)[rng.integers(3)]
+        if rng.random() < 0.5:
+            rotation[j] = np.eye(3)
     return Chain(
         parent=np.array([-1] + [int(rng.integers(-1 if tree else j - 1, j)) for j in range(1, n)]),
         joint_type=rng.integers(0, 2, n),
-        axis=axis / np.linalg.norm(axis, axis=1)[:, None],
+        axis=axis,
         rotation=np.array(rotation),
         translation=rng.normal(size=(n, 3)),
         mass=mass,

@@ -50,7 +50,8 @@ def test_forces_balance_at_rest_for_every_kind_of_axis(three_axis: Any, half_rig
         rest = solve_equilibrium(mechanism, arm.stiffness, motor)
         np.testing.assert_array_equal(rest.position[:, : mechanism.n_axis], motor)
         np.testing.assert_allclose(rest.joint, rest.position @ mechanism.constraint_map.T, rtol=1e-14)
-        friction = (np.zeros(mechanism.n_axis), np.zeros(mechanism.n_axis), np.ones(mechanism.n_axis))
+        none = np.zeros(mechanism.n_axis)
+        friction = (none, none, none + 1, none)
         for z, torque in zip(rest.position, rest.torque, strict=True):
             moved = acceleration_by_solving(
                 mechanism, arm.stiffness, arm.damping, friction, z, np.zeros_like(z), torque
@@ -80,6 +81,11 @@ def test_a_spring_too_weak_for_a_mass_overhead_is_refused_by_name() -> None:
     solve_equilibrium(mechanism, stiffness, overhead)
     with pytest.raises(NotTrustworthy, match="coordinate 'swing'.*-0.01 N m/rad"):
         solve_equilibrium(mechanism, stiffness - 0.02, overhead)
+
+
+def test_a_joint_that_nothing_holds_is_refused_by_name(two_mass: Any) -> None:
+    with pytest.raises(NotTrustworthy, match="coordinate 'axis_1': stiffness with gravity is 0"):
+        solve_equilibrium(two_mass.mechanism, np.zeros(1), np.zeros((1, 1)))
 
 
 def test_spring_constants_of_the_wrong_number_or_sign_are_refused(three_axis: Any) -> None:

@@ -28,7 +28,7 @@ def test_state_space_is_the_slope_of_the_nonlinear_model(name: str, request: pyt
     mechanism = arm.mechanism
     n, n_axis = mechanism.n_coordinate, mechanism.n_axis
     viscous = np.linspace(0.01, 0.03, n_axis)
-    friction = (np.zeros(n_axis), viscous, np.ones(n_axis))
+    friction = (np.zeros(n_axis), viscous, np.ones(n_axis), np.zeros(n_axis))
     z, torque = _at_rest(arm)
     model = linear_model(mechanism, arm.stiffness, arm.damping, z, motor_damping=viscous)
 

@@ -35,7 +35,7 @@ def _controller(n_axis: int, **gains: Any) -> Controller:
 
 def _friction(n_axis: int, coulomb: Any = 0.0, viscous: Any = 0.0, speed: float = 0.1) -> Friction:
     zero = np.zeros(n_axis)
-    return Friction(zero + coulomb, zero + viscous, zero + speed)
+    return Friction(zero + coulomb, zero + viscous, zero + speed, zero)
 
 
 def _motor_angles(arm: Any, n_lane: int = 1) -> Any:
@@ -115,8 +115,8 @@ def test_free_motion_follows_scipys_integrator(
     arm = request.getfixturevalue(name)
     mechanism = arm.mechanism
     n_axis, n = mechanism.n_axis, mechanism.n_coordinate
-    friction = _friction(n_axis, 0.02, 0.004, speed=2.0)
-    law = (friction.coulomb, friction.viscous, friction.speed)
+    friction = replace(_friction(n_axis, 0.02, 0.004, speed=2.0), offset=np.linspace(-0.4, 0.3, n_axis))
+    law = (friction.coulomb, friction.viscous, friction.speed, friction.offset)
     start = rest_state(mechanism, arm.stiffness, _motor_angles(arm))
     torque = np.linspace(2.0, -1.5, n_axis)
     duration = 40

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, model_validator
 
 from robid_core import (
     Acquisition,
@@ -52,6 +52,12 @@ class Multisine(ExcitationDesign):
     odd: bool = True
     """Odd bins only."""
 
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.band_hz[0] >= self.band_hz[1]:
+            raise ValueError(f"band_hz: {self.band_hz[0]:g} Hz is not below {self.band_hz[1]:g} Hz")
+        return self
+
     def run(self, robot: Robot, configurations: Configurations) -> Excitation:
         raise NotImplementedError
 
@@ -83,6 +89,10 @@ class Recorded(Acquisition):
     """The recording."""
     channels: ProjectPath | None = None
     filters: tuple[Filter, ...] = ()
+    reader: str = ""
+
+    def uses(self) -> list[tuple[str, str]]:
+        return [("robid.records", self.reader)] if self.reader else []
 
     def run(self) -> Record:
         raise NotImplementedError

@@ -65,6 +65,30 @@ def test_the_text_itself_is_right(load: Callable[..., Pipeline]) -> None:
     assert len(KEYS) > 40
 
 
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_damage_to_a_file_is_a_traceback(load: Callable[..., Pipeline], data: st.DataObject) -> None:
+    text = TEXT
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(text)))
+        end = data.draw(st.integers(start, min(len(text), start + 30)))
+        piece = data.draw(
+            st.sampled_from(
+                ["", " ", "\n", "{", "}", "[", "*a", "&a ", ": ", "- ", "null", "-1", "'", "fit", "~"]
+            )
+        )
+        text = text[:start] + piece + text[end:]
+    try:
+        load(text)
+    except PipelineProblems as error:
+        places = [(problem.line, problem.column) for problem in error.problems]
+        assert places == sorted(places)
+        lines = text.splitlines()
+        for line, column in places:
+            assert 1 <= line <= len(lines) + 1
+            assert 1 <= column <= max(len(lines[line - 1]) if line <= len(lines) else 0, 0) + 1
+
+
 @pytest.mark.parametrize("number", range(len(KEYS)), ids=lambda n: ".".join(map(str, KEYS[n][0])))
 @settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())

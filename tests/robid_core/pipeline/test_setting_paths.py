@@ -83,6 +83,21 @@ def test_paths_that_lead_elsewhere_are_refused(
     assert line.startswith("bad.yaml:6:")
 
 
+def test_a_plugin_that_settings_will_need_is_looked_for_now(problems: Read, data: Path) -> None:
+    (line,) = problems(pipeline_text("path: a.csv, reader: tape"), data_root=data)
+    assert line.startswith("bad.yaml:6:10: stages.read.use: no record 'tape'; ")
+
+
+def test_keys_of_nested_settings_are_told_where_they_stand(problems: Read, data: Path) -> None:
+    found = problems(
+        pipeline_text("path: a.csv, filters: [{cutoff_hz: 3}, {cutof_hz: 0}, {cutoff_hz: 0}]"), data_root=data
+    )
+    assert found == [
+        "bad.yaml:6:84: stages.read.with.filters[1].cutof_hz: unknown key 'cutof_hz'; did you mean 'cutoff_hz'?",
+        "bad.yaml:6:99: stages.read.with.filters[2].cutoff_hz: Input should be greater than 0",
+    ]
+
+
 @pytest.mark.parametrize("robot", ["/etc/robot.yaml", "../robot.yaml", "none.yaml", "robots/none"])
 def test_a_robot_outside_the_project_is_refused(problems: Read, data: Path, robot: str) -> None:
     (line,) = problems(pipeline_text("path: a.csv", robot), data_root=data)

@@ -271,9 +271,21 @@ ONE_MISTAKE = {
     "syntax": (
         changed("{count: 4}", "{count: 4"),
         [
-            "bad.yaml:10:9: not YAML: expected ',' or '}', but got ':'; check indentation, quotes and brackets "
-            "before this place"
+            "bad.yaml:10:9: not YAML: expected ',' or '}', but got ':', while parsing a flow mapping that begins "
+            "at line 9; check indentation, quotes and brackets before this place"
         ],
+    ),
+    "quote that does not end": (
+        changed("name: example", 'name: "example'),
+        ["bad.yaml:2:7: not YAML: found unexpected end of stream, while scanning a quoted scalar; check "],
+    ),
+    "no stages": (
+        GOOD[: GOOD.index("stages:")] + "stages: {}\n",
+        ["bad.yaml:6:1: stages: This mapping should have at least 1 item, not 0"],
+    ),
+    "settings that contradict each other": (
+        changed("[4, 80]", "[80, 4]"),
+        ["bad.yaml:12:12: stages.excite.with.band_hz: 80 Hz is not below 4 Hz"],
     ),
     "reference to an unknown stage": (
         changed("{starts: 20}", "{estimator: frf.lgo}"),
@@ -289,7 +301,9 @@ ONE_MISTAKE = {
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"), ONE_MISTAKE.values(), ids=[k.replace(" ", "_") for k in ONE_MISTAKE]
+    ("text", "expected"),
+    ONE_MISTAKE.values(),
+    ids=[k.replace(" ", "_") for k in ONE_MISTAKE],
 )
 def test_one_mistake_is_told_once_at_its_place(text: str, expected: list[str], problems: Read) -> None:
     found = problems(text)

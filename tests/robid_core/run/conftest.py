@@ -25,6 +25,8 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
     world = World(tmp_path)
     monkeypatch.syspath_prepend(world.site)
     monkeypatch.setenv("STRANGE_CALLS", str(world.calls))
-    monkeypatch.setattr("robid_core.run.identity.core_hash", lambda: "core")  # who edits robid now is no matter
+    monkeypatch.setattr(
+        "robid_core.run.identity.core_hash", lambda: "core"
+    )  # who edits robid now is no matter
     yield world
     sys.modules.pop(PACKAGE, None)

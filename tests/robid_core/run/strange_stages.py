@@ -101,9 +101,14 @@ class Measure(Acquisition):
         if self.fault:
             raise RuntimeError(self.fault)
         shape = (n_config, 1, 1, 1, 64, n_axis)
-        values = context.generator.normal(size=shape) * self.noise + configurations.angle[:, None, None, None, None]
+        values = (
+            context.generator.normal(size=shape) * self.noise
+            + configurations.angle[:, None, None, None, None]
+        )
         channel = Channel("motor", "rad", values)
-        run = DenseRun(0.001, {"motor_position": channel}, np.arange(64) * 0.001, np.ones(shape[:-1], dtype=bool))
+        run = DenseRun(
+            0.001, {"motor_position": channel}, np.arange(64) * 0.001, np.ones(shape[:-1], dtype=bool)
+        )
         return Record(configurations.axis_names, "strange", "zero_order_hold", (run,), configurations.angle)
 
 
@@ -123,7 +128,14 @@ class Respond(FrfEstimator):
         if self.digits is not None:
             response = np.round(response, self.digits)
         return Frf(
-            record.axis_names, "strange", "none", 0.001, "zero_order_hold", record.angle, np.array([1.0]), response
+            record.axis_names,
+            "strange",
+            "none",
+            0.001,
+            "zero_order_hold",
+            record.angle,
+            np.array([1.0]),
+            response,
         )
 
 
@@ -205,7 +217,9 @@ class Page(ReportStage):
         called("page")
         true = truth.value[0] if truth is not None else "?"
         chosen = "chosen" if design is not None else "no design"
-        return Report(f"<h1>{self.title}</h1><p>{fit.parameters.estimate[0]!r} {true} {fit.status} {chosen}</p>")
+        return Report(
+            f"<h1>{self.title}</h1><p>{fit.parameters.estimate[0]!r} {true} {fit.status} {chosen}</p>"
+        )
 
 
 class Simulated(Drives):

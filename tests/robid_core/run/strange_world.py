@@ -13,8 +13,7 @@ from typing import Any
 
 from robid_core.pipeline import Pipeline
 from robid_core.registry import Registry
-from robid_core.run import Listener, RunOptions, RunResult, run_pipeline
-from robid_core.run import sources
+from robid_core.run import Listener, RunOptions, RunResult, run_pipeline, sources
 from robid_core.store import Files, Store
 
 HERE = Path(__file__).parent

@@ -22,7 +22,9 @@ def states(world: Any) -> list[str]:
 
 
 def test_nothing_moves_unless_somebody_is_at_the_robot(robot_world: Any) -> None:
-    with pytest.raises(MotionRefused, match=r"stage acquire: it would move the robot .*--at-the-robot") as caught:
+    with pytest.raises(
+        MotionRefused, match=r"stage acquire: it would move the robot .*--at-the-robot"
+    ) as caught:
         robot_world.run()
     assert caught.value.exit_code == 3
     assert robot_world.ran() == ["where"]
@@ -72,7 +74,9 @@ def test_after_a_kill_in_mid_motion_the_robot_does_not_move_by_itself(robot_worl
     assert states(robot_world) == ["started"]
     robot_world.say("{fault: killed}", "{noise: 0.2}")  # even another motion is not begun
     for _ in range(2):
-        with pytest.raises(MotionRefused, match=r"D09: the motion of 'acquire' was started at .* not finished"):
+        with pytest.raises(
+            MotionRefused, match=r"D09: the motion of 'acquire' was started at .* not finished"
+        ):
             robot_world.run(at_the_robot=True)
     robot_world.ran()
     robot_world.run(at_the_robot=True, again=True)
@@ -105,7 +109,9 @@ def test_a_damaged_recording_is_never_made_again_by_itself(robot_world: Any) -> 
     robot_world.flip(blob)
     damaged = blob.read_bytes()
     for _ in range(2):
-        with pytest.raises(StoreError, match=r"stage acquire: R06: .* is damaged.*cannot be computed again") as caught:
+        with pytest.raises(
+            StoreError, match=r"stage acquire: R06: .* is damaged.*cannot be computed again"
+        ) as caught:
             robot_world.run(at_the_robot=True)
         assert caught.value.exit_code == 7
     assert blob.read_bytes() == damaged

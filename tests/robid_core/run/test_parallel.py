@@ -104,7 +104,9 @@ def test_workers_die_with_a_killed_run(world: Any) -> None:
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    children = [int(child) for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+    children = [
+        int(child) for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    ]
     assert len(children) >= 2
     process.send_signal(signal.SIGKILL)
     process.wait()

@@ -41,7 +41,10 @@ def test_a_changed_setting_is_named_with_both_values(world: Any) -> None:
 def test_a_stage_behind_a_change_tells_its_own_change_too(world: Any) -> None:
     world.run()
     told = reasons(world, "stages.acquire.with.noise=0.2", "stages.fit.with.hold=0.5")
-    assert told["fit"] == (Action.MAKE, ("setting hold: 0.0 -> 0.5", "takes the output of frf, to be made first"))
+    assert told["fit"] == (
+        Action.MAKE,
+        ("setting hold: 0.0 -> 0.5", "takes the output of frf, to be made first"),
+    )
 
 
 def test_a_new_version_and_edited_sources_are_told_apart(world: Any) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
-
-import pytest
 
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
 

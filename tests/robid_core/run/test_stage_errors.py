@@ -37,12 +37,16 @@ def test_finished_stages_are_kept_and_the_manifest_says_failed(world: Any) -> No
 
 
 def test_an_error_of_ours_keeps_its_class_and_names_the_stage(world: Any) -> None:
-    with pytest.raises(DataRejected, match=r"^stage fit: ParameterTable.estimate: 1 values are NaN") as caught:
+    with pytest.raises(
+        DataRejected, match=r"^stage fit: ParameterTable.estimate: 1 values are NaN"
+    ) as caught:
         world.run("stages.fit.with.outcome=nan")
     assert caught.value.exit_code == 5
 
 
-@pytest.mark.parametrize("outcome, words", [("a list", "R12: .* returned a list"), ("exits", "SystemExit: 3")])
+@pytest.mark.parametrize(
+    "outcome, words", [("a list", "R12: .* returned a list"), ("exits", "SystemExit: 3")]
+)
 def test_what_breaks_the_contract_is_not_stored(world: Any, outcome: str, words: str) -> None:
     with pytest.raises(PluginError, match=words):
         world.run(f"stages.fit.with.outcome={outcome}")
@@ -67,7 +71,11 @@ def test_a_fit_that_did_not_converge_is_kept_shown_and_doubted(world: Any) -> No
 def test_what_needs_a_refused_result_is_refused_and_old_names_go(world: Any) -> None:
     world.run()
     result = world.run("stages.fit.with.outcome=refused")
-    assert {name for name, outcome in result.outcomes.items() if outcome == "refused"} == {"fit", "choose", "page"}
+    assert {name for name, outcome in result.outcomes.items() if outcome == "refused"} == {
+        "fit",
+        "choose",
+        "page",
+    }
     assert "stage page: needs fit, which gave no result" in result.doubts
     assert sorted(world.hashes()) == ["acquire.h5", "frf.h5", "where.h5"]
     assert world.run().exit_code == 0
@@ -123,7 +131,11 @@ def test_progress_and_reasons_are_told(world: Any) -> None:
 
     ear = Ear()
     world.run(listener=ear, last="acquire")
-    assert ear.heard[:3] == [("where", 1, 6, ("never made",)), ("where", "made"), ("acquire", 2, 6, ("never made",))]
+    assert ear.heard[:3] == [
+        ("where", 1, 6, ("never made",)),
+        ("where", "made"),
+        ("acquire", 2, 6, ("never made",)),
+    ]
     assert ear.heard[3] == ("acquire", 0, 10, "measuring")
     assert ear.heard[-1] == ("acquire", "made")
 

@@ -21,7 +21,11 @@ ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
 
 def start(world: Any, **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        world.command(**options), env=world.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        world.command(**options),
+        env=world.environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
@@ -37,7 +41,9 @@ def test_a_second_run_is_told_who_holds_the_folder_or_waits(world: Any) -> None:
     world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 2.0}}")
     first = start(world)
     wait_for(world, "fit", first)
-    with pytest.raises(StoreError, match=rf"process {first.pid} on .* is running here since 20\d\d-") as caught:
+    with pytest.raises(
+        StoreError, match=rf"process {first.pid} on .* is running here since 20\d\d-"
+    ) as caught:
         world.run(wait=False)
     assert caught.value.exit_code == 7
     others = [start(world) for _ in range(2)]
@@ -65,7 +71,9 @@ def test_waiting_says_once_for_whom(tmp_path: Path) -> None:
     path.parent.mkdir(parents=True)
     code = "import fcntl, os, sys, time\nfd = os.open(sys.argv[1], os.O_RDWR | os.O_CREAT)\n"
     code += "fcntl.flock(fd, fcntl.LOCK_EX); print('held', flush=True); time.sleep(0.5)"
-    with subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True
+    ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         heard: list[str] = []

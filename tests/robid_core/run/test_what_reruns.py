@@ -78,7 +78,9 @@ def test_comments_order_and_times_of_files_change_nothing(world: Any) -> None:
     assert world.ran() == []
 
 
-def test_a_data_file_counts_by_its_content(world: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_data_file_counts_by_its_content(
+    world: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     data = tmp_path / "data"
     data.mkdir()
     monkeypatch.setenv("ROBID_DATA", str(data))

@@ -55,7 +55,9 @@ def is_whole_or_absent(folder: Path, over: bool, artifact: Configurations) -> bo
     return True
 
 
-def test_an_artifact_is_whole_or_absent_in_every_crash_state(tmp_path: Path, artifact: Configurations) -> None:
+def test_an_artifact_is_whole_or_absent_in_every_crash_state(
+    tmp_path: Path, artifact: Configurations
+) -> None:
     count = 0
     for over, folder in states_of(tmp_path, NotingFiles(tmp_path), put_and_publish(artifact)):
         assert is_whole_or_absent(folder, over, artifact)
@@ -155,9 +157,15 @@ def test_no_crash_hides_a_motion_that_began_or_a_recording_that_is_done(
 
 def test_the_model_knows_that_nothing_is_sure_without_a_sync(tmp_path: Path) -> None:
     files = NotingFiles(tmp_path)
-    files.write(tmp_path / "a", lambda path: None if path.write_bytes(b"1234") else None)
+
+    def four_bytes(path: Path) -> None:
+        path.write_bytes(b"1234")
+
+    files.write(tmp_path / "a", four_bytes)
     states = {tuple(sorted(contents.items())) for _, _, contents in crash_states(files.done)}
     assert states == {(), (("a", b""),), (("a", b"12"),), (("a", b"1234"),)}
     files.sync(tmp_path / "a")
     files.sync_folder(tmp_path)
-    assert list(itertools.islice(crash_states(files.done, first=3), 2)) == [(3, frozenset({""}), {"a": b"1234"})]
+    assert list(itertools.islice(crash_states(files.done, first=3), 2)) == [
+        (3, frozenset({""}), {"a": b"1234"})
+    ]

@@ -165,7 +165,7 @@ class OwnChance(Candidates):
 
     def run(self, robot: Robot, context: Context) -> Configurations:
         del context
-        return super().run(robot, example_context(np.random.default_rng().integers(1 << 60)))
+        return super().run(robot, example_context(int(np.random.default_rng().integers(1 << 60))))
 
 
 class BeyondLimits(Candidates):

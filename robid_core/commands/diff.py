@@ -1,0 +1,144 @@
+"""`robid diff`: what two runs have different: settings, versions, results."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from robid_core.commands.show import manifest_of
+
+if TYPE_CHECKING:
+    from robid_core.artifacts import Fit
+    from robid_core.run import Manifest, RunFolder
+
+
+def command(
+    first: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its pipeline file.")],
+    second: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Another run's folder, or its pipeline file.")
+    ],
+) -> None:
+    """Compare two runs: settings, versions, results; parameters by their difference over its standard error."""
+    from robid_core.run import RunFolder
+
+    one, other = RunFolder.find(first), RunFolder.find(second)
+    typer.echo("\n".join(difference_lines(one, manifest_of(one), other, manifest_of(other))))
+
+
+def difference_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest) -> list[str]:
+    """Return what differs, under headings; one line where nothing does."""
+    sections = {
+        "settings": setting_lines(old, new),
+        "versions": version_lines(old, new),
+        "results": result_lines(one, old, other, new),
+    }
+    lines = []
+    for heading, found in sections.items():
+        if found:
+            lines += [f"{heading}:", *(f"  {line}" for line in found)]
+    return lines or ["no difference: the same settings, versions and results"]
+
+
+def setting_lines(old: Manifest, new: Manifest) -> list[str]:
+    """Return what was asked for differently."""
+    from robid_core.run.identity import differences
+
+    lines = []
+    if old.seed != new.seed:
+        lines.append(f"seed: {old.seed} -> {new.seed}")
+    if old.robot != new.robot:
+        lines.append(f"robot: {old.robot['written']} -> {new.robot['written']}")
+    for name in [*old.stages, *(name for name in new.stages if name not in old.stages)]:
+        if name not in old.stages or name not in new.stages:
+            lines.append(f"stage {name}: only in the {'second' if name in new.stages else 'first'}")
+            continue
+        before, after = dict(old.stages[name].ingredients), dict(new.stages[name].ingredients)
+        for left_out in ("inputs", "seed", "robot", "core"):  # told elsewhere, or results
+            before.pop(left_out, None)
+            after.pop(left_out, None)
+        if before and after:
+            lines += [f"stage {name}: {line}" for line in differences(before, after)]
+    return lines
+
+
+def version_lines(old: Manifest, new: Manifest) -> list[str]:
+    """Return what was computed with other software, threads or machines."""
+    from robid_core.run.identity import differences
+
+    before = {**old.environment["versions"], "threads": old.environment["threads"]}
+    after = {**new.environment["versions"], "threads": new.environment["threads"]}
+    lines = [
+        f"{name}: {before.get(name, 'absent')} -> {after.get(name, 'absent')}"
+        for name in sorted({*before, *after})
+        if before.get(name) != after.get(name)
+    ]
+    lines += differences({"core": _core(old)}, {"core": _core(new)})
+    if old.environment["platform"] != new.environment["platform"]:
+        processors = [manifest.environment["platform"].get("processor", "?") for manifest in (old, new)]
+        lines.append(f"machine: {processors[0]} -> {processors[1]}")
+    return lines
+
+
+def _core(manifest: Manifest) -> dict[str, Any]:
+    """Return which robid a run was made with."""
+    found = [
+        record.ingredients["core"] for record in manifest.stages.values() if "core" in record.ingredients
+    ]
+    return dict(found[0]) if found else {}
+
+
+def result_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest) -> list[str]:
+    """Return which artifacts differ, and by how much where they are fits."""
+    from robid_core.artifacts import Fit
+
+    lines = []
+    for name in old.stages:
+        if name not in new.stages or old.stages[name].sha256 == new.stages[name].sha256:
+            continue
+        before, after = old.stages[name], new.stages[name]
+        if before.artifact == after.artifact == Fit.__name__:
+            lines.append(f"{name}:")
+            fits = (Fit.read(one.path / before.file), Fit.read(other.path / after.file))
+            lines += [f"  {line}" for line in fit_difference_lines(*fits)]
+        elif not before.sha256 or not after.sha256:
+            lines.append(f"{name}: no result in the {'second' if before.sha256 else 'first'}")
+        else:
+            lines.append(f"{name}: other bytes ({before.sha256[:12]}, {after.sha256[:12]})")
+    return lines
+
+
+def fit_difference_lines(old: Fit, new: Fit) -> list[str]:
+    """Return the parameters that differ, with the difference over the standard error of the difference.
+
+    The two errors are added as if they were independent.
+    """
+    rows = [["parameter", "first", "second", "change", "over std error"]]
+    theirs = {name: index for index, name in enumerate(new.parameters.names)}
+    for index, name in enumerate(old.parameters.names):
+        if name not in theirs:
+            rows.append([name, f"{old.parameters.estimate[index]:.5g}", "-", "", ""])
+            continue
+        a, b = old.parameters.estimate[index], new.parameters.estimate[theirs[name]]
+        error = math.hypot(old.parameters.standard_error[index], new.parameters.standard_error[theirs[name]])
+        if a != b:
+            over = f"{(b - a) / error:+.2f}" if error > 0 else "-"
+            change = f"{100 * (b - a) / a:+.3g} %" if a else "-"
+            rows.append([name, f"{a:.5g}", f"{b:.5g}", change, over])
+    rows += [
+        [name, "-", f"{new.parameters.estimate[index]:.5g}", "", ""]
+        for name, index in theirs.items()
+        if name not in old.parameters.names
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    table = [
+        "  ".join(
+            cell.rjust(width) if column else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    status = [f"converged: {old.converged} -> {new.converged}"] if old.converged != new.converged else []
+    return status + (table if len(rows) > 1 else ["the estimates are equal; the evidence differs"])

@@ -1,0 +1,250 @@
+"""What `robid run` shows while it works, and its last screen.
+
+On a terminal: one line per stage with bar, count and time left, gone when the run is over. Elsewhere: plain
+lines. Both go to stderr; the last screen, at most 25 lines, goes to stdout.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from robid_core.run.progress import Listener, Silence
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from robid_core.artifacts import Fit
+    from robid_core.pipeline import Pipeline
+    from robid_core.run import RunResult
+
+LAST_SCREEN_LINES = 25
+MOST_DOUBTS = 4
+SECONDS_BETWEEN_LINES = 10.0
+
+
+class Lines(Silence):
+    """Plain lines on stderr."""
+
+    def __init__(self) -> None:
+        self._began = self._told = 0.0
+
+    def waiting(self, holder: str) -> None:
+        """Say for whom the run waits."""
+        _say(f"waiting: {holder}")
+
+    def note(self, text: str) -> None:
+        """Say it."""
+        _say(text)
+
+    def begin(self, stage: str, index: int, total: int, reasons: Sequence[str]) -> None:
+        """Say which stage starts, and why."""
+        self._began = self._told = time.monotonic()
+        _say(f"[{index}/{total}] {stage}: {'; '.join(reasons)}")
+
+    def progress(self, stage: str, done: float, total: float, note: str) -> None:
+        """Say how far it is, not too often."""
+        now = time.monotonic()
+        if now - self._told >= SECONDS_BETWEEN_LINES:
+            self._told = now
+            _say(f"{stage}: {note + ' ' if note else ''}{done:g}/{total:g}{self._left(now, done, total)}")
+
+    def _left(self, now: float, done: float, total: float) -> str:
+        return f", {(now - self._began) * (total / done - 1):.0f} s left" if done > 0 else ""
+
+    def end(self, stage: str, outcome: str, seconds: float) -> None:
+        """Say what became of it."""
+        taken = f" in {seconds:.1f} s" if outcome in ("made", "same") else ""
+        _say(f"{stage}: {OUTCOMES[outcome]}{taken}")
+
+
+OUTCOMES = {
+    "made": "made",
+    "same": "made again, the same as before",
+    "kept": "up to date",
+    "refused": "gave no result",
+}
+
+
+class Bars(Silence):
+    """A live line per stage, by rich."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._tasks: dict[str, TaskID] = {}
+
+    def waiting(self, holder: str) -> None:
+        """Say for whom the run waits."""
+        self._progress.console.print(f"waiting: {holder}", markup=False)
+
+    def note(self, text: str) -> None:
+        """Say it above the bars."""
+        self._progress.console.print(text, markup=False)
+
+    def begin(self, stage: str, index: int, total: int, reasons: Sequence[str]) -> None:
+        """Add a line."""
+        self._tasks[stage] = self._progress.add_task(f"[{index}/{total}] {stage}", total=None, note="")
+
+    def progress(self, stage: str, done: float, total: float, note: str) -> None:
+        """Move the bar."""
+        if stage in self._tasks:
+            self._progress.update(self._tasks[stage], completed=done, total=total, note=note)
+
+    def end(self, stage: str, outcome: str, seconds: float) -> None:
+        """Close the line."""
+        if stage in self._tasks:
+            self._progress.update(self._tasks[stage], completed=1, total=1, note=OUTCOMES[outcome])
+
+
+@contextlib.contextmanager
+def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
+    """Give the listener that suits the terminal and the wishes of the user."""
+    if quiet:
+        yield Silence()
+    elif verbose or not sys.stderr.isatty():
+        with _log_on_stderr() if verbose else contextlib.nullcontext():
+            yield Lines()
+    else:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(elapsed_when_finished=True),
+            TextColumn("{task.fields[note]}", markup=False),
+        )
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            yield Bars(progress)
+
+
+@contextlib.contextmanager
+def _log_on_stderr() -> Iterator[None]:
+    import logging
+
+    handler = logging.StreamHandler()
+    handler.setLevel(logging.INFO)
+    handler.setFormatter(logging.Formatter("%(name)s: %(message)s"))
+    logging.getLogger("robid").addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger("robid").removeHandler(handler)
+
+
+def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
+    """Return the lines that a person reads when the run is over, at most 25.
+
+    Parameters
+    ----------
+    pipeline
+        What was run.
+    result
+        What became of it.
+    again
+        The command that runs it again.
+    """
+    head = [headline(pipeline, result)]
+    head += [f"! {_cut(doubt)}" for doubt in result.doubts[:MOST_DOUBTS]]
+    tail = []
+    page = last_page(pipeline, result)
+    if page is not None:
+        tail.append(f"page       {_near(page)}")
+    tail += [f"results    {_near(result.folder.path)} (robid show)", f"run again  {again}"]
+    table = parameter_lines(pipeline, result)
+    room = LAST_SCREEN_LINES - len(head) - len(tail) - 3
+    if len(table) > room:
+        table = [*table[: room - 1], f"... {len(table) - room + 1} more: robid show"]
+    body = ["", *table, ""] if table else [""]
+    return [*head, *body, *tail]
+
+
+def headline(pipeline: Pipeline, result: RunResult) -> str:
+    """Say in one line what was done."""
+    counts = {
+        word: list(result.outcomes.values()).count(word) for word in ("made", "same", "kept", "refused")
+    }
+    n = len(result.outcomes)
+    if result.idle:
+        return f"{pipeline.name}: nothing to do, all {n} stages are up to date"
+    parts = [f"{counts['made'] + counts['same']} made", f"{counts['kept']} up to date"]
+    parts += [f"{counts['refused']} without a result"] if counts["refused"] else []
+    return f"{pipeline.name}: {n} stages, {', '.join(parts)}, {result.seconds:.1f} s"
+
+
+def last_page(pipeline: Pipeline, result: RunResult) -> Path | None:
+    """Return the last page that stands in the folder of the run."""
+    from robid_core.artifacts import Report
+
+    for node in reversed(pipeline.stages):
+        record = result.manifest.stages.get(node.name)
+        if issubclass(node.stage.output, Report) and record is not None and record.file:
+            return result.folder.path / record.file
+    return None
+
+
+def parameter_lines(pipeline: Pipeline, result: RunResult) -> list[str]:
+    """Return the table of the last fit: true (where the plant is simulated), start, estimate, standard error."""
+    from robid_core.artifacts import Fit
+    from robid_core.drives import Drives
+
+    for node in reversed(pipeline.stages):
+        record = result.manifest.stages.get(node.name)
+        if (
+            issubclass(node.stage.output, Fit)
+            and record is not None
+            and record.outcome in ("made", "same", "kept")
+        ):
+            fit = node.stage.output.read(result.folder.path / record.file)
+            drives = pipeline.drives.settings if pipeline.drives else None
+            truth = drives.truth(pipeline.robot.load()) if isinstance(drives, Drives) else None
+            return fit_table(fit, truth.as_mapping() if truth else {})
+    return []
+
+
+def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> list[str]:
+    """Return a fit's parameters as aligned text, the reported ones or all."""
+    table = fit.parameters
+    head = ["parameter", "unit", *(["true"] if true else []), "start", "estimate", "std error"]
+    rows = [head]
+    for index, name in enumerate(table.names):
+        if not (everything or table.reported[index]):
+            continue
+        error = "at bound" if table.at_bound[index] else _number(table.standard_error[index])
+        truth = [_number(true[name]) if name in true else "-"] if true else []
+        numbers = [*truth, _number(table.start[index]), _number(table.estimate[index]), error]
+        rows.append([name, table.units[index], *numbers])
+    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
+    return [
+        "  ".join(
+            cell.ljust(width) if column < 2 else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if value == value else "held"  # NaN: it was not estimated
+
+
+def _near(path: Path) -> str:
+    """Return a path as seen from where the user is, where that is shorter."""
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def _cut(text: str) -> str:
+    first = text.partition("\n")[0]
+    return first if len(first) <= 150 else first[:147] + "..."
+
+
+def _say(text: str) -> None:
+    typer.echo(text, err=True)
