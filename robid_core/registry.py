@@ -25,6 +25,16 @@ RECORDS = "robid.records"
 EXECUTORS = "robid.executors"
 GROUPS = (STAGES, EFFECTS, DRIVES, DYNAMICS, MODELS, RECORDS, EXECUTORS)
 
+NOUNS = {
+    STAGES: "stage",
+    EFFECTS: "effect",
+    DRIVES: "drives",
+    DYNAMICS: "dynamics",
+    MODELS: "reader of robot models",
+    RECORDS: "reader of recordings",
+    EXECUTORS: "executor",
+}
+
 # What an extra brings, for the hint when its packages are missing.
 EXTRAS = {"torch": "torch", "pytorch_kinematics": "torch", "distributed": "dask", "dask": "dask"}
 
@@ -88,7 +98,7 @@ class Registry:
         candidates = self._found.get((group, short), [])
         if distribution:
             candidates = [p for p in candidates if p.distribution == distribution]
-        noun = group.removeprefix("robid.").removesuffix("s")
+        noun = NOUNS[group]
         if not candidates:
             near = difflib.get_close_matches(name, self.names(group), n=1, cutoff=0.6)
             hint = f"; did you mean '{near[0]}'?" if near else f"; there are: {', '.join(self.names(group))}"

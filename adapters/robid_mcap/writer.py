@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from robid_core import MotionAborted, RecordPlan, StoreError, Trace
+from robid_core import MotionAborted, RecordPlan, RobidError, StoreError, Trace
 from robid_mcap.arrays import FloatArray, pack
 from robid_mcap.schema import descriptor_set, message_class
 
@@ -80,15 +80,18 @@ class McapLog:
         self._axis_names: tuple[str, ...] = ()
         self._sample_time_s = 0.0
 
+    def _full(self, error_class: type[RobidError], error: OSError) -> RobidError:
+        return error_class(
+            f"A14: the raw log {self._part} cannot be written ({error.strerror or error}); what it holds stays "
+            "readable; make room and run again"
+        )
+
     @contextmanager
-    def _refusing(self, error_class: type[Exception] = MotionAborted) -> Iterator[None]:
+    def _refusing(self, error_class: type[RobidError] = MotionAborted) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            raise error_class(
-                f"A14: the raw log {self._part} cannot be written ({error.strerror or error}); what it holds "
-                "stays readable; make room and run again"
-            ) from error
+            raise self._full(error_class, error) from error
 
     def _channel(self, topic: str, message: str) -> int:
         if topic not in self._channels:
@@ -102,8 +105,10 @@ class McapLog:
     def _add(self, topic: str, message: str, at_s: float, /, **fields: Any) -> None:
         data = message_class(message)(**fields).SerializeToString()
         time_ns = round(at_s * 1e9)
-        with self._refusing():
+        try:  # not `_refusing`: this is called a hundred thousand times
             self._writer.add_message(self._channel(topic, message), time_ns, data, time_ns)
+        except OSError as error:
+            raise self._full(MotionAborted, error) from error
 
     def attach(self, name: str, media_type: str, content: bytes) -> None:
         """Keep a whole file."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -236,15 +235,14 @@ class DriveAcquisition(Acquisition):
     @contextmanager
     def _raw_log(self, context: Context, robot: Robot, plan: RecordPlan) -> Iterator[RawLog | None]:
         """Open the raw log where the run lends a folder; it is complete where nothing went wrong."""
-        folder: Path | None = getattr(context, "scratch", None)
-        if folder is None or self.raw_log is None:
+        if context.scratch is None or self.raw_log is None:
             yield None
             return
         stage = context.log.name.rpartition(".")[2]
         records = load_plugin("robid.records", self.raw_log)
         if not hasattr(records, "create"):
             raise ConfigurationError(f"raw_log: the format '{self.raw_log}' is for reading only; use mcap")
-        log: RawLog = records.create(Path(folder) / f"{stage}.{self.raw_log}")
+        log: RawLog = records.create(context.scratch / f"{stage}.{self.raw_log}")
         complete = False
         try:
             log.attach("robot.yaml", "application/yaml", robot.to_yaml().encode())

@@ -69,11 +69,8 @@ def information_matrices(
     closing[..., index, index] += 1 / controller
     inverse = np.linalg.inv(closing)
     gram = (inverse * power[:, None, :]) @ np.conj(np.swapaxes(inverse, -1, -2))
-    weight = np.linalg.inv(output_covariance)
+    weight = np.linalg.inv(output_covariance).astype(np.complex128)
     factors = np.broadcast_to(-stiffness.astype(complex), (len(omega), len(stiffness)))
     return np.stack(
-        [
-            information_of_rank_one(g.spring_vectors[c], factors, gram[c].astype(np.complex128), weight)
-            for c in range(len(angle))
-        ]
+        [information_of_rank_one(g.spring_vectors[c], factors, gram[c], weight) for c in range(len(angle))]
     )

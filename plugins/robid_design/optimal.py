@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
-from robid_core import Context, Design, Excitation, ExperimentDesign, Fit, Frf, Robot
+from robid_core import Context, Design, Excitation, ExperimentDesign, Fit, Frf, NotIdentifiable, Robot
 from robid_core.estimation.information import covariance_of_parameters
 from robid_design.candidates import random_configurations
 from robid_design.information import information_matrices, reference_power
@@ -62,10 +62,13 @@ class OptimalDesign(ExperimentDesign):
         frequency = excitation.frequency_hz[chosen]
         noise = _output_covariance(model, frf, excitation, chosen)
         damping = _motor_damping(model, excitation, frf)
+
+        def information_at(poses: FloatArray) -> FloatArray:
+            return information_matrices(model, poses, frequency, power, noise, damping)
+
         parts = []
         for start in context.track(range(0, self.candidates, 50), -(-self.candidates // 50), "information"):
-            block = angle[start : start + 50]
-            parts.append(information_matrices(model, block, frequency, power, noise, damping))
+            parts.append(information_at(angle[start : start + 50]))
         information = np.concatenate(parts)
         weight = optimal_weights(information, self.criterion)
         count = whole_experiments(weight, self.experiments)
@@ -73,6 +76,11 @@ class OptimalDesign(ExperimentDesign):
         order = np.flatnonzero(count)[np.argsort(-count[count > 0], kind="stable")]
         share = count / self.experiments
         reached = criterion_value(information, share, self.criterion)
+        formal = np.sqrt(np.diag(covariance_of_parameters(total, model.stiffness_names)))
+        scale = 1.0
+        if fit is not None and frf is not None:
+            made = information_at(frf.angle).sum(axis=0) * excitation.reference.shape[1]
+            scale = _stated_over_formal(fit, model.stiffness_names, made)
         return Design(
             axis_names=robot.axis_names,
             angle=angle[order],
@@ -84,8 +92,25 @@ class OptimalDesign(ExperimentDesign):
             experiments=count[order],
             candidate_index=order.astype(np.int64),
             information=total,
-            predicted_standard_error=np.sqrt(np.diag(covariance_of_parameters(total, model.stiffness_names))),
+            predicted_standard_error=formal * scale,
         )
+
+
+def _stated_over_formal(fit: Fit, names: tuple[str, ...], information: FloatArray) -> float:
+    """How much larger the fit's standard errors are than noise alone makes them, geometric mean.
+
+    The formula knows noise only; what the linear model leaves out is in the fit's errors, and will be in the
+    next fit's too. The ratio carries it over.
+    """
+    try:
+        formal = np.sqrt(np.diag(covariance_of_parameters(information, names)))
+    except NotIdentifiable:
+        return 1.0
+    table = fit.parameters
+    rows = [table.names.index(name) for name in names]
+    ratio = table.standard_error[rows] / table.estimate[rows] / formal
+    ratio = ratio[np.isfinite(ratio)]
+    return float(np.exp(np.log(ratio).mean())) if len(ratio) else 1.0
 
 
 def _known_to(robot: Robot, fit: Fit) -> dict[str, float]:

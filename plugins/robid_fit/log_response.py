@@ -36,6 +36,8 @@ ComplexArray = npt.NDArray[np.complex128]
 
 # Entries noisier than this carry a biased logarithm (E1(SNR)/2: 0.2 % at 6 dB, 11 % at 0 dB).
 LOWEST_SIGNAL_TO_NOISE = 4.0
+# Starts stop when a thousandth of the cost is left to gain: enough to tell basins apart; the best is refined.
+COARSE_TOLERANCE = 1e-3
 # A parameter with a larger relative standard error was not seen.
 LARGEST_RELATIVE_ERROR = 1.0
 
@@ -70,10 +72,11 @@ class LogResponseFit(Estimator):
         problem = self._problem(robot, coarse, _usable_lines(coarse), level)
         points = self._start_points(start, context.generator)
         ends = [
-            self._minimise(problem, point, start) for point in context.track(points, len(points), "starts")
+            self._minimise(problem, point, start, COARSE_TOLERANCE)
+            for point in context.track(points, len(points), "starts")
         ]
         best = min(ends, key=lambda end: end.cost)
-        agree = sum(end.cost < best.cost * 1.01 + 1e-9 for end in ends)
+        agree = sum(end.cost < best.cost * 1.05 + 1e-9 for end in ends)
         best, level, problem = self._refine(robot, frf, used, best, start, level)
         return self._result(problem, best, start, len(points), agree, level)
 
@@ -106,10 +109,18 @@ class LogResponseFit(Estimator):
         spread = self.start_spread * generator.standard_normal((self.starts - 1, len(start)))
         return [start, *(start + row for row in spread)]
 
-    def _minimise(self, problem: LogResponseProblem, point: FloatArray, start: FloatArray) -> Minimum:
+    def _minimise(
+        self, problem: LogResponseProblem, point: FloatArray, start: FloatArray, tolerance: float = 1e-9
+    ) -> Minimum:
         reach = np.log(self.largest_change)
         return levenberg_marquardt(
-            problem.equations, problem.cost, point, start - reach, start + reach, self.max_iterations
+            problem.equations,
+            problem.cost,
+            point,
+            start - reach,
+            start + reach,
+            self.max_iterations,
+            tolerance,
         )
 
     def _refine(

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import typer
 
+from robid_core.errors import ConfigurationError, RobidError, StoreError
+
 LIBRARIES = (
     "numpy",
     "scipy",
@@ -22,18 +24,18 @@ LIBRARIES = (
     "mcap",
     "torch",
 )
-Finding = tuple[bool, str]
+Finding = tuple[int, str]  # exit code of the failure, 0 where all is well; what was found
 
 
 def command() -> None:
     """Check versions, plugins, threads, the cache of compiled kernels, the data folder and the run folder."""
     findings = [*versions(), *plugins(), kernel_cache(), threads(), data_folder(), run_folder()]
-    for good, text in findings:
-        typer.echo(f"{'ok  ' if good else 'FAIL'} {text}")
-    failures = sum(not good for good, _ in findings)
+    for code, text in findings:
+        typer.echo(f"{'FAIL' if code else 'ok  '} {text}")
+    failures = [code for code, _ in findings if code]
     if failures:
-        typer.echo(f"{failures} of {len(findings)} checks failed", err=True)
-        raise typer.Exit(1)
+        typer.echo(f"{len(failures)} of {len(findings)} checks failed", err=True)
+        raise typer.Exit(failures[0])
 
 
 def versions() -> list[Finding]:
@@ -46,16 +48,15 @@ def versions() -> list[Finding]:
             found.append(f"{name} {metadata.version(name)}")
         except metadata.PackageNotFoundError:
             found.append(f"{name} not installed")
-    good = sys.version_info >= (3, 11)
+    code = 0 if sys.version_info >= (3, 11) else ConfigurationError.exit_code
     return [
-        (good, f"robid {__version__}, Python {sys.version.split()[0]}"),
-        (True, f"libraries: {', '.join(found)}"),
+        (code, f"robid {__version__}, Python {sys.version.split()[0]}"),
+        (0, f"libraries: {', '.join(found)}"),
     ]
 
 
 def plugins() -> list[Finding]:
     """Import every plugin; those that fail are named with the reason, and so are names that stand twice."""
-    from robid_core.errors import RobidError
     from robid_core.registry import GROUPS, registry
 
     findings: list[Finding] = []
@@ -66,8 +67,8 @@ def plugins() -> list[Finding]:
                 registry().load(group, name)
                 count += 1
             except RobidError as error:
-                findings.append((False, f"plugin {group} {' '.join(str(error).split())}"))
-    return [(True, f"{count} plugins can be imported"), *findings]
+                findings.append((error.exit_code, f"plugin {group} {' '.join(str(error).split())}"))
+    return [(0, f"{count} plugins can be imported"), *findings]
 
 
 def kernel_cache() -> Finding:
@@ -77,7 +78,7 @@ def kernel_cache() -> Finding:
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else Path(robid_core.__file__).parent
     if _writable(folder):
-        return True, f"compiled kernels are kept in {chosen or 'the folders of their sources'}"
+        return 0, f"compiled kernels are kept in {chosen or 'the folders of their sources'}"
     # numba then falls back to a folder of the user; only the first run of each process is slow if that fails too.
     return (
         True,
@@ -90,32 +91,30 @@ def threads() -> Finding:
     from robid_core.executors import thread_settings
 
     each = ", ".join(f"{what} {count}" for what, count in thread_settings().items())
-    return True, f"{os.cpu_count()} processors; threads in each process of a run: {each}"
+    return 0, f"{os.cpu_count()} processors; threads in each process of a run: {each}"
 
 
 def data_folder() -> Finding:
     """Tell where measured data are looked for."""
-    from robid_core.errors import ConfigurationError
     from robid_core.pipeline.places import ENVIRONMENT, find_places
 
     try:
         places = find_places(Path("pipeline.yaml"))
     except ConfigurationError as error:
-        return False, str(error)
+        return error.exit_code, str(error)
     there = (
         ""
         if places.data_root.is_dir()
         else f"; not there: set {ENVIRONMENT} where a pipeline reads recordings"
     )
-    return True, f"measured data: {places.data_root} ({places.data_root_from}){there}"
+    return 0, f"measured data: {places.data_root} ({places.data_root_from}){there}"
 
 
 def run_folder() -> Finding:
     """Tell whether results can be written beside a pipeline in this folder."""
     folder = Path.cwd()
-    return _writable(
-        folder
-    ), f"results of pipelines here: {folder / 'runs'}{'' if _writable(folder) else ' (read-only)'}"
+    code, note = (0, "") if _writable(folder) else (StoreError.exit_code, " (this folder is read-only)")
+    return code, f"results of pipelines here: {folder / 'runs'}{note}"
 
 
 def _writable(folder: Path) -> bool:

@@ -12,6 +12,7 @@ from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, Overrides,
 from robid_core.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from robid_core.pipeline import Pipeline
     from robid_core.run import Decision, RunOptions
 
 INTERRUPTED = 130
@@ -90,21 +91,13 @@ def command(
 
         typer.echo("\n".join(preview_lines(preview_run(pipeline, options))))
         return
-    _run(file, overrides, data, options, quiet, verbose)
+    _run(pipeline, options, command_words(file, overrides, data), quiet, verbose)
 
 
-def _run(
-    file: Path,
-    overrides: list[str] | None,
-    data: Path | None,
-    options: RunOptions,
-    quiet: bool,
-    verbose: bool,
-) -> None:
+def _run(pipeline: Pipeline, options: RunOptions, again: str, quiet: bool, verbose: bool) -> None:
     from robid_core.commands.run_screen import headline, last_page, last_screen, listening
     from robid_core.run import run_pipeline
 
-    pipeline = load_pipeline(file, overrides, data)
     try:
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)
@@ -117,7 +110,7 @@ def _run(
         for doubt in result.doubts:
             typer.echo(doubt, err=True)
     else:
-        typer.echo("\n".join(last_screen(pipeline, result, command_words(file, overrides, data))))
+        typer.echo("\n".join(last_screen(pipeline, result, again)))
     if result.exit_code:
         raise SystemExit(result.exit_code)
 

@@ -110,8 +110,20 @@ def chain_arrays(chain: Chain) -> ChainArrays:
 
 def chain_work(n: int) -> ChainWork:
     """Allocate the memory of one evaluation for n joints."""
-    shapes = ((n, 40), (8, n), (6, n), (n, n), (n,), (n, n))
-    return ChainWork(*(np.zeros(shape) for shape in shapes))
+    return ChainWork(*aligned_arrays((n, 40), (8, n), (6, n), (n, n), (n,), (n, n)))
+
+
+def aligned_arrays(*shapes: tuple[int, ...]) -> list[FloatArray]:
+    """Allocate zeros side by side, each at the start of a cache line.
+
+    Where numpy happens to put small arrays makes an inner loop up to 1.6 times slower in one process than in another.
+    """
+    line = 64 // 8
+    sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
+    memory = np.zeros(sum(sizes) + line)
+    start = -memory.ctypes.data % 64 // 8
+    starts = [start + sum(sizes[:i]) for i in range(len(shapes))]
+    return [memory[at : at + math.prod(s)].reshape(s) for at, s in zip(starts, shapes, strict=True)]
 
 
 def _local_axis(axis: FloatArray, joint_type: int) -> tuple[int, FloatArray]:

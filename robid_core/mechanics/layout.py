@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robid_core.mechanics.chain import FloatArray, IntArray
-from robid_core.mechanics.dynamics import chain_arrays, chain_work
+from robid_core.mechanics.dynamics import aligned_arrays, chain_arrays, chain_work
 from robid_core.mechanics.mechanism import Mechanism
 
 
@@ -98,7 +98,7 @@ def step_work(mechanism: Mechanism) -> StepWork:
     """Allocate the memory of one lane."""
     n, n_joint = mechanism.n_coordinate, mechanism.chain.n_coordinate
     shapes = ((n_joint,), (n_joint,), (n,), (n,), (n,), (n,), (n,), (n, n), (4, n), (mechanism.n_axis,))
-    return StepWork(*chain_work(n_joint), *(np.zeros(shape) for shape in shapes))
+    return StepWork(*chain_work(n_joint), *aligned_arrays(*shapes))
 
 
 def plant_arrays(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -19,14 +20,20 @@ from robid_core.store import text_hash
 
 
 def executor(pipeline: Pipeline, options: RunOptions) -> AbstractContextManager[MapTasks]:
-    """Return what maps tasks: the pipeline's choice, else processes of this machine; `--jobs` wins."""
+    """Return what maps tasks in this run."""
+    make, settings = executor_choice(pipeline, options)
+    chosen: AbstractContextManager[MapTasks] = make(**settings)
+    return chosen
+
+
+def executor_choice(pipeline: Pipeline, options: RunOptions) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """Return the pipeline's choice of executor, else processes of this machine; `--jobs` wins."""
     if pipeline.executor is None:
-        return process_executor(options.jobs)
+        return process_executor, {"jobs": options.jobs}
     settings: dict[str, Any] = pipeline.executor.settings.model_dump()
     if options.jobs and "jobs" in settings:
         settings["jobs"] = options.jobs
-    chosen: AbstractContextManager[MapTasks] = pipeline.executor.plugin.load()(**settings)
-    return chosen
+    return pipeline.executor.plugin.load(), settings
 
 
 def new_manifest(shared: Surroundings, options: RunOptions) -> Manifest:

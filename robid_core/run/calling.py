@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from robid_core.artifacts import Artifact, Truth
 from robid_core.drives import Drives
 from robid_core.pipeline import StageNode
 from robid_core.robot import Robot
+from robid_core.run.beginning import executor_choice
+from robid_core.run.confine import Job, run_confined
 from robid_core.run.guard import checked_result
 from robid_core.run.identity import Surroundings, child_generator
 from robid_core.run.log import NAME
+from robid_core.run.options import RunOptions
 from robid_core.run.progress import Listener
-from robid_core.stage import Context, MapTasks
+from robid_core.stage import Context, MapTasks, Progress
 from robid_core.store import Entry, Store
 
 
 class Caller:
     """Knows what a run lends to its stages."""
 
-    def __init__(self, shared: Surroundings, store: Store, tasks: MapTasks, listener: Listener) -> None:
-        self._shared, self._store, self._tasks, self._listener = shared, store, tasks, listener
+    def __init__(
+        self, shared: Surroundings, store: Store, tasks: MapTasks, listener: Listener, options: RunOptions
+    ) -> None:
+        self._shared, self._store, self._tasks = shared, store, tasks
+        self._listener, self._options = listener, options
 
     def call(self, node: StageNode, entries: Mapping[str, Entry]) -> Artifact:
         """Run a stage on stored artifacts (by the stage that made them) and return its checked result.
@@ -30,18 +37,37 @@ class Caller:
         Inputs come from the store, verified, never as another stage left them in memory: a run that was
         killed and resumed computes with the same bytes as one that was not.
         """
-        arguments = {**self._artifacts(node, entries), **self._lent(node)}
+        limited = self._options.deadline_s is not None or self._options.memory_mb is not None
+        if limited and not self._shared.moves_hardware(node.stage):
+            return checked_result(node, self._confined(node, entries))
+        artifacts = {
+            parameter: self._store.read(entry, kind)
+            for parameter, (kind, entry) in self._inputs(node, entries).items()
+        }
+        arguments: dict[str, Any] = {**artifacts, **self._lent(node)}
+        for parameter, kind in node.stage.lends().items():
+            if kind is Context:
+                arguments[parameter] = make_context(
+                    node.name,
+                    self._shared.pipeline.seed,
+                    self._shared.pipeline.data_root,
+                    self._tasks,
+                    self._progress(node),
+                )
         return checked_result(node, node.stage.run(**arguments))
 
-    def _artifacts(self, node: StageNode, entries: Mapping[str, Entry]) -> dict[str, Artifact]:
-        """Read the inputs; an optional one whose stage gave nothing stays away."""
+    def _inputs(
+        self, node: StageNode, entries: Mapping[str, Entry]
+    ) -> dict[str, tuple[type[Artifact], Entry]]:
+        """Return class and entry of each input; an optional one whose stage gave nothing stays away."""
         return {
-            parameter: self._store.read(entries[source], self._shared.pipeline.stage(source).stage.output)
+            parameter: (self._shared.pipeline.stage(source).stage.output, entries[source])
             for parameter, source in node.inputs.items()
             if source in entries
         }
 
     def _lent(self, node: StageNode) -> dict[str, Any]:
+        """Return robot, drives and truth, where the stage asks for them."""
         lent: dict[str, Any] = {}
         drives = self._shared.drives
         for parameter, kind in node.stage.lends().items():
@@ -49,25 +75,42 @@ class Caller:
                 lent[parameter] = self._shared.robot
             elif kind is Truth:
                 lent[parameter] = drives.truth(self._shared.robot) if drives is not None else None
-            elif kind is Context:
-                lent[parameter] = self._context(node)
             elif issubclass(kind, Drives):
                 lent[parameter] = drives
         return lent
 
-    def _context(self, node: StageNode) -> Context:
+    def _confined(self, node: StageNode, entries: Mapping[str, Entry]) -> Artifact:
+        pipeline = self._shared.pipeline
+        context = [parameter for parameter, kind in node.stage.lends().items() if kind is Context]
+        with self._store.draft(node.stage.output.suffix) as result:
+            job = Job(
+                name=node.name,
+                stage=node.stage,
+                artifacts={
+                    parameter: (kind, self._store.verified_path(entry))
+                    for parameter, (kind, entry) in self._inputs(node, entries).items()
+                },
+                lent=self._lent(node),
+                context=(context[0], pipeline.seed, pipeline.data_root) if context else None,
+                executor=executor_choice(pipeline, self._options),
+                result=result,
+            )
+            run_confined(job, self._options.deadline_s, self._options.memory_mb, self._progress(node))
+            return node.stage.output.read(result)
+
+    def _progress(self, node: StageNode) -> Callable[..., None]:
         def progress(done: float, total: float, note: str = "") -> None:
             self._listener.progress(node.name, done, total, note)
 
-        return Context(
-            generator=child_generator(self._shared.pipeline.seed, node.name),
-            map=self._tasks,
-            progress=progress,
-            log=stage_log(node),
-            data_root=self._shared.pipeline.data_root,
-        )
+        return progress
 
 
-def stage_log(node: StageNode) -> logging.Logger:
-    """Return the logger of a stage."""
-    return logging.getLogger(f"{NAME}.{node.name}")
+def make_context(name: str, seed: int, data_root: Path, tasks: MapTasks, progress: Progress) -> Context:
+    """Return what a run lends to the stage of this name."""
+    return Context(
+        generator=child_generator(seed, name),
+        map=tasks,
+        progress=progress,
+        log=logging.getLogger(f"{NAME}.{name}"),
+        data_root=data_root,
+    )

@@ -44,9 +44,9 @@ def _first_line(error: BaseException) -> str:
 
 def _where(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
-    if not frames:
+    last = getattr(error, "robid_where", frames[-1] if frames else None)  # set where another process ran it
+    if last is None:
         return "the trace is empty"
-    last = frames[-1]
     return f"{last.filename}:{last.lineno}, in {last.name}: {last.line or ''}".rstrip(": ")
 
 

@@ -14,7 +14,7 @@ from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreE
 from robid_core.executors import one_thread
 from robid_core.pipeline import Pipeline, StageNode
 from robid_core.run.beginning import executor, hold_to, new_manifest
-from robid_core.run.calling import Caller, stage_log
+from robid_core.run.calling import Caller
 from robid_core.run.folder import RunFolder
 from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings
@@ -82,7 +82,7 @@ class _Run:
         self.shared = Surroundings(pipeline, pipeline.robot.load())
         self.previous = Manifest.read(self.folder, store.files)
         self.manifest = new_manifest(self.shared, options)
-        self.caller = Caller(self.shared, store, tasks, listener)
+        self.caller = Caller(self.shared, store, tasks, listener, options)
         self.motions = Motions(store, self.folder.motions)
         self.entries: dict[str, Entry] = {}
         self.outcomes: dict[str, str] = {}
@@ -153,12 +153,12 @@ class _Run:
 
     def _make(self, node: StageNode, decision: Decision, index: int, moves: bool) -> None:
         self.listener.begin(node.name, index, len(self.pipeline.stages), decision.reasons)
-        stage_log(node).info("begins: %s", "; ".join(decision.reasons))
+        self._log(node).info("begins: %s", "; ".join(decision.reasons))
         if decision.damaged:
             self._set_aside(node, decision)
         began = time.perf_counter()
         try:
-            with named_errors(node, stage_log(node), self.folder.log):
+            with named_errors(node, self._log(node), self.folder.log):
                 entry = self._move(node, decision) if moves else self._compute(node, decision)
         except NotTrustworthy as error:
             self._refuse(node, str(error))
@@ -213,7 +213,7 @@ class _Run:
             inputs=node.inputs,
             ingredients=decision.ingredients,
         )
-        stage_log(node).info("%s in %.3f s: sha256 %s", outcome, seconds, entry.sha256)
+        self._log(node).info("%s in %.3f s: sha256 %s", outcome, seconds, entry.sha256)
         self.listener.end(node.name, outcome, seconds)
 
     def _refuse(self, node: StageNode, why: str) -> None:
@@ -237,6 +237,10 @@ class _Run:
                 fit = self.store.read(self.entries[node.name], Fit)
                 if not fit.converged:
                     self.doubts.append(f"stage {node.name}: N07: the fit did not converge: {fit.status}")
+
+    @staticmethod
+    def _log(node: StageNode) -> logging.Logger:
+        return logging.getLogger(f"{NAME}.{node.name}")
 
     def _note(self, text: str) -> None:
         logging.getLogger(NAME).warning(text)

@@ -9,13 +9,14 @@ verifies the hash. Nothing here is pickled, and no time stamp of a file decides 
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import enum
 import itertools
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -146,12 +147,18 @@ class Store:
 
     def read(self, entry: Entry, artifact: type[AnyArtifact]) -> AnyArtifact:
         """Read an artifact, verified; StoreError where its bytes are no longer what they were."""
+        blob = self.verified_path(entry)
+        with failures_named("read", blob):
+            return artifact.read(blob)
+
+    def verified_path(self, entry: Entry) -> Path:
+        """Return the file with an artifact's bytes; StoreError where they are no longer what they were."""
         blob = self.blobs / entry.blob_name
         with failures_named("read", blob):
             problem = self._problem(entry)
-            if problem:
-                raise StoreError(f"{entry.stage}: {problem}; run again: it is set aside and made anew")
-            return artifact.read(blob)
+        if problem:
+            raise StoreError(f"{entry.stage}: {problem}; run again: it is set aside and made anew")
+        return blob
 
     def digest_of(self, artifact: Artifact) -> str:
         """Return the sha256 that an artifact's bytes would have."""
@@ -162,6 +169,15 @@ class Store:
                 return self.files.digest(draft)
             finally:
                 self._drop(draft)
+
+    @contextlib.contextmanager
+    def draft(self, suffix: str) -> Iterator[Path]:
+        """Give a path for a file that is wanted for a while only."""
+        path = self._draft(suffix)
+        try:
+            yield path
+        finally:
+            self._drop(path)
 
     def withdraw(self, stage: str) -> None:
         """Take away the name of a stage's earlier artifact; its bytes stay in the store."""

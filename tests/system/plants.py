@@ -48,7 +48,14 @@ def fitted(seed: int, starts: int) -> tuple[Fit, dict[str, float]]:
         text = re.sub(r"starts: \d+", f"starts: {starts}", text)
         Path(folder, "plant.yaml").write_text(plant, encoding="utf-8")
         Path(folder, "pipeline.yaml").write_text(text, encoding="utf-8")
-        command = [str(Path(sys.executable).with_name("robid")), "run", "-q", "--until", "fit", "pipeline.yaml"]
+        command = [
+            str(Path(sys.executable).with_name("robid")),
+            "run",
+            "-q",
+            "--until",
+            "fit",
+            "pipeline.yaml",
+        ]
         subprocess.run(command, cwd=folder, check=True)
         (found,) = Path(folder, "runs").rglob("fit.h5")
         return Fit.read(found), truth
@@ -79,7 +86,9 @@ def summary(rows: list[dict[str, str]]) -> list[str]:
         lines.append(f"{name:32} {rms:12.2f} {worst:9.2f} {100 * stated[:, i].mean():9.2f} {ratio[i]:10.2f}")
     covered = np.abs(error) <= 1.96 * stated
     lines.append(f"every gear within 10 % and bearing within 25 %: {within.sum()} of {len(rows)} plants")
-    lines.append(f"stated over real error, geometric mean over parameters: {np.exp(np.log(ratio).mean()):.2f}")
+    lines.append(
+        f"stated over real error, geometric mean over parameters: {np.exp(np.log(ratio).mean()):.2f}"
+    )
     lines.append(f"95 % intervals that hold the truth: {100 * covered.mean():.1f} %")
     return lines
 
@@ -101,7 +110,9 @@ def main() -> None:
             continue
         rows.append(row_of(seed, *fitted(seed, arguments.starts)))
         with arguments.table.open("w", encoding="utf-8", newline="") as file:
-            file.write(f"# python tests/system/plants.py --seeds {arguments.seeds} --starts {arguments.starts}\n")
+            file.write(
+                f"# python tests/system/plants.py --seeds {arguments.seeds} --starts {arguments.starts}\n"
+            )
             writer = csv.DictWriter(file, rows[0].keys())
             writer.writeheader()
             writer.writerows(rows)

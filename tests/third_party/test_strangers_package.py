@@ -67,12 +67,6 @@ def test_its_mistakes_are_told_like_any_other(stranger: dict[str, str], project:
     )
 
 
-def test_the_schema_knows_it(stranger: dict[str, str], project: Path) -> None:
-    done = robid("schema", project=project, environment=stranger)
-    definitions = json.loads(done.stdout)["definitions"]
-    assert definitions["stages.frf.etfe"]["properties"]["discard"]["minimum"] == 0
-
-
 def test_without_the_package_the_file_is_refused_before_anything_runs(project: Path) -> None:
     done = robid("validate", project=project, environment=dict(os.environ))
     assert done.returncode == 2

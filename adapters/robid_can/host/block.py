@@ -21,6 +21,9 @@ BLOCK_SIZE = 127  # segments, the most that CiA 301 allows
 MOST_RETRIES = 20  # blocks that may be repeated in one transfer
 ANSWER_S, PATIENCE = 0.05, 10  # an answer may take so long, so often
 
+GENERAL_ERROR = 0x0800_0000  # CiA 301: abort codes
+INVALID_SEQUENCE, CRC_ERROR, UNKNOWN_COMMAND = 0x0504_0003, 0x0504_0004, 0x0504_0001
+INVALID_BLOCK_SIZE, LENGTH_MISMATCH = 0x0504_0002, 0x0607_0010
 INITIATE = struct.Struct("<BHBL")
 
 
@@ -32,6 +35,7 @@ class BlockClient:
         self._node_id = node_id
         self._key = (0, 0)
         self._place = ""
+        self._aborted = False
         self.n_frame = 0
 
     def _say(self, *payloads: bytes) -> None:
@@ -56,7 +60,7 @@ class BlockClient:
         if len(answer) == 8 and answer[0] == 0x80:
             raise self._fail(f"{{}} aborted with SDO code 0x{int.from_bytes(answer[4:], 'little'):08X}")
         if len(answer) != 8 or answer[0] & mask != wanted:
-            raise self._give_up(0x0504_0001, f"{{}} answered {answer.hex(' ')} instead of 0x{wanted:02X}")
+            raise self._give_up(UNKNOWN_COMMAND, f"{{}} answered {answer.hex(' ')} instead of 0x{wanted:02X}")
         return answer
 
     def _fail(self, message: str) -> RobidError:
@@ -64,6 +68,7 @@ class BlockClient:
 
     def _give_up(self, code: int, message: str) -> RobidError:
         """Abort the transfer on the bus and return the error."""
+        self._aborted = True
         self._say(INITIATE.pack(0x80, *self._key, code))
         return self._fail(message)
 
@@ -83,9 +88,17 @@ class BlockClient:
     def _transfer(self, key: tuple[int, int], what: str) -> Iterator[None]:
         self._key = key
         self._place = f" ({what} of 0x{key[0]:04X}:{key[1]:02X} by SDO block transfer)"
-        self.n_frame = 0
+        self.n_frame, self._aborted = 0, False
         with self._link.bulk(SDO_ANSWER + self._node_id):
-            yield
+            try:
+                yield
+            except (
+                BaseException
+            ):  # Ctrl-C too: the server must not wait for segments when the drive is stopped
+                if not self._aborted:
+                    self._say(INITIATE.pack(0x80, *key, GENERAL_ERROR))
+                self._link.receive_burst()  # nor may its last segments be taken for answers
+                raise
 
     def _note(self, what: str, n_byte: int) -> None:
         if self._link.log is not None:
@@ -111,9 +124,9 @@ class BlockClient:
         data, unused, crc = self._receive_blocks()
         content = data[: len(data) - unused]
         if has_crc and binascii.crc_hqx(content, 0) != crc:
-            raise self._give_up(0x0504_0004, "B01: data of {} do not fit their CRC")
+            raise self._give_up(CRC_ERROR, "B01: data of {} do not fit their CRC")
         if answer[0] & 0x02 and len(content) != size:
-            raise self._give_up(0x0607_0010, f"{{}} announced {size} bytes and sent {len(content)}")
+            raise self._give_up(LENGTH_MISMATCH, f"{{}} announced {size} bytes and sent {len(content)}")
         self._say(b"\xa1".ljust(8, b"\0"))
         return content
 
@@ -133,7 +146,7 @@ class BlockClient:
             if not complete and acknowledged < BLOCK_SIZE:
                 retries += 1
                 if retries > MOST_RETRIES:
-                    raise self._give_up(0x0504_0003, "B01: segments of {} are lost again and again")
+                    raise self._give_up(INVALID_SEQUENCE, "B01: segments of {} are lost again and again")
             self._say(bytes([0xA2, acknowledged, BLOCK_SIZE]).ljust(8, b"\0"))
         end = self._hear_one(0xC1, 0xE3)
         return b"".join(parts), end[0] >> 2 & 0x07, int.from_bytes(end[1:3], "little")
@@ -151,14 +164,14 @@ class BlockClient:
         position, retries = 0, 0
         while position < len(data):
             if not 1 <= block_size <= BLOCK_SIZE:
-                raise self._give_up(0x0504_0002, f"{{}} asks for blocks of {block_size} segments")
+                raise self._give_up(INVALID_BLOCK_SIZE, f"{{}} asks for blocks of {block_size} segments")
             segments = block_of(data, position, block_size)
             self._say(*segments)
             answer = self._hear_one(0xA2, 0xE3)
             position += 7 * answer[1]
             retries += answer[1] < len(segments)
             if answer[1] > len(segments) or retries > MOST_RETRIES:
-                raise self._give_up(0x0504_0003, "B01: segments to {} are lost again and again")
+                raise self._give_up(INVALID_SEQUENCE, "B01: segments to {} are lost again and again")
             block_size = answer[2]
         crc = binascii.crc_hqx(data, 0) if with_crc else 0
         self._say(struct.pack("<BH5x", 0xC1 | -len(data) % 7 << 2, crc))

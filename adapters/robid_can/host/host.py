@@ -169,11 +169,12 @@ class Host:
     # The way out
 
     def stop(self) -> list[str]:
-        """Stop and switch off whatever can be reached; returns what went wrong, never raises for a drive."""
+        """Stop and switch off whatever was ever there; returns what went wrong, never raises for a drive."""
         problems: list[str] = []
         self.link.watch.expected_state = None
+        present = [drive for drive in self.drives if self.link.watch.boot_ups[drive.expected.node_id]]
         for controlword in (state.QUICK_STOP, state.DISABLE_VOLTAGE):
-            for drive in self.drives:
+            for drive in present:
                 try:
                     drive.write(od.CONTROLWORD, controlword)
                     if controlword == state.QUICK_STOP:

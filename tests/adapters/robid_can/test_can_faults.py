@@ -161,6 +161,28 @@ def test_references_that_do_not_fit_together_are_a_fault_of_the_drives(loop, mak
         rig.host.perform(make_experiment(rig.robot))
 
 
+@pytest.mark.parametrize("identifier", [0x601, 0x581])  # while a reference goes down, a trace comes up
+def test_D18_interruption_in_the_middle_of_a_transfer_still_switches_every_drive_off(
+    loop, make_experiment, monkeypatch, identifier
+):
+    rig = loop()
+    rig.host.bring_up(1_000_000, 1e-3)
+    send, counted = VirtualEnd.send, []
+
+    def interrupt(end, message, timeout=None):
+        if message.arbitration_id == identifier and message.data[0] == 0x20:  # the 32nd segment of a block
+            counted.append(1)
+            if len(counted) == 1:
+                raise KeyboardInterrupt
+        send(end, message, timeout)
+
+    monkeypatch.setattr(VirtualEnd, "send", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        rig.host.perform(make_experiment(rig.robot))
+    assert rig.host.stop() == []
+    assert_all_off(rig)
+
+
 # Preflight: nothing has moved
 
 
@@ -177,6 +199,7 @@ def test_B14_dead_bus_is_refused_after_a_second(loop):
         node.mute = True
     refused(rig, "B14: no sign of life from anyone at 1000000 bit/s.*nothing has moved")
     assert rig.system.time_s < 1.2
+    assert rig.host.stop() == []  # who was never there is not blamed for not stopping
 
 
 def test_B14_missing_drive_is_named(loop):

@@ -90,16 +90,9 @@ def excitation(scale=1.0, n_realization=2):
     return Excitation(AXES, 1e-3, 0, np.array([1], dtype=np.int64), reference, np.zeros(2))
 
 
-@dataclass(frozen=True)
-class ContextWithScratch(Context):
-    """A context that lends a folder."""
-
-    scratch: object = None
-
-
 def context(seed=3, **changes):
     steps = []
-    made = ContextWithScratch(
+    made = Context(
         generator=np.random.default_rng(seed),
         map=map_in_process,
         progress=lambda done, total, note="": steps.append((done, total, note)),

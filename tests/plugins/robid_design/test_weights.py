@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
+
 from robid_design.weights import certificate_gap, criterion_value, optimal_weights, whole_experiments
 
 
@@ -48,7 +48,9 @@ def test_weights_that_are_not_optimal_have_a_gap() -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=30).filter(lambda w: sum(w) > 1e-3), st.integers(1, 40))
-def test_rounding_spends_every_experiment_on_supported_candidates(weights: list[float], experiments: int) -> None:
+def test_rounding_spends_every_experiment_on_supported_candidates(
+    weights: list[float], experiments: int
+) -> None:
     weight = np.array(weights) / sum(weights)
     count = whole_experiments(weight, experiments)
     assert count.sum() == experiments

@@ -1,14 +1,14 @@
-"""The grey-box fit on responses of known robots: exact without noise, honest with it, plain about what it cannot see."""
+"""The grey-box fit on responses of known robots: exact without noise, honest with it, plain about the unseen."""
 
 import logging
 
 import numpy as np
 import pytest
-from robid_fit.log_response import LogResponseFit
-from robid_fit.problem import LogResponseProblem, Unknowns, log_covariance
 
 from robid_core import Context, Frf, Robot
 from robid_core.stage import map_in_process
+from robid_fit.log_response import LogResponseFit
+from robid_fit.problem import LogResponseProblem, Unknowns, log_covariance
 
 FREQUENCY = np.geomspace(4, 80, 40)
 
@@ -48,7 +48,9 @@ def six() -> tuple[Robot, Robot, np.ndarray]:
     return nominal, true.with_parameters(friction), angle
 
 
-def test_all_stiffnesses_of_a_linear_robot_come_back_without_noise(six: tuple[Robot, Robot, np.ndarray]) -> None:
+def test_all_stiffnesses_of_a_linear_robot_come_back_without_noise(
+    six: tuple[Robot, Robot, np.ndarray],
+) -> None:
     nominal, true, angle = six
     fit = LogResponseFit(starts=2, model_error=1e-3).run(measured(true, angle, 1e-7), nominal, context())
     truth = true.parameters()
