@@ -75,8 +75,10 @@ def clear_motion(
     """
     if not (np.isfinite(start).all() and np.isfinite(reference).all()):
         raise MotionRefused("D03: the commands hold NaN or infinite values; nothing was sent")
-    # The speed is held from sample to sample and the motor starts and ends at rest.
-    step = np.diff(reference, axis=0, prepend=reference[-1:] if periods > 1 else np.zeros_like(reference[:1]))
+    # The speed is held from sample to sample; the motor starts at rest, and the period wraps where it repeats.
+    step = np.diff(reference, axis=0, prepend=np.zeros_like(reference[:1]))
+    if periods > 1:
+        step = np.concatenate([step, reference[:1] - reference[-1:]])
     angle_in_period = np.cumsum(reference, axis=0) * sample_time_s
     drift = angle_in_period[-1] * (periods - 1)
     highest = start + np.maximum(angle_in_period.max(axis=0), 0) + np.maximum(drift, 0)

@@ -66,11 +66,12 @@ def plan_experiments(
     """
     limits = robot.limits
     experiments = {}
-    for c, start in enumerate(robot.motor_angle(configurations.angle)):
-        realization = excitation.realization(c)
+    for c, middle in enumerate(robot.motor_angle(configurations.angle)):
+        realization, offset = excitation.realization(c), excitation.start_offset(c)
         for b, e in np.ndindex(*realization.shape[:2]):
             label = f"configuration {c + 1}, block {b + 1}, experiment {e + 1}"
             reference = np.ascontiguousarray(realization[b, e])
+            start = middle - offset[b, e]  # the motion goes about the configuration, not away from it
             try:
                 clearance = clear_motion(start, reference, excitation.sample_time_s, periods, limits)
             except MotionRefused as error:

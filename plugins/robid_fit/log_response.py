@@ -147,7 +147,7 @@ class LogResponseFit(Estimator):
         """Model error with which the standardised residual is one per degree of freedom, by bisection."""
         low, high = 1e-3, 0.5
         freedom = used.sum() * frf.response.shape[2] ** 2
-        for _ in range(14):
+        for _ in range(9):
             middle = float(np.sqrt(low * high))
             residual = self._problem(robot, frf, used, middle).whitened(model)
             misfit = (np.abs(residual) ** 2).sum() / freedom

@@ -1,18 +1,41 @@
-"""How robot, controller and signals lie in memory for the inner loop of the simulation.
+"""How chain, robot, controller and signals lie in memory for the compiled loops.
 
-Inside, motors come *after* the other coordinates, so that eliminating from the last one up takes them first: each
+Inside the simulation, motors come *after* the other coordinates, so that eliminating from the last one up takes them first: each
 touches few others.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from robid_core.mechanics.chain import FloatArray, IntArray
-from robid_core.mechanics.dynamics import aligned_arrays, chain_arrays, chain_work
+from robid_core.mechanics.chain import PRISMATIC, Chain, FloatArray, IntArray
 from robid_core.mechanics.mechanism import Mechanism
+
+
+class ChainArrays(NamedTuple):
+    """A chain as the kernels read it: joint axes along local x, y or z. Plain arrays: they pass without counting."""
+
+    tree: IntArray  # (n, 3) parent; 0, 1, 2: revolute about local x, y, z, 3: prismatic along z; is rotation not 1
+    body: FloatArray  # (n, 22) rotation by rows 0-8, translation 9, mass 12, mass times centre 13, inertia
+    # about the joint frame's origin xx yy zz xy xz yz 16
+    ancestor: FloatArray  # (n, n) [j, i] is 1 where joint i moves body j, else 0
+    gravity: FloatArray  # (3,)
+
+
+class ChainWork(NamedTuple):
+    """Memory of one evaluation, owned by the caller so that inner loops allocate nothing."""
+
+    record: FloatArray  # (n, 40) axes x y z of the joint frame in world 0-8, origin 9, velocity of the base
+    # point 12 (angular, linear), its acceleration 18, composite inertia about the world's origin xx yy zz xy xz yz
+    # 24, mass times centre 30, mass 33, moment 34 and force 37 on what hangs on the joint
+    screw: FloatArray  # (8, n) joint axis and its moment 0-5; sine and cosine of the joint angle 6, 7
+    momentum: FloatArray  # (6, n) of what hangs on joint j, for a unit rate of joint j
+    mass: FloatArray  # (n, n) lower triangle of the mass matrix
+    bias: FloatArray  # (n,) c + g
+    gravity_stiffness: FloatArray  # (n, n) lower triangle of dg/dq
 
 
 class PlantArrays(NamedTuple):
@@ -87,6 +110,68 @@ class Signals(NamedTuple):
     coordinates: FloatArray
     saturated: IntArray  # (n_lane, n_axis) samples at the torque limit
     diverged: IntArray  # (n_lane,) sample at which the lane was stopped, -1 if it was not
+
+
+def chain_arrays(chain: Chain) -> ChainArrays:
+    """Turn every joint frame so that its axis is a local one, and list who moves whom."""
+    n = chain.n_coordinate
+    local, turns = zip(*map(_local_axis, chain.axis, chain.joint_type), strict=True)
+    turn = np.array(turns)
+    ancestor = np.eye(n)
+    for j, parent in enumerate(chain.parent):
+        if parent >= 0:
+            ancestor[j] += ancestor[parent]
+    parent_turn = np.where((chain.parent >= 0)[:, None, None], turn[chain.parent], np.eye(3))
+    unturn, parent_unturn = turn.transpose(0, 2, 1), parent_turn.transpose(0, 2, 1)
+    centre = (unturn @ chain.centre_of_mass[:, :, None])[:, :, 0]
+    moved = (
+        np.einsum("ni,ni->n", centre, centre)[:, None, None] * np.eye(3)
+        - centre[:, :, None] * centre[:, None]
+    )
+    inertia = unturn @ chain.inertia @ turn + chain.mass[:, None, None] * moved
+    rotation = parent_unturn @ chain.rotation @ turn
+    body = np.concatenate(
+        (
+            rotation.reshape(n, 9),
+            (parent_unturn @ chain.translation[:, :, None])[:, :, 0],
+            chain.mass[:, None],
+            chain.mass[:, None] * centre,
+            inertia[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        ),
+        axis=1,
+    )
+    turned = (rotation != np.eye(3)).any(axis=(1, 2))
+    tree = np.column_stack((chain.parent, local, turned)).astype(np.int64)
+    return ChainArrays(np.ascontiguousarray(tree), np.ascontiguousarray(body), ancestor, chain.gravity.copy())
+
+
+def chain_work(n: int) -> ChainWork:
+    """Allocate the memory of one evaluation for n joints."""
+    return ChainWork(*aligned_arrays((n, 40), (8, n), (6, n), (n, n), (n,), (n, n)))
+
+
+def aligned_arrays(*shapes: tuple[int, ...]) -> list[FloatArray]:
+    """Allocate zeros side by side, each at the start of a cache line.
+
+    Where numpy happens to put small arrays makes an inner loop up to 1.6 times slower in one process than in another.
+    """
+    line = 64 // 8
+    sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
+    memory = np.zeros(sum(sizes) + line)
+    start = -memory.ctypes.data % 64 // 8
+    starts = [start + sum(sizes[:i]) for i in range(len(shapes))]
+    return [memory[at : at + math.prod(s)].reshape(s) for at, s in zip(starts, shapes, strict=True)]
+
+
+def _local_axis(axis: FloatArray, joint_type: int) -> tuple[int, FloatArray]:
+    """Return how the kernel calls the joint, and the axes in which it is one of the local ones."""
+    aligned = np.flatnonzero(axis == 1.0)
+    if joint_type != PRISMATIC and len(aligned):
+        return int(aligned[0]), np.eye(3)
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(np.eye(3)[np.argmin(abs(z))], z)
+    x /= np.linalg.norm(x)
+    return 3 if joint_type == PRISMATIC else 2, np.column_stack((x, np.cross(z, x), z))
 
 
 def motors_last(mechanism: Mechanism) -> IntArray:

@@ -9,16 +9,17 @@ from __future__ import annotations
 import functools
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import ValidationError
 
-from robid_core.errors import ConfigurationError
+from robid_core.errors import ConfigurationError, PluginError
 from robid_core.gate import MotionLimits
+from robid_core.registry import DYNAMICS, load_plugin
 from robid_core.robot.arrays import DriveArrays, chain_of, drive_arrays, mechanism_of
 from robid_core.robot.description import RobotDescription, named_parameters, with_values
 from robid_core.robot.reading import find_robot, read_description
@@ -26,6 +27,7 @@ from robid_core.robot.reading import find_robot, read_description
 if TYPE_CHECKING:
     from robid_core.mechanics import (
         Chain,
+        Equilibrium,
         LinearModel,
         Mechanism,
         ResponseGradient,
@@ -37,19 +39,74 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
+KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
+
+
+class BatchedDynamics(Protocol):
+    """What is registered under `robid.dynamics`: functions of robid_core.mechanics, computed in another way."""
+
+    def solve_equilibrium(
+        self, mechanism: Mechanism, stiffness: FloatArray, motor_angle: FloatArray
+    ) -> Equilibrium:
+        """See mechanics.equilibrium."""
+
+    def second_order_model(
+        self,
+        mechanism: Mechanism,
+        stiffness: FloatArray,
+        damping: FloatArray,
+        position: FloatArray,
+        motor_damping: FloatArray | None = None,
+    ) -> SecondOrderModel:
+        """See mechanics.linearize."""
+
+    def response(
+        self, model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None = None
+    ) -> ComplexArray:
+        """See mechanics.response."""
+
+    def response_with_gradient(
+        self, model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None = None
+    ) -> ResponseGradient:
+        """See mechanics.response."""
+
 
 @dataclass(frozen=True)
 class Robot:
     """Chain, drives and elastic coordinates of one robot, with names for its unknowns."""
 
     description: RobotDescription
+    dynamics: str = KERNEL
+    """What computes equilibria, second-order models and responses: kernel, or a plugin of robid.dynamics.
+
+    Another one rounds otherwise: whatever depends on the robot depends on this name too.
+    """
 
     @classmethod
-    def load(cls, name_or_path: str, folder: Path | None = None) -> Robot:
+    def load(cls, name_or_path: str, folder: Path | None = None, dynamics: str = KERNEL) -> Robot:
         """Load a packaged robot by name, or a robot.yaml by path (relative to `folder`)."""
-        robot = cls(read_description(find_robot(name_or_path, folder)))
+        robot = cls(read_description(find_robot(name_or_path, folder)), dynamics)
         _ = robot.mechanism, robot.drives  # a wrong inertia or an unknown joint is told now
+        _ = robot.batches  # and so is a library that is missing
         return robot
+
+    @property
+    def batches(self) -> BatchedDynamics:
+        """The functions that `dynamics` names.
+
+        Raises ConfigurationError where no plugin has that name, PluginError where it cannot be imported; the
+        message names the extra to install.
+        """
+        if self.dynamics != KERNEL:
+            try:
+                plugin: BatchedDynamics = load_plugin(DYNAMICS, self.dynamics)
+            except PluginError as error:
+                raise PluginError(f"robot uses dynamics '{self.dynamics}': {error}") from error
+            return plugin
+        from robid_core import mechanics
+
+        kernels: BatchedDynamics = mechanics
+        return kernels
 
     @property
     def name(self) -> str:
@@ -134,11 +191,17 @@ class Robot:
                 f"{self.name} has no parameter {', '.join(unknown)}; it has {', '.join(known)}"
             )
         try:
-            return Robot(with_values(self.description, dict(values)))
+            changed = replace(self, description=with_values(self.description, dict(values)))
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
             raise ConfigurationError(f"{self.name}: {place} = {first['input']}: {first['msg']}") from error
+        if not any(known[name].group == "inertia" for name in values):
+            # Springs, dampers and friction leave the chain as it is: a fit changes them thousands of times.
+            changed.__dict__.update(
+                {k: self.__dict__[k] for k in ("chain", "mechanism") if k in self.__dict__}
+            )
+        return changed
 
     def spring_arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return (stiffness, damping), each (n_spring,), in the order of `stiffness_names`."""
@@ -189,23 +252,19 @@ class Robot:
 
     def gravity_torque(self, angle: npt.ArrayLike) -> FloatArray:
         """Motor torque that holds the arm against gravity, shape (n_config, n_axis)."""
-        from robid_core.mechanics import solve_equilibrium
-
         stiffness, _ = self.spring_arrays()
-        return solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle)).torque
+        return self.batches.solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle)).torque
 
     def second_order(self, angle: npt.ArrayLike, motor_damping: FloatArray | None = None) -> SecondOrderModel:
         """Mass, damping and stiffness at the gravity equilibrium of each configuration, springs deflected.
 
         `motor_damping` (n_config, n_axis) replaces the robot's viscous friction.
         """
-        from robid_core.mechanics import second_order_model, solve_equilibrium
-
         stiffness, damping = self.spring_arrays()
-        rest = solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle))
+        rest = self.batches.solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle))
         extra = self.drives.viscous if motor_damping is None else motor_damping
         extra = np.broadcast_to(extra, (*rest.position.shape[:-1], self.n_axis)).copy()
-        return second_order_model(self.mechanism, stiffness, damping, rest.position, extra)
+        return self.batches.second_order_model(self.mechanism, stiffness, damping, rest.position, extra)
 
     def linearize(
         self,
@@ -238,10 +297,8 @@ class Robot:
         With ``hold="zero_order_hold"`` torque is held between samples and position sampled at the instant;
         ``"continuous"`` is the plain (2.7).
         """
-        from robid_core.mechanics import response
-
         model = self.second_order(angle, motor_damping)
-        return response(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
+        return self.batches.response(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
 
     def response_with_gradient(
         self,
@@ -251,10 +308,8 @@ class Robot:
         hold: str = "zero_order_hold",
     ) -> ResponseGradient:
         """Response and the factors of its derivatives at a fixed equilibrium (see mechanics.response)."""
-        from robid_core.mechanics import response_with_gradient
-
         model = self.second_order(angle, motor_damping)
-        return response_with_gradient(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
+        return self.batches.response_with_gradient(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
 
     def _hold_time(self, hold: str) -> float | None:
         if hold not in ("zero_order_hold", "continuous"):

@@ -117,7 +117,10 @@ def test_every_experiment_stands_in_its_place_of_the_record():
     for number, place in enumerate(np.ndindex(2, 2, 2)):
         performed = drives.performed[number]
         np.testing.assert_array_equal(performed.reference, reference[place])
-        np.testing.assert_array_equal(performed.start, 100.0 * configurations().angle[place[0]])
+        # The motion goes about the configuration: start plus the mean of the reference's integral is its angle.
+        travel = np.cumsum(performed.reference, axis=0) * performed.sample_time_s
+        middle = 100.0 * configurations().angle[place[0]]
+        np.testing.assert_allclose(performed.start + travel.mean(axis=0), middle, atol=1e-12)
         assert (performed.periods, performed.traced) == (3, 2)
         spoken = record.run.values("speed_reference")[place]
         np.testing.assert_array_equal(spoken, np.broadcast_to(reference[place], (2, N_SAMPLE, 2)))

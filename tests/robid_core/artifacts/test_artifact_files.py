@@ -147,7 +147,8 @@ def test_spectra_follow_the_sign_and_the_scale_of_the_docstring() -> None:
     valid = np.ones((1, 1, 1, 2, n), dtype=bool)
     run = DenseRun(sample_time_s=1e-3, channels=channels, time_s=t, valid=valid)
     record = Record(
-        axis_names=("a",), source="", torque_hold="continuous", runs=(run,), angle=np.zeros((1, 1)), line=np.array([line])
+        axis_names=("a",), source="", torque_hold="continuous", runs=(run,), angle=np.zeros((1, 1)),
+        line=np.array([line]),
     )  # fmt: skip
     u, y = record.spectra()
     assert u.shape == (1, 1, 1, 1, 1)

@@ -45,6 +45,7 @@ def run_and_die(world: Any, last: int, before: bool) -> bool:
     """Run in a forked process that dies at its n-th file operation; tell whether it came to that."""
     child = os.fork()
     if child == 0:
+        import faulthandler; faulthandler.dump_traceback_later(15, exit=True, file=open("/tmp/child_trace.txt","w"))
         code = 1
         try:
             world.run(files=DyingFiles(last, before))

@@ -1,0 +1,1 @@
+"""Dynamics and responses of many configurations at once, by torch in double precision."""
