@@ -12,13 +12,14 @@ import pickle
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any
 
-import dask
-import distributed
+import dask  # type: ignore[import-not-found, unused-ignore]
+import distributed as distributed_package
 from pydantic import Field
 
 from robid_core import ConfigurationError, PluginError
 from robid_dask.task import compute, packed, task_name, versions
 
+distributed: Any = distributed_package  # typed in part only
 PATIENCE_S = 20.0  # for a scheduler to answer, and for its first worker
 DEATHS = 3  # a task that was there when so many workers died is held to be the cause
 
@@ -50,8 +51,8 @@ class DaskMap:
 
     def __init__(self, address: str | None, n_workers: int) -> None:
         self.address, self.n_workers = address, n_workers
-        self.client: distributed.Client | None = None
-        self._cluster: distributed.LocalCluster | None = None
+        self.client: Any = None
+        self._cluster: Any = None
 
     def __call__(self, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Call `function` once per tuple; the first exception of the lowest-numbered task is raised."""
@@ -69,7 +70,7 @@ class DaskMap:
                 client.cancel(futures)
             raise
 
-    def start(self) -> distributed.Client:
+    def start(self) -> Any:
         """Connect, starting workers where there is no address."""
         if self.client is None:
             with _own_settings():
@@ -85,7 +86,7 @@ class DaskMap:
                 with contextlib.suppress(Exception):  # a scheduler that is gone cannot say goodbye
                     thing.close(timeout=5)
 
-    def _local(self) -> distributed.Client:
+    def _local(self) -> Any:
         self._cluster = distributed.LocalCluster(
             n_workers=self.n_workers,
             threads_per_worker=1,
@@ -97,7 +98,7 @@ class DaskMap:
         )
         return distributed.Client(self._cluster, timeout=PATIENCE_S)
 
-    def _connected(self) -> distributed.Client:
+    def _connected(self) -> Any:
         advice = "is `dask scheduler` running there, and the port open? leave `address` out for workers of this machine"
         try:
             client = distributed.Client(self.address, timeout=PATIENCE_S)
@@ -114,7 +115,7 @@ class DaskMap:
         except TimeoutError as error:
             client.close(timeout=5)
             raise PluginError(
-                f"executor: the dask scheduler at {self.address} has no workers after {PATIENCE_S:g} s; start one there: "
+                f"executor: the dask scheduler at {self.address} has no workers after {PATIENCE_S:g} s; start one: "
                 f"dask worker {self.address}"
             ) from error
         return client
@@ -125,8 +126,8 @@ class DaskMap:
             outcome, data = future.result()
         except distributed.scheduler.KilledWorker as error:
             raise PluginError(
-                f"{where}: {DEATHS + 1} workers died while they ran {task_name(function)}: killed by the system (out of "
-                "memory?) or its code crashed; run it without this executor to see more"
+                f"{where}: {DEATHS + 1} workers died while they ran {task_name(function)}: killed by the system "
+                "(out of memory?) or its code crashed; run it without this executor to see more"
             ) from error
         except Exception as error:  # none of them is the task's: see `compute`
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
@@ -136,7 +137,8 @@ class DaskMap:
             ) from error
         if outcome == "refused":
             raise PluginError(
-                f"{where}: a worker refused {task_name(function)}: {data.decode()}; install there what is installed here"
+                f"{where}: a worker refused {task_name(function)}: {data.decode()}; install there what is "
+                "installed here"
             )
         value = pickle.loads(data)
         if outcome == "raised":

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import torch
+import torch  # type: ignore[import-not-found, unused-ignore]
 
 from robid_core import ConfigurationError
 from robid_core.mechanics import Equilibrium, Mechanism, ResponseGradient, SecondOrderModel, solve_equilibrium

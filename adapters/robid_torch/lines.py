@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import torch
+import torch  # type: ignore[import-not-found, unused-ignore]
 
 from robid_core import ConfigurationError
 from robid_core.mechanics import ResponseGradient, SecondOrderModel

@@ -1,7 +1,7 @@
 """How chain, robot, controller and signals lie in memory for the compiled loops.
 
-Inside the simulation, motors come *after* the other coordinates, so that eliminating from the last one up takes them first: each
-touches few others.
+Inside the simulation, motors come *after* the other coordinates, so that eliminating from the last one up takes
+them first: each touches few others.
 """
 
 from __future__ import annotations

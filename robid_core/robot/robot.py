@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -45,30 +45,14 @@ KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 class BatchedDynamics(Protocol):
     """What is registered under `robid.dynamics`: functions of robid_core.mechanics, computed in another way."""
 
-    def solve_equilibrium(
-        self, mechanism: Mechanism, stiffness: FloatArray, motor_angle: FloatArray
-    ) -> Equilibrium:
-        """See mechanics.equilibrium."""
-
-    def second_order_model(
-        self,
-        mechanism: Mechanism,
-        stiffness: FloatArray,
-        damping: FloatArray,
-        position: FloatArray,
-        motor_damping: FloatArray | None = None,
-    ) -> SecondOrderModel:
-        """See mechanics.linearize."""
-
-    def response(
-        self, model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None = None
-    ) -> ComplexArray:
-        """See mechanics.response."""
-
-    def response_with_gradient(
-        self, model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None = None
-    ) -> ResponseGradient:
-        """See mechanics.response."""
+    @property
+    def solve_equilibrium(self) -> Callable[..., Equilibrium]: ...
+    @property
+    def second_order_model(self) -> Callable[..., SecondOrderModel]: ...
+    @property
+    def response(self) -> Callable[..., ComplexArray]: ...
+    @property
+    def response_with_gradient(self) -> Callable[..., ResponseGradient]: ...
 
 
 @dataclass(frozen=True)

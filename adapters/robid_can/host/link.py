@@ -8,6 +8,7 @@ Time is what the `Clock` says: simulated in lock-step, or a wall clock.
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol
 
@@ -17,6 +18,9 @@ import canopen
 from robid_can.frame import Frame
 from robid_can.host.watch import HEARTBEAT, HEARTBEAT_S, HOST_NODE_ID, OPERATIONAL, SILENCE_S, Watch
 from robid_core import MotionAborted, MotionRefused, RobidError
+
+# What canopen logs of its own ("transfer aborted by client") is raised by us with its place, not printed.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 SDO_ANSWER = 0x580  # CiA 301: predefined connection set
 SEND_TIMEOUT_S = 1.0

@@ -125,6 +125,15 @@ def test_segments_lost_for_ever_end_in_an_error(scripted, client):
         client.download((0x2100, 0), bytes(7))
 
 
+def test_segments_from_the_server_lost_for_ever_end_in_an_error(scripted, client):
+    scripted.bus.expect("601#a4 03 21 00 7f 00 00 00", "581#c6 03 21 00 0e 00 00 00")
+    scripted.bus.expect("601#a3 00 00 00 00 00 00 00", "581#82 00 00 00 00 00 00 00")
+    for _ in range(30):
+        scripted.bus.expect("601#a2 00 7f 00 00 00 00 00", "581#82 00 00 00 00 00 00 00")
+    with pytest.raises(MotionRefused, match="B01: segments of axis_1"):
+        client.upload((0x2103, 0))
+
+
 def test_sequence_takes_segments_up_to_the_first_gap_or_the_last_of_the_transfer():
     payload = [bytes([n]) + bytes([n] * 7) for n in (1, 2, 4)]
     rows, last = sequence(payload)

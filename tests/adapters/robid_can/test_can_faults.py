@@ -119,6 +119,15 @@ def test_D06_motor_that_does_not_obey_the_quick_stop_is_told_by_its_speed(loop, 
     assert_all_off(rig)
 
 
+def test_drives_that_stay_in_quick_stop_are_switched_off_too(loop):
+    rig = loop()
+    rig.host.bring_up(1_000_000, 1e-3)
+    for node in rig.nodes:
+        node.objects.values[od.QUICK_STOP_OPTION] = 6
+    assert rig.host.stop() == []
+    assert_all_off(rig)
+
+
 def test_D09_drives_stop_by_themselves_when_the_host_is_gone(loop, long_experiment):
     rig = loop()
     rig.host.bring_up(1_000_000, 1e-3)

@@ -143,6 +143,17 @@ def test_block_download_with_a_wrong_crc_is_not_taken():
     assert dialogue.loaded == []
 
 
+def test_download_of_another_size_than_announced_is_not_taken():
+    dialogue = Dialogue()
+    dialogue.say("c6 00 21 00 08 00 00 00")
+    dialogue.say("81 01 02 03 04 05 06 07")
+    crc = binascii.crc_hqx(bytes(range(1, 8)), 0).to_bytes(2, "little").hex(" ")
+    assert dialogue.say(f"c1 {crc} 00 00 00 00 00") == ["80 00 21 00 10 00 07 06"]
+    dialogue.say("21 00 21 00 08 00 00 00")
+    assert dialogue.say("01 01 02 03 04 05 06 07") == ["80 00 21 00 10 00 07 06"]
+    assert dialogue.loaded == []
+
+
 def test_block_download_acknowledges_only_what_came_in_order():
     dialogue = Dialogue()
     dialogue.say("c6 00 21 00 15 00 00 00")

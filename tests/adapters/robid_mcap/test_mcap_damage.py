@@ -6,12 +6,15 @@ import logging
 import struct
 import zlib
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
+from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
 from robid_core import DataRejected, RecordPlan, RobidError, Trace, assemble_record
-from robid_mcap.reader import MOST_BYTES
+from robid_mcap.reader import MOST_BYTES, unpack
 from robid_mcap.records import McapRecords
 
 
@@ -131,8 +134,6 @@ MAGIC = b"\x89MCAP0\r\n"
 
 
 def hostile_files():
-    import zstandard
-
     bomb = zstandard.compress(bytes(3 * MOST_BYTES))
     small = zstandard.compress(bytes(1000))
     return {
@@ -163,6 +164,30 @@ def test_A04_hostile_file_is_told_and_not_followed(name, tmp_path):
     assert any(line.startswith("A0") for line in lines)
     with pytest.raises(DataRejected):
         McapRecords.read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("compress", "name"), [(zstandard.compress, "zstd"), (lz4.frame.compress, "lz4"), (bytes, "")]
+)
+@pytest.mark.parametrize("stated", [999, 1001, MOST_BYTES + 1, 2**60])
+def test_A04_chunk_is_unpacked_to_the_size_that_it_states_or_not_at_all(compress, name, stated):
+    content = compress(bytes(1000))
+    assert unpack(Chunk(name, content, 0, 0, 0, 1000)) == bytes(1000)
+    with pytest.raises(ValueError, match="A04" if stated > MOST_BYTES else "bytes, it states"):
+        unpack(Chunk(name, content, 0, 0, 0, stated))
+
+
+def test_traces_that_are_not_in_the_plan_are_told_and_left_out(tmp_path, caplog):
+    plan, trace = plan_and_trace()
+    log = McapRecords.create(tmp_path / "a.mcap")
+    log.plan(plan)
+    log.trace((0, 0, 0), "x", trace)
+    log.trace((0, 3, 0), "y", trace)
+    log.close(complete=True)
+    with caplog.at_level(logging.WARNING, logger="robid.mcap"):
+        record = McapRecords.read_record(tmp_path / "a.mcap")
+    assert record.run.valid.all()
+    assert "experiment (0, 3, 0) is not in the plan" in caplog.text
 
 
 def test_A03_foreign_file_without_checksums_is_read_with_a_warning(tmp_path):
