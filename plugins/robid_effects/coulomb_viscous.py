@@ -18,7 +18,7 @@ from robid_core.mechanics import equivalent_damping
 FloatArray = npt.NDArray[np.float64]
 
 
-@numba.njit(cache=True)  # type: ignore[misc, untyped-decorator]
+@numba.njit(cache=True)
 def coulomb_viscous_law(
     position: float, velocity: float, load: float, state: float, parameters: FloatArray, step: float
 ) -> tuple[float, float, float, float]:

@@ -107,7 +107,7 @@ def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
     """Give the listener that suits the terminal and the wishes of the user."""
     if quiet:
         yield Silence()
-    elif verbose or not sys.stderr.isatty():
+    elif verbose or not on_terminal():
         with _log_on_stderr() if verbose else contextlib.nullcontext():
             yield Lines()
     else:
@@ -123,6 +123,11 @@ def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
         )
         with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
             yield Bars(progress)
+
+
+def on_terminal() -> bool:
+    """Tell whether a person sees what is written to stderr."""
+    return sys.stderr.isatty()
 
 
 @contextlib.contextmanager

@@ -104,7 +104,7 @@ def _child(job: Job, memory_mb: int | None, pipe: Connection) -> None:
         _work(job, memory_mb, pipe)
     except BaseException as error:
         text = traceback.format_exc()
-        error.robid_where = traceback.extract_tb(error.__traceback__)[-1]  # type: ignore[attr-defined]
+        error.robid_frames = list(traceback.extract_tb(error.__traceback__))  # type: ignore[attr-defined]
         try:
             pipe.send(("error", error, text))
         except Exception:  # it cannot be sent as it is

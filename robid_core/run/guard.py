@@ -32,7 +32,7 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
         log.error("stage %s: %s failed", node.name, node.plugin, exc_info=True)
         raise PluginError(
             f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"
-            f"  {_where(error)}\n"
+            f"  {_where(error, node.plugin.target.partition(':')[0].partition('.')[0])}\n"
             f"  full trace: {log_path}"
         ) from error
 
@@ -42,11 +42,13 @@ def _first_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {what}" if what else type(error).__name__
 
 
-def _where(error: BaseException) -> str:
-    frames = traceback.extract_tb(error.__traceback__)
-    last = getattr(error, "robid_where", frames[-1] if frames else None)  # set where another process ran it
-    if last is None:
+def _where(error: BaseException, package: str) -> str:
+    """Return the last line of the plugin's own code that the error went through."""
+    frames = getattr(error, "robid_frames", None) or traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if f"/{package}/" in f.filename or f.filename.endswith(f"/{package}.py")]
+    if not frames:
         return "the trace is empty"
+    last = (own or frames)[-1]
     return f"{last.filename}:{last.lineno}, in {last.name}: {last.line or ''}".rstrip(": ")
 
 

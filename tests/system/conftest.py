@@ -25,7 +25,12 @@ class Told:
 def run_robid(folder: Path, *arguments: str, **environment: str) -> Told:
     """Run the command line as a user would."""
     done = subprocess.run(
-        [ROBID, *arguments], cwd=folder, capture_output=True, text=True, env={**os.environ, **environment}, check=False
+        [ROBID, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env={**os.environ, **environment},
+        check=False,
     )
     return Told(done.returncode, done.stdout, done.stderr)
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid_core import Design, Fit, Frf, Record, Robot, registry
+from robid_core import Design, Fit, Frf, Record, Robot
+from robid_core.registry import registry
 
 pytestmark = pytest.mark.system
 

@@ -144,6 +144,8 @@ class Estimate(Estimator):
 
     outcome: str = "converged"
     """converged, not converged, refused, raises, exits, a list, nan, clock."""
+    rows: int = 1
+    """How many parameters."""
     hold: float = 0.0
     """Seconds that it takes."""
 
@@ -166,15 +168,16 @@ class Estimate(Estimator):
             value = float(time.perf_counter_ns())
         if self.outcome == "memory":
             value = float(np.ones(10**9).sum())
+        n = self.rows
         table = ParameterTable(
-            ("gear_stiffness.axis_1",),
-            ("N m/rad",),
-            ("stiffness",),
-            np.array([1.0]),
-            np.array([value]),
-            np.array([0.1]),
-            np.array([True]),
-            np.array([False]),
+            tuple(f"gear_stiffness.axis_{index + 1}" for index in range(n)),
+            ("N m/rad",) * n,
+            ("stiffness",) * n,
+            np.ones(n),
+            np.full(n, value),
+            np.full(n, 0.1),
+            np.ones(n, dtype=bool),
+            np.zeros(n, dtype=bool),
         )
         converged = self.outcome != "not converged"
         status = "converged" if converged else "the budget of 3 steps is spent"

@@ -98,14 +98,14 @@ class World:
             )
         sources.forget()
 
+    def registry(self) -> Registry:
+        """Return this world's plugins."""
+        distributions = metadata.distributions(path=[str(self.site)])
+        return Registry(point for distribution in distributions for point in distribution.entry_points)
+
     def pipeline(self, *overrides: str) -> Pipeline:
         """Read the pipeline file, with this world's plugins."""
-        points = [
-            point
-            for distribution in metadata.distributions(path=[str(self.site)])
-            for point in distribution.entry_points
-        ]
-        return Pipeline.load(self.file, overrides, plugins=Registry(points))
+        return Pipeline.load(self.file, overrides, plugins=self.registry())
 
     def run(
         self, *overrides: str, listener: Listener | None = None, files: Files | None = None, **options: Any

@@ -1,0 +1,249 @@
+"""`robid run`, `robid show` and `robid diff` as a person types them."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from robid_core.commands.app import command_line
+
+NAME = "robid_strange_world"
+
+
+class Said(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Robid = Callable[..., Said]
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    if NAME not in sys.modules:
+        place = Path(__file__).parent.parent / "run" / "strange_world.py"
+        spec = importlib.util.spec_from_file_location(NAME, place)
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[NAME] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[NAME])
+    module = sys.modules[NAME]
+    world = module.World(tmp_path)
+    monkeypatch.syspath_prepend(world.site)
+    monkeypatch.setenv("STRANGE_CALLS", str(world.calls))
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr("robid_core.run.identity.core_hash", lambda: "core")
+    monkeypatch.setattr("robid_core.pipeline.pipeline.registry", world.registry)
+    monkeypatch.chdir(world.project)
+    yield world
+    sys.modules.pop(module.PACKAGE, None)
+
+
+@pytest.fixture
+def robid(world: Any, capsys: pytest.CaptureFixture[str]) -> Robid:
+    """Return a function that runs the command line and tells what it said."""
+
+    def run(*words: str) -> Said:
+        with pytest.raises(SystemExit) as ended:
+            command_line(list(words))
+        out, err = capsys.readouterr()
+        return Said(int(ended.value.code or 0), out, err)
+
+    return run
+
+
+def test_the_last_screen_has_the_table_the_page_and_the_way_to_run_it_again(world: Any, robid: Robid) -> None:
+    said = robid("run", "--jobs", "1")
+    assert said.code == 0
+    lines = said.out.splitlines()
+    assert len(lines) <= 25
+    assert re.fullmatch(r"strange: 6 stages, 6 made, 0 up to date, \d+\.\d s", lines[0])
+    head, row = lines[2], lines[3]
+    assert head.split() == ["parameter", "unit", "true", "start", "estimate", "std", "error"]
+    assert row.split()[:5] == ["gear_stiffness.axis_1", "N", "m/rad", "2", "1"]
+    assert "page       runs/strange/artifacts/page.html" in lines
+    assert lines[-1] == "run again  robid run pipeline.yaml"
+    assert "[2/6] acquire: never made" in said.err
+    assert re.search(r"acquire: made in \d+\.\d s", said.err)
+
+
+def test_nothing_to_do_is_said(robid: Robid) -> None:
+    robid("run", "--jobs", "1")
+    said = robid("run", "--jobs", "1")
+    assert said.code == 0
+    assert said.out.startswith("strange: nothing to do, all 6 stages are up to date\n")
+
+
+def test_settings_of_the_command_line_are_used_and_repeated(world: Any, robid: Robid) -> None:
+    said = robid("run", "pipeline.yaml", "--set", "stages.page.with.title=a b", "--jobs", "1")
+    assert said.code == 0
+    assert said.out.splitlines()[-1] == "run again  robid run pipeline.yaml --set 'stages.page.with.title=a b'"
+    assert "a b" in (world.folder / "artifacts" / "page.html").read_text()
+
+
+def test_on_a_terminal_the_progress_leaves_the_last_screen_alone(
+    robid: Robid, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from robid_core.commands import run_screen
+
+    monkeypatch.setattr(run_screen, "on_terminal", lambda: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    said = robid("run", "--jobs", "1")
+    assert said.code == 0
+    assert len(said.out.splitlines()) == 8
+    assert "[2/6] acquire" in said.err
+    assert "never made" not in said.err
+
+
+def test_quiet_prints_one_line(robid: Robid) -> None:
+    said = robid("run", "-q", "--jobs", "1")
+    assert len(said.out.splitlines()) == 1
+    assert said.out.rstrip().endswith("page.html")
+    assert said.err == ""
+
+
+def test_verbose_prints_the_log(robid: Robid) -> None:
+    assert "robid.fit: fitting converged" in robid("run", "-v", "--jobs", "1").err
+
+
+def test_a_dry_run_gives_a_reason_for_every_stage(world: Any, robid: Robid) -> None:
+    said = robid("run", "--dry-run")
+    assert said.code == 0
+    assert [line.split()[0] for line in said.out.splitlines()] == ["where", "acquire", "frf", "fit", "choose", "page"]
+    assert not world.folder.exists()
+    robid("run", "--jobs", "1")
+    lines = robid("run", "--dry-run", "--set", "stages.fit.with.hold=1.0").out.splitlines()
+    assert lines[0].split() == ["where", "cached"]
+    assert re.fullmatch(r"fit +run +setting hold: 0\.0 -> 1\.0", lines[3])
+    assert re.fullmatch(r"page +run if its input changes +takes the output of fit, choose, to be made first", lines[5])
+
+
+@pytest.mark.parametrize("words", [("--force", "fit"), ("pipeline.yaml", "--force", "fit"), ("--force", "fit", "pipeline.yaml")])
+def test_force_takes_stages(world: Any, robid: Robid, words: tuple[str, ...]) -> None:
+    robid("run", "--jobs", "1")
+    world.ran()
+    assert robid("run", "--jobs", "1", *words).code == 0
+    assert world.ran() == ["fit"]
+
+
+def test_force_alone_takes_all_and_until_fewer(world: Any, robid: Robid) -> None:
+    robid("run", "--jobs", "1")
+    world.ran()
+    robid("run", "--jobs", "1", "--force", "--until", "acquire")
+    assert world.ran() == ["where", "acquire"]
+
+
+@pytest.mark.parametrize(
+    "words, code, message",
+    [
+        (("--until", "fitt"), 2, "pipeline.yaml has no stage 'fitt'; did you mean 'fit'?"),
+        (("pipeline.yaml", "fit"), 2, "fit: what shall be done with it? To run up to a stage, write --until fit"),
+        (("none.yaml",), 2, "none.yaml: there is no such file"),
+        (("--locked",), 2, "there is no manifest; run once without it"),
+        (("--from", "fit"), 2, "stage fit needs the output of 'frf', which is not up to date (never made"),
+        (("--set", "stages.fit.with.outcome=raises"), 8, "failed: ZeroDivisionError: a stranger's mistake"),
+        (("--set", "stages.fit.with.outcome=nan"), 5, "ParameterTable.estimate: 1 values are NaN"),
+        (("--set", "drives.use=strange_hardware"), 3, "stand at the emergency stop"),
+        (("--jobs", "-1"), 2, "greater than or equal to 0"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told_with_their_exit_code_and_no_traceback(
+    robid: Robid, words: tuple[str, ...], code: int, message: str
+) -> None:
+    said = robid("run", *(() if "--jobs" in words else ("--jobs", "1")), *words)
+    assert said.code == code
+    assert message in said.err
+    assert "Traceback" not in said.err + said.out
+
+
+def test_a_fit_that_did_not_converge_is_shown_and_ends_with_6(robid: Robid) -> None:
+    said = robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=not converged")
+    assert said.code == 6
+    assert "! stage fit: N07: the fit did not converge: the budget of 3 steps is spent" in said.out
+    assert "page.html" in said.out
+
+
+def test_a_long_table_is_cut_to_the_screen(world: Any, robid: Robid) -> None:
+    from robid_core.commands.run_screen import last_screen
+
+    result = world.run("stages.fit.with.rows=40", "stages.fit.with.outcome=not converged")
+    lines = last_screen(world.pipeline("stages.fit.with.rows=40"), result, "robid run")
+    assert len(lines) == 25
+    shown = sum(line.startswith("gear_stiffness") for line in lines)
+    assert f"... {40 - shown} more: robid show fit" in lines
+
+
+def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -> None:
+    robid("run", "--jobs", "1")
+    listed = robid("show").out
+    assert re.search(r"^fit +Fit +yes +artifacts/fit\.h5 +[0-9a-f]{12}$", listed, re.MULTILINE)
+    fit = robid("show", "fit").out
+    assert "strange: converged: converged" in fit
+    assert "gear_stiffness.axis_1" in fit
+    frf = robid("show", str(world.folder), "frf").out
+    assert "1 of   1" in frf
+    assert "response: 3 n_config x 1 n_freq x 1 n_out x 1 n_in, size " in frf
+    assert "(rad/s^2)/(N m)" in frf
+    assert "block_response: absent" in frf
+    record = robid("show", "pipeline.yaml", "acquire").out
+    assert "runs[0]: DenseRun" in record
+    assert "channels[motor_position]: Channel" in record
+    assert "valid: 3 n_config x 1 n_block x 1 n_exp x 1 n_period x 64 n_sample, 192 of 192 true" in record
+    design = robid("show", str(world.folder / "artifacts" / "choose.h5")).out
+    assert "criterion D: gap 0, efficiency after rounding 1.0000" in design
+    assert "a page of 0 kB" in robid("show", "page").out
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (("show",), "not a run"),
+        (("show", "nowhere", "fit"), "not a run"),
+        (("diff", "a", "b"), "not a run"),
+    ],
+)
+def test_what_is_no_run_is_refused(robid: Robid, words: tuple[str, ...], message: str) -> None:
+    said = robid(*words)
+    assert said.code == 2
+    assert message in said.err
+
+
+def test_show_names_the_stages_there_are(robid: Robid) -> None:
+    robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=refused")
+    said = robid("show", "fitt")
+    assert said.code == 2
+    assert "stage 'fitt' is not in this run; there are: where, acquire, frf" in said.err
+    assert "gave no result: the numbers would be wrong; measure longer" in robid("show", "fit").err
+
+
+def test_diff_of_a_run_with_itself_finds_nothing(robid: Robid) -> None:
+    robid("run", "--jobs", "1")
+    assert robid("diff", "runs/strange", "pipeline.yaml").out == "no difference: the same settings, versions and results\n"
+
+
+def test_diff_tells_settings_versions_and_results(world: Any, robid: Robid) -> None:
+    robid("run", "--jobs", "1")
+    world.folder.rename(world.project / "before")
+    world.say("seed: 7", "seed: 8")
+    robid("run", "--jobs", "1", "--set", "stages.acquire.with.noise=0.2")
+    path = world.project / "before" / "manifest.json"
+    content = json.loads(path.read_text())
+    content["environment"]["versions"]["numpy"] = "1.0"
+    path.write_text(json.dumps(content))
+    lines = robid("diff", "before", "runs/strange").out.splitlines()
+    assert lines[:3] == ["settings:", "  seed: 7 -> 8", "  stage acquire: setting noise: 0.1 -> 0.2"]
+    assert lines[3] == "versions:"
+    assert lines[4].startswith("  numpy: 1.0 -> ")
+    assert "  where: other bytes (" in "\n".join(lines)
+    row = next(line.split() for line in lines if "gear_stiffness.axis_1" in line)
+    first, second = float(row[1]), float(row[2])
+    assert float(row[3]) == pytest.approx(100 * (second - first) / first, rel=1e-2)
+    assert float(row[5]) == pytest.approx((second - first) / (0.1 * 2**0.5), abs=0.01)
