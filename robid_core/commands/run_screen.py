@@ -7,6 +7,7 @@ lines. Both go to stderr; the last screen, at most 25 lines, goes to stdout.
 from __future__ import annotations
 
 import contextlib
+import shutil
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -156,19 +157,20 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     again
         The command that runs it again.
     """
+    show = f"robid show {pipeline.path}"
     head = [headline(pipeline, result)]
     head += [f"! {_cut(doubt)}" for doubt in result.doubts[:MOST_DOUBTS]]
-    tail = []
-    page = last_page(pipeline, result)
-    if page is not None:
-        tail.append(f"page       {_near(page)}")
-    tail += [f"results    {_near(result.folder.path)} (robid show)", f"run again  {again}"]
-    table = parameter_lines(pipeline, result)
-    room = LAST_SCREEN_LINES - len(head) - len(tail) - 3
+    page, fitted = last_page(pipeline, result), last_fit(pipeline, result)
+    tail = [f"page       {_near(page)}"] if page is not None else []
+    tail += [f"results    {show}", f"run again  {again}"]
+    if fitted is None:
+        return [*head, "", *tail]
+    stage, fit = fitted
+    table = fit_table(fit, true_parameters(pipeline))
+    room = LAST_SCREEN_LINES - len(head) - len(tail) - 3  # two empty lines, and the fit's own
     if len(table) > room:
-        table = [*table[: room - 1], f"... {len(table) - room + 1} more: robid show"]
-    body = ["", *table, ""] if table else [""]
-    return [*head, *body, *tail]
+        table = [*table[: room - 1], f"... {len(table) - room + 1} more: {show} {stage}"]
+    return [*head, "", *table, f"{stage}: {_cut(fit_line(fit))}", "", *tail]
 
 
 def headline(pipeline: Pipeline, result: RunResult) -> str:
@@ -195,23 +197,29 @@ def last_page(pipeline: Pipeline, result: RunResult) -> Path | None:
     return None
 
 
-def parameter_lines(pipeline: Pipeline, result: RunResult) -> list[str]:
-    """Return the table of the last fit: true (where the plant is simulated), start, estimate, standard error."""
+def last_fit(pipeline: Pipeline, result: RunResult) -> tuple[str, Fit] | None:
+    """Return the last fit of this run, and its stage."""
     from robid_core.artifacts import Fit
-    from robid_core.drives import Drives
 
     for node in reversed(pipeline.stages):
-        record = result.manifest.stages.get(node.name)
-        if (
-            issubclass(node.stage.output, Fit)
-            and record is not None
-            and record.outcome in ("made", "same", "kept")
-        ):
-            fit = node.stage.output.read(result.folder.path / record.file)
-            drives = pipeline.drives.settings if pipeline.drives else None
-            truth = drives.truth(pipeline.robot.load()) if isinstance(drives, Drives) else None
-            return fit_table(fit, truth.as_mapping() if truth else {})
-    return []
+        if issubclass(node.stage.output, Fit) and result.outcomes.get(node.name) in ("made", "same", "kept"):
+            return node.name, Fit.read(result.folder.path / result.manifest.stages[node.name].file)
+    return None
+
+
+def true_parameters(pipeline: Pipeline) -> dict[str, float]:
+    """Return the parameters of the plant by name, where it is simulated."""
+    from robid_core.drives import Drives
+
+    drives = pipeline.drives.settings if pipeline.drives else None
+    truth = drives.truth(pipeline.robot.load()) if isinstance(drives, Drives) else None
+    return truth.as_mapping() if truth else {}
+
+
+def fit_line(fit: Fit) -> str:
+    """Say in one line how a fit ended."""
+    state = "" if fit.converged else "NOT CONVERGED: "
+    return f"{state}{fit.status}; misfit {fit.misfit:.3g}; {fit.n_agree} of {fit.n_starts} starts agree"
 
 
 def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> list[str]:
@@ -247,8 +255,9 @@ def _near(path: Path) -> str:
 
 
 def _cut(text: str) -> str:
-    first = text.partition("\n")[0]
-    return first if len(first) <= 150 else first[:147] + "..."
+    """Return the first line of a text, no wider than the terminal."""
+    first, most = text.partition("\n")[0], max(shutil.get_terminal_size().columns - 2, 60)
+    return first if len(first) <= most else first[: most - 3] + "..."
 
 
 def _say(text: str) -> None:

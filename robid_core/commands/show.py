@@ -97,16 +97,14 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
 def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     """Return an artifact as text: what is special about its kind first, then every field."""
     from robid_core.artifacts import Design, Diagnosis, Fit, Frf, Report
-    from robid_core.commands.run_screen import fit_table
+    from robid_core.commands.run_screen import fit_line, fit_table
 
     lines = [type(artifact).__name__ + (f" in {path}" if path is not None else "")]
     if isinstance(artifact, Report):
         return [*lines, f"  a page of {len(artifact.html) / 1000:.0f} kB; open it in a browser"]
     if isinstance(artifact, Fit):
-        converged = "converged" if artifact.converged else "DID NOT CONVERGE"
         lines += [
-            f"  {artifact.method}: {converged}: {artifact.status}",
-            f"  misfit {artifact.misfit:.4g}; {artifact.n_agree} of {artifact.n_starts} starts agree",
+            f"  {artifact.method}: {fit_line(artifact)}",
             "",
             *(f"  {line}" for line in fit_table(artifact, {}, everything=True)),
             "",

@@ -13,13 +13,14 @@ from robid_core.pipeline import StageNode
 from robid_core.robot import Robot
 from robid_core.run.beginning import executor_choice
 from robid_core.run.confine import Job, run_confined
+from robid_core.run.folder import RunFolder
 from robid_core.run.guard import checked_result
 from robid_core.run.identity import Surroundings, child_generator
 from robid_core.run.log import NAME
 from robid_core.run.options import RunOptions
 from robid_core.run.progress import Listener
 from robid_core.stage import Context, MapTasks, Progress
-from robid_core.store import Entry, Store
+from robid_core.store import Entry, Store, failures_named
 
 
 class Caller:
@@ -53,8 +54,16 @@ class Caller:
                     self._shared.pipeline.data_root,
                     self._tasks,
                     self._progress(node),
+                    self._raw_folder(),
                 )
         return checked_result(node, node.stage.run(**arguments))
+
+    def _raw_folder(self) -> Path:
+        """Return the folder for logs that are no artifacts, made where it is missing."""
+        folder = RunFolder.of(self._shared.pipeline).raw
+        with failures_named("make", folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        return folder
 
     def _inputs(
         self, node: StageNode, entries: Mapping[str, Entry]
@@ -105,7 +114,14 @@ class Caller:
         return progress
 
 
-def make_context(name: str, seed: int, data_root: Path, tasks: MapTasks, progress: Progress) -> Context:
+def make_context(
+    name: str,
+    seed: int,
+    data_root: Path,
+    tasks: MapTasks,
+    progress: Progress,
+    scratch: Path | None = None,
+) -> Context:
     """Return what a run lends to the stage of this name."""
     return Context(
         generator=child_generator(seed, name),
@@ -113,4 +129,5 @@ def make_context(name: str, seed: int, data_root: Path, tasks: MapTasks, progres
         progress=progress,
         log=logging.getLogger(f"{NAME}.{name}"),
         data_root=data_root,
+        scratch=scratch,
     )

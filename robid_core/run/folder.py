@@ -55,6 +55,11 @@ class RunFolder:
         return self.path / "log.txt"
 
     @property
+    def raw(self) -> Path:
+        """Raw logs of motions, a file for each acquisition; no artifacts."""
+        return self.path / "raw"
+
+    @property
     def lock(self) -> Path:
         """The file whose lock a run holds."""
         return self.path / "store" / "lock"

@@ -236,7 +236,9 @@ class _Run:
             if node.name in self.entries and issubclass(node.stage.output, Fit):
                 fit = self.store.read(self.entries[node.name], Fit)
                 if not fit.converged:
-                    self.doubts.append(f"stage {node.name}: N07: the fit did not converge: {fit.status}")
+                    doubt = f"stage {node.name}: N07: the fit did not converge: {fit.status}"
+                    self._log(node).warning(doubt)
+                    self.doubts.append(doubt)
 
     @staticmethod
     def _log(node: StageNode) -> logging.Logger:

@@ -69,7 +69,9 @@ def test_the_last_screen_has_the_table_the_page_and_the_way_to_run_it_again(worl
     head, row = lines[2], lines[3]
     assert head.split() == ["parameter", "unit", "true", "start", "estimate", "std", "error"]
     assert row.split()[:5] == ["gear_stiffness.axis_1", "N", "m/rad", "2", "1"]
+    assert lines[4] == "fit: converged; misfit 1; 1 of 1 starts agree"
     assert "page       runs/strange/artifacts/page.html" in lines
+    assert "results    robid show pipeline.yaml" in lines
     assert lines[-1] == "run again  robid run pipeline.yaml"
     assert "[2/6] acquire: never made" in said.err
     assert re.search(r"acquire: made in \d+\.\d s", said.err)
@@ -85,7 +87,9 @@ def test_nothing_to_do_is_said(robid: Robid) -> None:
 def test_settings_of_the_command_line_are_used_and_repeated(world: Any, robid: Robid) -> None:
     said = robid("run", "pipeline.yaml", "--set", "stages.page.with.title=a b", "--jobs", "1")
     assert said.code == 0
-    assert said.out.splitlines()[-1] == "run again  robid run pipeline.yaml --set 'stages.page.with.title=a b'"
+    assert (
+        said.out.splitlines()[-1] == "run again  robid run pipeline.yaml --set 'stages.page.with.title=a b'"
+    )
     assert "a b" in (world.folder / "artifacts" / "page.html").read_text()
 
 
@@ -98,7 +102,7 @@ def test_on_a_terminal_the_progress_leaves_the_last_screen_alone(
     monkeypatch.setenv("FORCE_COLOR", "1")
     said = robid("run", "--jobs", "1")
     assert said.code == 0
-    assert len(said.out.splitlines()) == 8
+    assert len(said.out.splitlines()) == 9
     assert "[2/6] acquire" in said.err
     assert "never made" not in said.err
 
@@ -117,16 +121,27 @@ def test_verbose_prints_the_log(robid: Robid) -> None:
 def test_a_dry_run_gives_a_reason_for_every_stage(world: Any, robid: Robid) -> None:
     said = robid("run", "--dry-run")
     assert said.code == 0
-    assert [line.split()[0] for line in said.out.splitlines()] == ["where", "acquire", "frf", "fit", "choose", "page"]
+    assert [line.split()[0] for line in said.out.splitlines()] == [
+        "where",
+        "acquire",
+        "frf",
+        "fit",
+        "choose",
+        "page",
+    ]
     assert not world.folder.exists()
     robid("run", "--jobs", "1")
     lines = robid("run", "--dry-run", "--set", "stages.fit.with.hold=1.0").out.splitlines()
     assert lines[0].split() == ["where", "cached"]
     assert re.fullmatch(r"fit +run +setting hold: 0\.0 -> 1\.0", lines[3])
-    assert re.fullmatch(r"page +run if its input changes +takes the output of fit, choose, to be made first", lines[5])
+    assert re.fullmatch(
+        r"page +run if its input changes +takes the output of fit, choose, to be made first", lines[5]
+    )
 
 
-@pytest.mark.parametrize("words", [("--force", "fit"), ("pipeline.yaml", "--force", "fit"), ("--force", "fit", "pipeline.yaml")])
+@pytest.mark.parametrize(
+    "words", [("--force", "fit"), ("pipeline.yaml", "--force", "fit"), ("--force", "fit", "pipeline.yaml")]
+)
 def test_force_takes_stages(world: Any, robid: Robid, words: tuple[str, ...]) -> None:
     robid("run", "--jobs", "1")
     world.ran()
@@ -178,7 +193,7 @@ def test_a_long_table_is_cut_to_the_screen(world: Any, robid: Robid) -> None:
     lines = last_screen(world.pipeline("stages.fit.with.rows=40"), result, "robid run")
     assert len(lines) == 25
     shown = sum(line.startswith("gear_stiffness") for line in lines)
-    assert f"... {40 - shown} more: robid show fit" in lines
+    assert f"... {40 - shown} more: robid show {world.file} fit" in lines
 
 
 def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -> None:
@@ -186,7 +201,7 @@ def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -
     listed = robid("show").out
     assert re.search(r"^fit +Fit +yes +artifacts/fit\.h5 +[0-9a-f]{12}$", listed, re.MULTILINE)
     fit = robid("show", "fit").out
-    assert "strange: converged: converged" in fit
+    assert "strange: converged; misfit 1; 1 of 1 starts agree" in fit
     assert "gear_stiffness.axis_1" in fit
     frf = robid("show", str(world.folder), "frf").out
     assert "1 of   1" in frf
@@ -226,7 +241,10 @@ def test_show_names_the_stages_there_are(robid: Robid) -> None:
 
 def test_diff_of_a_run_with_itself_finds_nothing(robid: Robid) -> None:
     robid("run", "--jobs", "1")
-    assert robid("diff", "runs/strange", "pipeline.yaml").out == "no difference: the same settings, versions and results\n"
+    assert (
+        robid("diff", "runs/strange", "pipeline.yaml").out
+        == "no difference: the same settings, versions and results\n"
+    )
 
 
 def test_diff_tells_settings_versions_and_results(world: Any, robid: Robid) -> None:
