@@ -6,15 +6,15 @@ whose worker is killed is simply computed again by another worker.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import dask  # type: ignore[import-not-found, unused-ignore]
 import distributed as distributed_package
-from pydantic import Field
 
 from robid_core import ConfigurationError, PluginError
 from robid_dask.task import compute, packed, task_name, versions
@@ -25,9 +25,7 @@ DEATHS = 3  # a task that was there when so many workers died is held to be the 
 
 
 @contextlib.contextmanager
-def dask_executor(
-    address: str | None = None, n_workers: Annotated[int, Field(ge=1, le=1024)] = 2
-) -> Iterator[DaskMap]:
+def dask_executor(address: str | None = None, n_workers: int = 2) -> Iterator[DaskMap]:
     """Give a map over the workers of a dask cluster.
 
     `address` is that of a scheduler, as `dask scheduler` prints it; its workers need the versions of robid, numpy,
@@ -37,6 +35,10 @@ def dask_executor(
 
         executor: {use: dask, with: {address: "tcp://10.0.0.5:8786"}}
     """
+    if n_workers < 1:
+        raise ConfigurationError(
+            f"executor: {n_workers} workers; give one or more, or the address of a scheduler"
+        )
     tasks = DaskMap(address, n_workers)
     try:
         if address is not None:
@@ -92,7 +94,8 @@ class DaskMap:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # None would open its port to the network
+            worker_dashboard_address="127.0.0.1:0",
             memory_limit=0,  # no writing of results to disk, no pausing: as processes of this machine
             silence_logs=logging.ERROR,
         )
@@ -101,6 +104,7 @@ class DaskMap:
     def _connected(self) -> Any:
         advice = "is `dask scheduler` running there, and the port open? leave `address` out for workers of this machine"
         try:
+            asyncio.run(asyncio.wait_for(_greet(self.address), PATIENCE_S))  # the client waits without end
             client = distributed.Client(self.address, timeout=PATIENCE_S)
         except ValueError as error:
             raise ConfigurationError(
@@ -144,6 +148,15 @@ class DaskMap:
         if outcome == "raised":
             raise value
         return value
+
+
+async def _greet(address: str | None) -> None:
+    """Ask a scheduler who it is."""
+    scheduler = await distributed.core.connect(address)
+    try:
+        await distributed.core.send_recv(scheduler, op="identity")
+    finally:
+        scheduler.abort()
 
 
 @contextlib.contextmanager

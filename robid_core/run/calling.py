@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -54,13 +55,16 @@ class Caller:
                     self._shared.pipeline.data_root,
                     self._tasks,
                     self._progress(node),
-                    self._raw_folder(),
+                    self._raw_folder(node),
                 )
         return checked_result(node, node.stage.run(**arguments))
 
-    def _raw_folder(self) -> Path:
-        """Return the folder for logs that are no artifacts, made where it is missing."""
+    def _raw_folder(self, node: StageNode) -> Path:
+        """Return the folder for logs that are no artifacts; each motion of hardware gets one of its own."""
         folder = RunFolder.of(self._shared.pipeline).raw
+        if self._shared.moves_hardware(node.stage):
+            numbered = (folder / f"{node.name}-{number}" for number in itertools.count(1))
+            folder = next(path for path in numbered if not path.exists())
         with failures_named("make", folder):
             folder.mkdir(parents=True, exist_ok=True)
         return folder

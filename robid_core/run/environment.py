@@ -26,6 +26,8 @@ def versions(distributions: Iterable[str]) -> dict[str, str]:
             continue
         found[name] = distribution.version
         for requirement in distribution.requires or ():
+            if "extra ==" in requirement:  # tools and options that took no part
+                continue
             _add(found, re.split(r"[^A-Za-z0-9._-]", requirement, maxsplit=1)[0])
     for name in ALSO:
         _add(found, name)

@@ -22,7 +22,7 @@ from robid_core import __version__
 from robid_core.artifacts import Truth
 from robid_core.drives import Drives
 from robid_core.pipeline import Pipeline, StageNode
-from robid_core.registry import Plugin, registry
+from robid_core.registry import DYNAMICS, Plugin, registry
 from robid_core.robot import Robot
 from robid_core.run.sources import core_hash, sources_hash
 from robid_core.stage import Context, Stage
@@ -88,7 +88,7 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
     if Context in lent:
         found["seed"] = f"{child_seed(shared.pipeline.seed, node.name):032x}"
     if lent & {Robot, Truth}:
-        found["robot"] = {"sha256": shared.robot_hash, "dynamics": shared.pipeline.robot.dynamics}
+        found["robot"] = {"sha256": shared.robot_hash, "dynamics": _dynamics(shared.pipeline, hardware)}
     if lent & {Drives, Truth} and shared.pipeline.drives is not None:
         choice = shared.pipeline.drives
         found["drives"] = {
@@ -98,6 +98,14 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
             "plugins": {p.name: plugin_identity(p, versioned=not hardware) for p in _used(choice.settings)},
         }
     return found
+
+
+def _dynamics(pipeline: Pipeline, hardware: bool) -> Any:
+    """Say what computes batches of dynamics: the core's own, or which plugin."""
+    name = pipeline.robot.dynamics
+    if name == "numpy":
+        return name
+    return plugin_identity(registry().find(DYNAMICS, name), versioned=not hardware)
 
 
 def key_of(ingredients: Ingredients) -> str:
@@ -175,7 +183,7 @@ def _change(place: tuple[str, ...], before: Any, after: Any) -> str:
             return f"sources of the {_owner(owner)} {happened}"
         case (*owner, "name" | "version" | "distribution" as what):
             return f"{what} of the {_owner(owner)}: {from_to}"
-        case ("robot", "dynamics"):
+        case ("robot", "dynamics", *_):
             return f"dynamics of the robot: {from_to}"
         case _:
             return f"{place[0]} {happened}"

@@ -85,7 +85,7 @@ def test_paths_that_lead_elsewhere_are_refused(
 
 def test_a_plugin_that_settings_will_need_is_looked_for_now(problems: Read, data: Path) -> None:
     (line,) = problems(pipeline_text("path: a.csv, reader: tape"), data_root=data)
-    assert line.startswith("bad.yaml:6:10: stages.read.use: no record 'tape'; ")
+    assert line.startswith("bad.yaml:6:10: stages.read.use: no reader of recordings 'tape'; ")
 
 
 def test_keys_of_nested_settings_are_told_where_they_stand(problems: Read, data: Path) -> None:

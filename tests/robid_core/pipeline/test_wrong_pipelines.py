@@ -184,7 +184,7 @@ ONE_MISTAKE = {
     ),
     "unknown drives": (
         changed("use: can", "use: cann"),
-        ["bad.yaml:5:10: drives.use: no drive 'cann'; did you mean 'can'?"],
+        ["bad.yaml:5:10: drives.use: no drives 'cann'; did you mean 'can'?"],
     ),
     "unknown executor": (
         changed("stages:\n", "executor: {use: pol}\nstages:\n"),

@@ -83,6 +83,7 @@ def test_the_manifest_holds_what_a_run_was_made_of(world: Any) -> None:
     assert {"python", "robid", "numpy", "scipy", "numba", "pydantic", "h5py", "robid_strange_stages"} <= set(
         content["environment"]["versions"]
     )
+    assert "pytest" not in content["environment"]["versions"]  # took no part
     assert content["environment"]["threads"] == {"linear_algebra": 1, "kernels": 1}
     assert content["environment"]["platform"]["processor"]
     assert content["pipeline"]["overrides"] == ["stages.fit.with.hold=0.001"]

@@ -152,3 +152,10 @@ def test_a_damaged_motion_record_counts_as_unfinished(robot_world: Any) -> None:
     next((robot_world.folder / "store" / "motions").iterdir()).write_text("{")
     with pytest.raises(MotionRefused, match="the record is damaged"):
         robot_world.run("stages.acquire.with.noise=0.5", at_the_robot=True)
+
+
+def test_each_motion_has_a_raw_folder_of_its_own(robot_world: Any) -> None:
+    robot_world.run(at_the_robot=True)
+    robot_world.run(at_the_robot=True, again=True)
+    names = sorted(path.name for path in (robot_world.folder / "raw").iterdir())
+    assert names == ["acquire-1", "acquire-2"]

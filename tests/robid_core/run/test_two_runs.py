@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from robid_core.errors import StoreError
+from robid_core.run.interruption import signals_as_interrupt
 from robid_core.run.lock import run_lock
 
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
@@ -83,6 +84,18 @@ def test_waiting_says_once_for_whom(tmp_path: Path) -> None:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             assert str(os.getpid()) in path.read_text()
     assert path.read_text() == ""
+
+
+def test_a_signal_that_is_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # what nohup does
+    try:
+        with signals_as_interrupt():
+            signal.raise_signal(signal.SIGHUP)
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_sigterm_interrupts_and_the_next_run_goes_on(world: Any) -> None:

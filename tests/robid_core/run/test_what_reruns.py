@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robid_core.pipeline import Pipeline
 from robid_core.run import sources
+from robid_core.run.identity import Surroundings, ingredients_of
 
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
 
@@ -136,6 +138,26 @@ def test_a_local_package_that_a_plugin_imports_counts_like_the_plugin(world: Any
     helper.write_text("G = 1.62\n")
     sources.forget()
     assert sources.sources_hash("robid_strange_stages", "robid_strange_stages") != first
+
+
+def test_plugins_that_a_stage_says_it_uses_count_like_its_own(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robid_core.run.identity.registry", world.registry)
+    world.edit(
+        '    path: DataPath\n    """The file."""\n',
+        """    path: DataPath
+
+    def uses(self) -> list[tuple[str, str]]:
+        return [("robid.records", "strange")]
+
+""",
+    )
+    world.say("{use: strange.where}", "{use: strange.file, with: {path: pipeline.yaml}}")
+    pipeline = Pipeline.load(world.file, data_root=world.project, plugins=world.registry())
+    found = ingredients_of(pipeline.stage("where"), {}, Surroundings(pipeline, pipeline.robot.load()))
+    assert found["plugins"]["strange"]["version"] == "1.0"
+    assert found["plugins"]["strange"]["sources"] == found["stage"]["sources"]
 
 
 def test_packages_of_an_index_are_known_by_their_version(world: Any) -> None:
