@@ -56,6 +56,11 @@ class Experiment:
     seed: int
     clearance: Clearance
 
+    @property
+    def cleared(self) -> bool:
+        """Whether exactly this motion went through the safety gate; nothing else may be sent."""
+        return self.clearance.covers(self.start, self.reference, self.sample_time_s, self.periods)
+
 
 @dataclass(frozen=True)
 class Trace:

@@ -36,13 +36,13 @@ class Clearance:
 
     sha256: str
 
-    def covers(self, start: FloatArray, reference: FloatArray) -> bool:
-        """Tell whether the commands are the ones that were cleared."""
-        return self.sha256 == _digest(start, reference)
+    def covers(self, start: FloatArray, reference: FloatArray, sample_time_s: float, periods: int) -> bool:
+        """Tell whether this motion is the one that was cleared, repetitions and clock included."""
+        return self.sha256 == _digest(start, reference, sample_time_s, periods)
 
 
-def _digest(start: FloatArray, reference: FloatArray) -> str:
-    digest = hashlib.sha256()
+def _digest(start: FloatArray, reference: FloatArray, sample_time_s: float, periods: int) -> str:
+    digest = hashlib.sha256(repr((float(sample_time_s), int(periods))).encode())
     for part in (start, reference):
         data = np.ascontiguousarray(part, dtype=np.float64)
         digest.update(repr(data.shape).encode())
@@ -75,8 +75,9 @@ def clear_motion(
     """
     if not (np.isfinite(start).all() and np.isfinite(reference).all()):
         raise MotionRefused("D03: the commands hold NaN or infinite values; nothing was sent")
-    # The speed is held from sample to sample; the motor starts at rest, and the period wraps where it repeats.
-    step = np.diff(reference, axis=0, prepend=np.zeros_like(reference[:1]))
+    # The speed is held from sample to sample; the motor starts and ends at rest, and the period wraps.
+    rest = np.zeros_like(reference[:1])
+    step = np.diff(reference, axis=0, prepend=rest, append=rest)
     if periods > 1:
         step = np.concatenate([step, reference[:1] - reference[-1:]])
     angle_in_period = np.cumsum(reference, axis=0) * sample_time_s
@@ -89,7 +90,7 @@ def clear_motion(
     )
     _refuse_beyond("upper position", "rad", highest, limits.upper, limits)
     _refuse_beyond("lower position", "rad", -lowest, -limits.lower, limits)
-    return Clearance(_digest(start, reference))
+    return Clearance(_digest(start, reference, sample_time_s, periods))
 
 
 def _refuse_beyond(

@@ -65,6 +65,10 @@ class CanDrives(Drives):
             raise ValueError(
                 f"a simulated plant stands behind the virtual interface only, not behind {self.interface}"
             )
+        if self.plant is None and self.interface == "virtual":
+            raise ValueError(
+                "nothing stands behind a virtual bus without `plant:`; name a robot, six_axis_true say"
+            )
         for node_id in self.node_ids or ():
             if not 1 <= node_id <= 126:  # 127 is the host's
                 raise ValueError(f"{node_id} is no node id; they go from 1 to 126")

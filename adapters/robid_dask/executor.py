@@ -61,16 +61,21 @@ class DaskMap:
         tasks = [packed(function, argument) for argument in arguments]
         if not tasks:
             return []
-        client = self.start()
-        with _own_settings():
-            # pure=False: equal arguments are still as many tasks, and no result of another run is taken
-            futures = client.map(compute, tasks, expected=versions(), pure=False)
+        client, futures = self.start(), []
         try:
-            return [self._result(future, function) for future in futures]
-        except BaseException:
+            with _own_settings():
+                # pure=False: equal arguments are still as many tasks, and no result of another run is taken
+                futures = client.map(compute, tasks, expected=versions(), pure=False)
+            outcomes = (future.result() for future in futures)
+            return [self._value(outcome, data, function) for outcome, data in outcomes]
+        except BaseException as error:
             with contextlib.suppress(Exception):
                 client.cancel(futures)
-            raise
+            if isinstance(error, _FromTask):
+                raise error.value from None
+            if isinstance(error, PluginError) or not isinstance(error, Exception):
+                raise
+            raise self._failed(error, function) from error
 
     def start(self) -> Any:
         """Connect, starting workers where there is no address."""
@@ -124,30 +129,41 @@ class DaskMap:
             ) from error
         return client
 
-    def _result(self, future: Any, function: Callable[..., Any]) -> Any:
-        where = f"dask at {self.address}" if self.address else "dask"
-        try:
-            outcome, data = future.result()
-        except distributed.scheduler.KilledWorker as error:
-            raise PluginError(
-                f"{where}: {DEATHS + 1} workers died while they ran {task_name(function)}: killed by the system "
-                "(out of memory?) or its code crashed; run it without this executor to see more"
-            ) from error
-        except Exception as error:  # none of them is the task's: see `compute`
-            reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-            raise PluginError(
-                f"{where}: {task_name(function)} could not be run: {reason}; do scheduler and workers live, with the "
-                "same robid and dask as here?"
-            ) from error
+    @property
+    def _where(self) -> str:
+        return f"dask at {self.address}" if self.address else "dask"
+
+    def _value(self, outcome: str, data: bytes, function: Callable[..., Any]) -> Any:
         if outcome == "refused":
             raise PluginError(
-                f"{where}: a worker refused {task_name(function)}: {data.decode()}; install there what is "
+                f"{self._where}: a worker refused {task_name(function)}: {data.decode()}; install there what is "
                 "installed here"
             )
         value = pickle.loads(data)
         if outcome == "raised":
-            raise value
+            raise _FromTask(value)
         return value
+
+    def _failed(self, error: Exception, function: Callable[..., Any]) -> PluginError:
+        """Say what went wrong outside the task."""
+        if isinstance(error, distributed.scheduler.KilledWorker):
+            return PluginError(
+                f"{self._where}: {error.allowed_failures + 1} workers died while they ran {task_name(function)}: "
+                "killed by the system (out of memory?) or its code crashed; run it without this executor to see more"
+            )
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        return PluginError(
+            f"{self._where}: {task_name(function)} could not be run: {reason}; do scheduler and workers live, with "
+            "the same robid and dask as here?"
+        )
+
+
+class _FromTask(Exception):
+    """What a task raised, told from what dask raises."""
+
+    def __init__(self, value: Exception) -> None:
+        super().__init__(str(value))
+        self.value = value
 
 
 async def _greet(address: str | None) -> None:

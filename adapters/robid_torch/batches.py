@@ -1,8 +1,8 @@
 """What `robot: {model: ..., dynamics: torch}` computes with: equilibria, linear models, responses, in batches.
 
 The functions have the names, arguments and results of their counterparts in `robid_core.mechanics`, numpy arrays in
-and out, and agree with them within rounding (the tests say how far). On a processor one thread works, and the bytes
-do not depend on how a batch was cut; on a graphics card they may.
+and out, and agree with them within rounding (the tests say how far). On a processor one thread works, so that the same
+batch gives the same bytes; a graphics card makes no such promise.
 """
 
 from __future__ import annotations

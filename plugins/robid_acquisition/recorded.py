@@ -178,6 +178,11 @@ class RecordedAcquisition(Acquisition):
         """Return the files read, so that a changed file is a changed input."""
         return [data_root / file for file in self._files()]
 
+    def uses(self) -> list[tuple[str, str]]:
+        """Return the readers that will be loaded, so that an edited reader is a changed input."""
+        names = {self.format or SUFFIXES.get(Path(file).suffix.lower(), "") for file in self._files()}
+        return [("robid.records", name) for name in sorted(names) if name]
+
     def _files(self) -> list[str]:
         return list(dict.fromkeys([self.path, *(c.file for c in self.channels.values() if c.file)]))
 

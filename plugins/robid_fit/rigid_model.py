@@ -8,6 +8,7 @@ Names are those of the robot's parameters, so that estimates can be put back int
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -84,7 +85,7 @@ def motion_of(position: FloatArray, sample_time: float, cutoff_hz: float, order:
 
 def without_bearings(robot: Robot) -> Robot:
     """Return the robot with stiff bearings: elastic coordinates stand still, each body is again on its own joint."""
-    return Robot(robot.description.model_copy(update={"bearings": {}}))
+    return dataclasses.replace(robot, description=robot.description.model_copy(update={"bearings": {}}))
 
 
 def random_motion(robot: Robot, n_sample: int) -> Motion:

@@ -20,6 +20,7 @@ from robid_core.artifacts.artifact import Artifact
 from robid_core.errors import DataRejected, StoreError
 
 FORMAT_VERSION = 1
+BLOCK = 1 << 20  # bytes by which a file in memory grows
 
 
 def artifact_classes() -> dict[str, type[Artifact]]:
@@ -34,11 +35,26 @@ def artifact_classes() -> dict[str, type[Artifact]]:
 
 
 def write_hdf5(artifact: Artifact, path: Path) -> None:
-    """Write an artifact; the bytes depend on its content only (no times, tracked order, no compression)."""
+    """Write an artifact; the bytes depend on its content only (no times, tracked order, no compression).
+
+    HDF5 builds the file in memory: on a disk that is full it could not close its own file, and the process
+    crashed at its end. The bytes are the same.
+    """
+    with h5py.File(
+        "in memory",
+        "w",
+        libver=("v110", "v110"),
+        track_order=True,
+        driver="core",
+        backing_store=False,
+        block_size=BLOCK,
+    ) as file:
+        file.attrs["robid_version"] = FORMAT_VERSION
+        _write_group(file, artifact)
+        file.flush()
+        image = file.id.get_file_image()
     try:
-        with h5py.File(path, "w", libver=("v110", "v110"), track_order=True) as file:
-            file.attrs["robid_version"] = FORMAT_VERSION
-            _write_group(file, artifact)
+        path.write_bytes(image)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error}") from error
 

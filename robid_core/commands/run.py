@@ -91,7 +91,7 @@ def command(
 
         typer.echo("\n".join(preview_lines(preview_run(pipeline, options))))
         return
-    _run(pipeline, options, command_words(file, overrides, data), quiet, verbose)
+    _run(pipeline, options, command_words(file, overrides, data, last), quiet, verbose)
 
 
 def _run(pipeline: Pipeline, options: RunOptions, again: str, quiet: bool, verbose: bool) -> None:
@@ -141,11 +141,13 @@ def preview_lines(decisions: list[Decision]) -> list[str]:
     ]
 
 
-def command_words(file: Path, overrides: list[str] | None, data: Path | None) -> str:
+def command_words(file: Path, overrides: list[str] | None, data: Path | None, last: str | None = None) -> str:
     """Return the command that runs this again."""
     words = ["robid", "run", str(file)]
     for override in overrides or ():
         words += ["--set", override]
     if data is not None:
         words += ["--data", str(data)]
+    if last is not None:
+        words += ["--until", last]
     return shlex.join(words)

@@ -187,12 +187,13 @@ def headline(pipeline: Pipeline, result: RunResult) -> str:
 
 
 def last_page(pipeline: Pipeline, result: RunResult) -> Path | None:
-    """Return the last page that stands in the folder of the run."""
+    """Return the last page that belongs to this run."""
     from robid_core.artifacts import Report
 
     for node in reversed(pipeline.stages):
         record = result.manifest.stages.get(node.name)
-        if issubclass(node.stage.output, Report) and record is not None and record.file:
+        current = result.outcomes.get(node.name) in ("made", "same", "kept")
+        if issubclass(node.stage.output, Report) and record is not None and record.file and current:
             return result.folder.path / record.file
     return None
 
@@ -261,4 +262,7 @@ def _cut(text: str) -> str:
 
 
 def _say(text: str) -> None:
-    typer.echo(text, err=True)
+    with contextlib.suppress(
+        BrokenPipeError
+    ):  # nobody reads any more: no reason to stop, least of all a motion
+        typer.echo(text, err=True)

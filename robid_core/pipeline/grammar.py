@@ -41,7 +41,7 @@ class RobotUse(Settings):
 
     model: str
     """A packaged robot (six_axis, one_axis), or the path of a robot.yaml beside the pipeline file."""
-    dynamics: str = "numpy"
+    dynamics: str = "kernel"
     """What computes batches of dynamics: numpy, torch, or another plugin of robid.dynamics."""
 
     @model_validator(mode="before")

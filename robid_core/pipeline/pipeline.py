@@ -64,7 +64,7 @@ class RobotChoice:
 
     def load(self) -> Robot:
         """Return the robot."""
-        return Robot.load(self.source)
+        return Robot.load(self.source, dynamics=self.dynamics)
 
 
 @dataclass(frozen=True)
@@ -198,11 +198,11 @@ def _robot(root: Node, resolver: Resolver) -> RobotChoice | None:
             problems.add(root.at(place)[1], place, line)
         return None
     try:
-        names = ["numpy", *resolver.plugins.names(DYNAMICS)]
+        names = ["kernel", *resolver.plugins.names(DYNAMICS)]
         if use.dynamics.rpartition(":")[2] not in names:
             hint = suggestion(use.dynamics, names, "there are")
             raise ConfigurationError(f"no dynamics '{use.dynamics}'; {hint}")
-        if use.dynamics != "numpy":
+        if use.dynamics != "kernel":
             resolver.plugins.load(DYNAMICS, use.dynamics)
     except RobidError as error:
         problems.add(node.keys["dynamics"], ("robot", "dynamics"), str(error))

@@ -55,7 +55,7 @@ def pipeline_schema(plugins: Registry) -> Schema:
 def _robot(plugins: Registry, definitions: Schema) -> Schema:
     """Return the schema of `robot:`, a name or a table."""
     table = _definitions_lifted(RobotUse.model_json_schema(), definitions)
-    table["properties"]["dynamics"]["examples"] = ["numpy", *plugins.names(DYNAMICS)]
+    table["properties"]["dynamics"]["examples"] = ["kernel", *plugins.names(DYNAMICS)]
     return {
         "description": PipelineFile.model_fields["robot"].description,
         "anyOf": [{"type": "string"}, table],

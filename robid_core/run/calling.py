@@ -10,6 +10,7 @@ from typing import Any
 
 from robid_core.artifacts import Artifact, Truth
 from robid_core.drives import Drives
+from robid_core.mechanics import warm_up
 from robid_core.pipeline import StageNode
 from robid_core.robot import Robot
 from robid_core.run.beginning import executor_choice
@@ -32,6 +33,7 @@ class Caller:
     ) -> None:
         self._shared, self._store, self._tasks = shared, store, tasks
         self._listener, self._options = listener, options
+        self._compiled = False
 
     def call(self, node: StageNode, entries: Mapping[str, Entry]) -> Artifact:
         """Run a stage on stored artifacts (by the stage that made them) and return its checked result.
@@ -57,6 +59,8 @@ class Caller:
                     self._progress(node),
                     self._raw_folder(node),
                 )
+        if Robot in node.stage.lends().values():
+            self._compile_kernels(node)
         return checked_result(node, node.stage.run(**arguments))
 
     def _raw_folder(self, node: StageNode) -> Path:
@@ -68,6 +72,13 @@ class Caller:
         with failures_named("make", folder):
             folder.mkdir(parents=True, exist_ok=True)
         return folder
+
+    def _compile_kernels(self, node: StageNode) -> None:
+        """Compile what the robot's mechanics need, or read it from the cache, and say so: once a process."""
+        if not self._compiled:
+            progress = self._progress(node)
+            warm_up(lambda kernel: progress(0, 1, f"compiling kernels, once: {kernel}"))
+            self._compiled = True
 
     def _inputs(
         self, node: StageNode, entries: Mapping[str, Entry]

@@ -101,9 +101,9 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
 
 
 def _dynamics(pipeline: Pipeline, hardware: bool) -> Any:
-    """Say what computes batches of dynamics: the core's own, or which plugin."""
+    """Say what computes batches of dynamics: the core's own by its name, or which plugin."""
     name = pipeline.robot.dynamics
-    if name == "numpy":
+    if name not in registry().names(DYNAMICS):
         return name
     return plugin_identity(registry().find(DYNAMICS, name), versioned=not hardware)
 
@@ -181,10 +181,10 @@ def _change(place: tuple[str, ...], before: Any, after: Any) -> str:
             return f"sources of robid_core {happened}"
         case (*owner, "sources"):
             return f"sources of the {_owner(owner)} {happened}"
-        case (*owner, "name" | "version" | "distribution" as what):
-            return f"{what} of the {_owner(owner)}: {from_to}"
         case ("robot", "dynamics", *_):
             return f"dynamics of the robot: {from_to}"
+        case (*owner, "name" | "version" | "distribution" as what):
+            return f"{what} of the {_owner(owner)}: {from_to}"
         case _:
             return f"{place[0]} {happened}"
 

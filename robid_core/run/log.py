@@ -13,13 +13,10 @@ NAME = "robid"
 
 
 class _LogFile(logging.FileHandler):
-    """A log file whose failure does not end the run: what cannot be written there is told once on the way."""
-
-    failed = False
+    """A log file whose failure does not end the run: a full disk stops it at its next artifact anyway."""
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Remember that a line was lost; a full disk stops the run at its next artifact anyway."""
-        self.failed = True
+        """Lose the line."""
 
 
 @contextlib.contextmanager
@@ -38,4 +35,5 @@ def log_file(path: Path, title: str) -> Iterator[logging.Logger]:
     finally:
         logger.setLevel(before)
         logger.removeHandler(handler)
-        handler.close()
+        with contextlib.suppress(OSError):  # a full disk, told by what could not be stored
+            handler.close()

@@ -11,7 +11,6 @@ import contextlib
 import errno
 import hashlib
 import os
-import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -48,11 +47,6 @@ class Files:
             if isinstance(error.__cause__, OSError):
                 raise error.__cause__ from None
             raise
-        except RuntimeError as error:  # HDF5 could not write, and then not close either
-            number = re.search(r"errno = (\d+)", str(error))
-            if number is None:
-                raise
-            raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
 
     def sync(self, path: Path) -> None:
         """Bring a file's content to the disk."""

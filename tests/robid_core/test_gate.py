@@ -24,11 +24,13 @@ def sine(amplitude: float, n: int = 1000) -> np.ndarray:
 def test_a_clearance_covers_exactly_what_was_checked() -> None:
     start, reference = np.zeros(1), sine(5.0)
     clearance = clear_motion(start, reference, T, 3, limits())
-    assert clearance.covers(start, reference)
+    assert clearance.covers(start, reference, T, 3)
     changed = reference.copy()
     changed[17, 0] = np.nextafter(changed[17, 0], 10)
-    assert not clearance.covers(start, changed)
-    assert not clearance.covers(start + 1e-12, reference)
+    assert not clearance.covers(start, changed, T, 3)
+    assert not clearance.covers(start + 1e-12, reference, T, 3)
+    assert not clearance.covers(start, reference, T, 4)
+    assert not clearance.covers(start, reference, 2 * T, 3)
 
 
 @pytest.mark.parametrize(
@@ -53,6 +55,14 @@ def test_a_step_where_the_period_wraps_is_refused() -> None:
     ramp = np.linspace(0, 50, 1000)[:, None]
     with pytest.raises(MotionRefused, match="acceleration"):
         clear_motion(np.zeros(1), ramp, T, 2, limits(acceleration=1e4, upper=1e3))
+
+
+@pytest.mark.parametrize("periods", [1, 3])
+def test_a_motion_that_starts_or_ends_with_a_jump_is_refused(periods: int) -> None:
+    cosine = 10 * np.cos(2 * np.pi * np.arange(1000) / 1000)[:, None]
+    for jump in (cosine, (5 - 5 * np.cos(2 * np.pi * np.arange(1000) / 2000))[:, None]):
+        with pytest.raises(MotionRefused, match="acceleration"):
+            clear_motion(np.zeros(1), jump, T, periods, limits(acceleration=100.0, upper=1e3))
 
 
 @settings(max_examples=200, deadline=None)

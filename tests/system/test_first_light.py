@@ -74,7 +74,9 @@ def test_the_design_is_certified_and_spends_its_eight_experiments(first_light) -
 
 def test_the_page_is_one_file_that_fetches_nothing(first_light) -> None:
     page = (first_light.artifacts / "page.html").read_text(encoding="utf-8")
-    markup = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)  # plotly's own text names its home page
+    markup = re.sub(
+        r"<script.*?</script>", "", page, flags=re.DOTALL
+    )  # plotly's own text names its home page
     assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", markup)
     assert "<script src" not in page
     assert "default-src 'none'" in page

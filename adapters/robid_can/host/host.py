@@ -52,7 +52,7 @@ class Host:
 
     def perform(self, experiment: Experiment) -> Trace:
         """Move to the start, load the references, run them and read the traces."""
-        if not experiment.clearance.covers(experiment.start, experiment.reference):
+        if not experiment.cleared:
             raise MotionRefused(f"D03: {experiment.label}: the commands are not the ones that were cleared")
         references = [
             od.increments(experiment.reference[:, axis], drive.scale.velocity, np.int32)

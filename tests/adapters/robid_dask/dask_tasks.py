@@ -51,6 +51,12 @@ def refuse(index: int) -> int:
     return index
 
 
+def wait(mark: str) -> None:
+    """Tell that the task has begun and go on for a minute."""
+    Path(mark).touch()
+    time.sleep(60)
+
+
 class Unpackable(Exception):
     """An exception that can be packed and not unpacked."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import socket
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -162,12 +164,33 @@ def test_an_address_that_is_none_is_a_mistake_of_the_pipeline(monkeypatch: pytes
         pass
 
 
-def test_a_cluster_that_ends_meanwhile_is_told(tasks: Any) -> None:
+def test_a_cluster_that_ends_between_tasks_is_told(tasks: Any) -> None:
     with dask_executor(n_workers=1) as cluster:
         assert cluster(tasks.refuse, [(0,)]) == [0]
         cluster._cluster.close()
-        with pytest.raises(PluginError, match="could not be run"):
+        with pytest.raises(PluginError, match="dask: dask_tasks.refuse could not be run"):
             cluster(tasks.refuse, [(0,)])
+
+
+def test_a_scheduler_that_ends_during_a_task_is_told(
+    tasks: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executor_module, "PATIENCE_S", 2.0)
+    standing = DaskMap(None, 1)
+    standing.start()
+    mark = tmp_path / "begun"
+
+    def end_it() -> None:
+        while not mark.exists():
+            time.sleep(0.01)
+        standing.stop()
+
+    with dask_executor(address=standing._cluster.scheduler_address) as cluster:
+        end = threading.Thread(target=end_it)
+        end.start()
+        with pytest.raises(PluginError, match=r"dask at tcp://.*: dask_tasks.wait could not be run"):
+            cluster(tasks.wait, [(str(mark),)])
+        end.join()
 
 
 def test_the_executor_is_registered_with_its_settings() -> None:

@@ -107,6 +107,20 @@ def test_on_a_terminal_the_progress_leaves_the_last_screen_alone(
     assert "never made" not in said.err
 
 
+def test_a_reader_that_went_away_does_not_end_a_run(
+    world: Any, robid: Robid, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import typer
+
+    def closed(text: str, err: bool = False) -> None:
+        if err:
+            raise BrokenPipeError
+
+    monkeypatch.setattr(typer, "echo", closed)
+    assert robid("run", "--jobs", "1").code == 0
+    assert world.ran()[-1] == "page"
+
+
 def test_quiet_prints_one_line(robid: Robid) -> None:
     said = robid("run", "-q", "--jobs", "1")
     assert len(said.out.splitlines()) == 1

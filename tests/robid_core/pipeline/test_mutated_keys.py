@@ -13,7 +13,7 @@ TEXT = """\
 robid: 1
 name: example
 seed: 7
-robot: {model: one_axis, dynamics: numpy}
+robot: {model: one_axis, dynamics: kernel}
 drives: {use: can, with: {plant: one_axis_true, bitrate: 1000000}}
 executor: {use: pool, with: {workers: 2, address: here}}
 stages:

@@ -56,7 +56,7 @@ def test_the_last_override_wins(load: Load) -> None:
 
 
 def test_the_robot_has_a_long_form(load: Load) -> None:
-    assert load(GOOD, "robot.dynamics=numpy").robot.written == "one_axis"
+    assert load(GOOD, "robot.dynamics=kernel").robot.written == "one_axis"
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,7 @@ ONE_MISTAKE = {
     ),
     "unknown dynamics": (
         changed("robot: one_axis", "robot: {model: one_axis, dynamics: fortran}"),
-        ["bad.yaml:4:26: robot.dynamics: no dynamics 'fortran'; there are: numpy"],
+        ["bad.yaml:4:26: robot.dynamics: no dynamics 'fortran'; there are: kernel"],
     ),
     "unknown version": (
         changed("robid: 1", "robid: 2"),

@@ -131,6 +131,7 @@ def test_progress_and_reasons_are_told(world: Any) -> None:
 
     ear = Ear()
     world.run(listener=ear, last="acquire")
+    ear.heard = [entry for entry in ear.heard if "compiling" not in str(entry)]  # told once a process
     assert ear.heard[:3] == [
         ("where", 1, 6, ("never made",)),
         ("where", "made"),

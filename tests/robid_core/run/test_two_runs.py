@@ -39,7 +39,7 @@ def wait_for(world: Any, stage: str, process: subprocess.Popen[str]) -> None:
 
 
 def test_a_second_run_is_told_who_holds_the_folder_or_waits(world: Any) -> None:
-    world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 2.0}}")
+    world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 1.2}}")
     first = start(world)
     wait_for(world, "fit", first)
     with pytest.raises(
