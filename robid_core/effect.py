@@ -2,7 +2,9 @@
 
 Three kinds, three signatures, one noun: `ForceEffect` (a force that depends on motion, load and a state of its
 own), `SignalEffect` (on a command or a measurement) and `StructureEffect` (Robot -> Robot). A hidden effect
-and a candidate cause are the same noun.
+and a candidate cause are the same noun. In this version the simulator knows one law, the Coulomb and viscous friction
+of the drives (`mechanics.friction`); `friction.coulomb_viscous` states it as an effect, and no robot file names effects
+yet.
 """
 
 from __future__ import annotations

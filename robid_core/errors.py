@@ -65,3 +65,7 @@ class PluginError(RobidError):
     """A plugin failed or broke its contract; the message names the stage, the distribution and its version."""
 
     exit_code = 8
+
+
+class ExtraMissing(PluginError):
+    """A plugin belongs to an optional extra whose packages are not installed; the message says how to."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
-from robid_core.errors import ConfigurationError, PluginError
+from robid_core.errors import ConfigurationError, ExtraMissing, PluginError
 
 STAGES = "robid.stages"
 EFFECTS = "robid.effects"
@@ -56,10 +56,10 @@ class Plugin:
             return self.entry_point.load()
         except ModuleNotFoundError as error:
             extra = EXTRAS.get((error.name or "").partition(".")[0])
-            hint = f'; run: pip install "robid[{extra}]"' if extra else ""
-            raise PluginError(
-                f"{self} needs the module {error.name}, which is not installed{hint}"
-            ) from error
+            missing = f"{self} needs the module {error.name}, which is not installed"
+            if extra:
+                raise ExtraMissing(f'{missing}; run: pip install "robid[{extra}]"') from error
+            raise PluginError(missing) from error
         except Exception as error:
             raise PluginError(f"{self} cannot be imported: {type(error).__name__}: {error}") from error
 

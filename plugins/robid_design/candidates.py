@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from pydantic import Field, PositiveInt
+from pydantic import Field
 
 from robid_core import (
     BoolArray,
@@ -102,7 +102,7 @@ class RandomCandidates(CandidateDesign):
     where: {use: design.candidates, with: {count: 4}}
     """
 
-    count: PositiveInt
+    count: int = Field(gt=0, le=100_000)
     """Number of configurations."""
     margin: float = Field(default=0.05, ge=0, lt=0.5)
     """Share of each joint's range that is left free at either end, for the motion about the configuration."""

@@ -163,7 +163,7 @@ class Multisine(ExcitationDesign):
     """Number of excited lines: odd bins of the period on a logarithmic grid, no line twice."""
     period_s: PositiveFloat
     """Length of one period, s; lines are multiples of its inverse."""
-    blocks: PositiveInt = 2
+    blocks: int = Field(default=2, ge=1, le=1000)
     """Blocks of as many experiments as axes, each with phases of its own; two are needed for a covariance."""
     slow_sine_rad_s: NonNegativeFloat = 0.0
     """Amplitude of the slow sine, motor speed in rad/s; 0: none."""

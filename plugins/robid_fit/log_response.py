@@ -50,7 +50,7 @@ class LogResponseFit(Estimator):
         fit: {use: fit.log_response, with: {starts: 20}}
     """
 
-    starts: PositiveInt = 20
+    starts: Annotated[int, Field(ge=1, le=10_000)] = 20
     """Start points: the nominal robot and random ones around it."""
     start_spread: PositiveFloat = 0.35
     """Standard deviation of the starts' logarithms around the nominal values."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robid_core.commands.show import manifest_of
+from robid_core.commands.show import manifest_of, refuse_damaged
 
 if TYPE_CHECKING:
     from robid_core.artifacts import Fit
@@ -94,6 +94,10 @@ def result_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest)
     """Return which artifacts differ, and by how much where they are fits."""
     from robid_core.artifacts import Fit
 
+    for folder, manifest in ((one, old), (other, new)):
+        for record in manifest.stages.values():
+            if record.file:
+                refuse_damaged(folder.path / record.file, record.sha256)
     lines = []
     for name in old.stages:
         if name not in new.stages or old.stages[name].sha256 == new.stages[name].sha256:

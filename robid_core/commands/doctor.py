@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from robid_core.errors import ConfigurationError, RobidError, StoreError
+from robid_core.errors import ConfigurationError, ExtraMissing, RobidError, StoreError
 
 LIBRARIES = (
     "numpy",
@@ -66,6 +66,8 @@ def plugins() -> list[Finding]:
             try:
                 registry().load(group, name)
                 count += 1
+            except ExtraMissing as error:
+                findings.append((0, f"optional {group} {error}"))
             except RobidError as error:
                 findings.append((error.exit_code, f"plugin {group} {' '.join(str(error).split())}"))
     return [(0, f"{count} plugins can be imported"), *findings]
@@ -81,7 +83,7 @@ def kernel_cache() -> Finding:
         return 0, f"compiled kernels are kept in {chosen or 'the folders of their sources'}"
     # numba then falls back to a folder of the user; only the first run of each process is slow if that fails too.
     return (
-        True,
+        0,
         f"{folder} cannot be written: kernels are kept in the user's cache folder, or compiled every time",
     )
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robid_core.commands.arguments import DEFAULT_PIPELINE
-from robid_core.errors import ConfigurationError
+from robid_core.errors import ConfigurationError, StoreError
 
 if TYPE_CHECKING:
     from robid_core.artifacts import Artifact, Design, Frf
@@ -53,7 +54,16 @@ def command(
         why = f"gave no result: {record.note}" if record is not None else "is not in this run"
         raise ConfigurationError(f"{folder.path}: stage '{stage}' {why}; there are: {made}")
     path = folder.path / record.file
+    refuse_damaged(path, record.sha256)
     typer.echo("\n".join(artifact_lines(_read(path), path)))
+
+
+def refuse_damaged(path: Path, sha256: str) -> None:
+    """Raise StoreError where a result is not the one that the manifest knows."""
+    if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        raise StoreError(
+            f"{path}: not what the run made, it was changed or damaged; robid run makes it again"
+        )
 
 
 def manifest_of(folder: RunFolder) -> Manifest:

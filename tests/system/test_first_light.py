@@ -106,6 +106,9 @@ def test_a_damaged_artifact_is_named_set_aside_and_made_again(first_light, robid
     data = bytearray(artifact.read_bytes())
     data[len(data) // 2] ^= 1
     artifact.write_bytes(bytes(data))
+    shown = robid(first_light.folder, "show", "pipeline.yaml", "choose")
+    assert shown.code == 7
+    assert "changed or damaged" in shown.err
     told = robid(first_light.folder, "run", "pipeline.yaml")
     assert told.code == 0
     assert "choose" in told.err + told.out
