@@ -19,6 +19,8 @@ if NAME not in sys.modules:
 
 from robid_strange_world import PACKAGE, World  # type: ignore[import-not-found]  # noqa: E402
 
+from robid_core.registry import registry  # noqa: E402
+
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
@@ -30,3 +32,4 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
     )  # who edits robid now is no matter
     yield world
     sys.modules.pop(PACKAGE, None)
+    registry.cache_clear()  # the stranger's package is gone
