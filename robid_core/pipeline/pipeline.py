@@ -220,7 +220,10 @@ def _stages(root: Node, resolver: Resolver) -> tuple[StageNode, ...]:
     for stage in declared.values():
         check_given(stage, declared, problems)
         if stage.known and Drives in stage.lends.values() and (drives is None or drives.value is None):
-            message = f"{stage.plugin} moves motors, but the pipeline has no drives; add `drives: {{use: simulated}}`"
+            message = (
+                f"{stage.plugin} moves motors, but the pipeline has no drives; add "
+                "`drives: {use: simulated, with: {plant: six_axis_true}}`, or your own"
+            )
             problems.add(stage.node.keys["use"], ("stages", stage.name, "use"), message)
     order = order_stages(declared, problems)
     if problems.problems:

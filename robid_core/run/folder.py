@@ -35,8 +35,9 @@ class RunFolder:
         for candidate in (where, *where.parents[:2]):
             if (candidate / "manifest.json").is_file():
                 return cls(candidate)
+        lacking = "no manifest.json in it" if where.exists() else "no such file or folder"
         raise ConfigurationError(
-            f"{where}: not a run, there is no manifest.json in it; name a folder in '{RUNS}', or run the pipeline first"
+            f"{where}: not a run, there is {lacking}; name a folder in '{RUNS}', or run the pipeline first"
         )
 
     @property

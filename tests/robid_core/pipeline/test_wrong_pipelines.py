@@ -179,7 +179,7 @@ ONE_MISTAKE = {
         changed("drives: {use: can, with: {plant: one_axis_true}}\n", ""),
         [
             "bad.yaml:13:5: stages.acquire.use: 'acquisition.drives' (unknown 0) moves motors, but the pipeline "
-            "has no drives; add `drives: {use: simulated}`"
+            "has no drives; add `drives: {use: simulated, with: {plant: six_axis_true}}`"
         ],
     ),
     "unknown drives": (
