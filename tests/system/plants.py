@@ -80,10 +80,15 @@ def summary(rows: list[dict[str, str]]) -> list[str]:
     limit = np.array([0.10 if n.startswith("gear") else 0.25 for n in names])
     within = (np.abs(error) <= limit).all(axis=1)
     ratio = np.sqrt((stated**2).mean(axis=0)) / np.sqrt((error**2).mean(axis=0))
-    lines = [f"{'parameter':32} {'rms error %':>12} {'worst %':>9} {'stated %':>9} {'stated/rms':>10}"]
+    common = error.mean(axis=0) ** 2 / (error**2).mean(axis=0)
+    head = f"{'parameter':32} {'rms error %':>12} {'worst %':>9} {'stated %':>9} {'stated/rms':>10} {'of it mean':>10}"
+    lines = [head]
     for i, name in enumerate(names):
         rms, worst = 100 * np.sqrt((error[:, i] ** 2).mean()), 100 * np.abs(error[:, i]).max()
-        lines.append(f"{name:32} {rms:12.2f} {worst:9.2f} {100 * stated[:, i].mean():9.2f} {ratio[i]:10.2f}")
+        numbers = (
+            f"{rms:12.2f} {worst:9.2f} {100 * stated[:, i].mean():9.2f} {ratio[i]:10.2f} {common[i]:10.2f}"
+        )
+        lines.append(f"{name:32} {numbers}")
     covered = np.abs(error) <= 1.96 * stated
     lines.append(f"every gear within 10 % and bearing within 25 %: {within.sum()} of {len(rows)} plants")
     lines.append(
