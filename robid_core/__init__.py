@@ -23,7 +23,9 @@ _HOME = {
     ),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
-    "robid_core.effect": ("Effect", "ForceEffect", "Parameter", "SignalEffect", "StructureEffect"),
+    "robid_core.effect": (
+        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect", "TestValue",
+    ),
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
     "robid_core.errors": (
         "ConfigurationError", "DataRejected", "MotionAborted", "MotionRefused", "NotIdentifiable",
@@ -70,10 +72,14 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.effect import (
         Effect as Effect,
+        Equivalent as Equivalent,
         ForceEffect as ForceEffect,
+        Motion as Motion,
         Parameter as Parameter,
+        Place as Place,
         SignalEffect as SignalEffect,
         StructureEffect as StructureEffect,
+        TestValue as TestValue,
     )
     from robid_core.errors import (
         ConfigurationError as ConfigurationError,

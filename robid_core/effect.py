@@ -2,29 +2,33 @@
 
 Three kinds, three signatures, one noun: `ForceEffect` (a force that depends on motion, load and a state of its
 own), `SignalEffect` (on a command or a measurement) and `StructureEffect` (Robot -> Robot). A hidden effect
-and a candidate cause are the same noun. In this version the simulator knows one law, the Coulomb and viscous friction
-of the drives (`mechanics.friction`); `friction.coulomb_viscous` states it as an effect, and no robot file names effects
-yet.
+and a candidate cause are the same noun.
+
+A law is one scalar function, compiled by numba (`robid_core.mechanics.kernel`). Written without `if` - with
+`where`, `min`,
+`max`, `abs` and the functions of `robid_core.mechanics.functions` - it runs on eight experiments at once; with branches
+or library functions it still runs, one experiment after the other.
 """
 
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.robot import Robot
+from robid_core.mechanics.terms import ForceTerm, Law, SignalTerm
+
+if TYPE_CHECKING:
+    from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
-Side = Literal["motor", "gear", "arm"]
-
-# (position, velocity, load, state, parameters, step) -> (force, slope in position, slope in velocity, next state);
-# all float64 scalars but `parameters`, a float64 array in the order of the effect's table. Compiled by numba.
-ForceLaw = Callable[[float, float, float, float, FloatArray, float], tuple[float, float, float, float]]
+ComplexArray = npt.NDArray[np.complex128]
+Side = Literal["motor", "gear", "arm", "bearing"]
+Channel = Literal["torque", "position", "torque_measurement"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,97 @@ class Parameter:
     description: str
 
 
+@dataclass(frozen=True)
+class TestValue:
+    """What a law gives for stated arguments, and where that is known from.
+
+    Arguments are those of the law by name (position, velocity, load, step, signal, angle, speed; state as a
+    tuple) and parameters of the
+    table by name; what is left out is zero, or the parameter's default. Expected: force or signal, slope_position,
+    slope_velocity, next_state (a tuple).
+    """
+
+    __test__ = False  # no test class of pytest
+
+    arguments: Mapping[str, Any]
+    expected: Mapping[str, Any]
+    origin: str
+    tolerance: float = 1e-9
+    """Relative to the largest of 1 and the expected value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where an effect sits: an axis (or bearing) of a robot, its side, and the numbers there that a law may need."""
+
+    name: str
+    """Name of the axis or bearing."""
+    axis: int
+    """Index of the axis; of the axis whose joint the bearing follows."""
+    side: str
+    """Side of a force (motor, gear, arm, bearing) or channel of a signal."""
+    label: str
+    """The effect's name in the robot file."""
+    stiffness: float
+    """Of the linear spring at the place (gear, bearing), N m/rad; 0 where there is none."""
+    damping: float
+    """Of the damper beside it, N m s/rad."""
+    gear_ratio: float
+    """Motor turns per joint turn."""
+    rotor_inertia: float
+    torque_constant: float
+    torque_limit: float
+    sample_time: float
+    """Of control and measurement, s."""
+    step: float
+    """Of the integration, s."""
+    direction: FloatArray
+    """Row over the generalised coordinates that gives the place's coordinate, shape (n_coordinate,)."""
+    motor: FloatArray
+    """Row that gives the axis' motor angle."""
+    transmission: FloatArray
+    """Row that gives the deflection of the axis' gear, joint side; zeros where the gear is rigid."""
+    load: FloatArray
+    """Row over the torques of the transmissions that gives the load at the place, shape (n_axis,)."""
+    motor_load: FloatArray
+    """Row that gives the transmission's torque at the motor shaft, shape (n_axis,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion about which a law is linearised, at the place's coordinate; every field a number or an array.
+
+    A small multisine (Gaussian in position and velocity) on top of a slow sine, about a mean position, under a
+    mean load.
+    """
+
+    velocity_rms: npt.ArrayLike = 0.0
+    """Of the Gaussian part, rad/s."""
+    sine_speed: npt.ArrayLike = 0.0
+    """Amplitude of the slow sine's velocity, rad/s."""
+    position_bias: npt.ArrayLike = 0.0
+    """rad."""
+    position_rms: npt.ArrayLike = 0.0
+    """Of the Gaussian part, rad."""
+    sine_omega: npt.ArrayLike = 0.0
+    """Of the slow sine, rad/s; 0 where not known."""
+    load: npt.ArrayLike = 0.0
+    """Mean torque of the transmission at the place, N m."""
+    omega: npt.ArrayLike = 0.0
+    """Where the gain of a law with memory is wanted, rad/s."""
+    signal_rms: npt.ArrayLike = 0.0
+    """Of the Gaussian part of a channel's signal, in its unit: what a limit clips."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equivalent:
+    """Linear spring, damper and inertia that stand for a law under a motion, at the place's coordinate."""
+
+    stiffness: FloatArray
+    damping: FloatArray
+    inertia: FloatArray = field(default_factory=lambda: np.zeros(()))
+
+
 class Effect(abc.ABC):
     """One phenomenon: where it sits, its parameters, and where the theory comes from."""
 
@@ -46,6 +141,8 @@ class Effect(abc.ABC):
     """The paper or book of the law."""
     parameters: ClassVar[tuple[Parameter, ...]]
     """The table: name, unit, default and bounds."""
+    test_values: ClassVar[tuple[TestValue, ...]] = ()
+    """Values of the law that are known from elsewhere."""
 
     @classmethod
     def defaults(cls) -> FloatArray:
@@ -53,44 +150,140 @@ class Effect(abc.ABC):
         return np.array([parameter.default for parameter in cls.parameters])
 
 
-class ForceEffect(Effect):
-    """A force against the motion at a stated side of the gear."""
+class _LawEffect(Effect):
+    law: ClassVar[Law]
+    """The compiled law."""
+    n_state: ClassVar[int] = 0
+    """Length of the law's own state."""
+
+    @classmethod
+    def arguments(cls, parameters: FloatArray, place: Place) -> FloatArray:
+        """Return what the law receives: the parameters of the table, and what else it needs of its place."""
+        del place
+        return np.array(parameters, dtype=np.float64)
+
+
+class ForceEffect(_LawEffect):
+    """A force against the motion at a stated side of the gear.
+
+    law(position, velocity, load, state, next_state, parameters, step) -> (force, slope_position, slope_velocity)
+
+    All numbers are float64; state and next_state (n_state,) and parameters are indexed arrays. The generalised force on
+    the place's coordinate is minus `force`. The law returns the force at the middle of the step and its slopes
+    there; the slope in velocity holds what the velocity does to the state within half a step. It writes the
+    state at the end of the
+    step, advanced at constant velocity in a way that is stable for any step, into next_state. With step = 0 the
+    state stays and the force is the static one.
+    """
 
     sides: ClassVar[tuple[Side, ...]]
-    """Where the effect may sit."""
+    """Where the effect may sit; the first is the default."""
 
     @classmethod
-    @abc.abstractmethod
-    def law(cls) -> ForceLaw:
-        """Return the compiled law that the simulator calls."""
+    def bind(cls, parameters: FloatArray, place: Place) -> tuple[ForceTerm, ...]:
+        """Return the terms that the simulator runs: one at the place, unless the law sees another coordinate."""
+        arguments = cls.arguments(parameters, place)
+        return (
+            ForceTerm(
+                cls.law, arguments, place.direction, place.direction, place.load, cls.n_state, place.label
+            ),
+        )
 
     @classmethod
-    @abc.abstractmethod
-    def equivalent_damping(
-        cls, parameters: FloatArray, speed_rms: FloatArray, slow_sine_speed: FloatArray
-    ) -> FloatArray:
-        """Return E[d force / d velocity] under a Gaussian speed on top of a slow sine (statistical linearisation)."""
+    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
+        """Return the spring and damper that a small signal meets (statistical linearisation).
+
+        E[d force / d position] and E[d force / d velocity] under the motion; by numerical integration of the law here,
+        in closed form where an effect has one.
+        """
+        from robid_core.mechanics.statistical import linearize_law
+
+        stiffness, damping = linearize_law(
+            cls.law,
+            cls.arguments(parameters, place),
+            cls.n_state,
+            step=place.step,
+            velocity_rms=motion.velocity_rms,
+            sine_speed=motion.sine_speed,
+            position_bias=motion.position_bias,
+            position_rms=motion.position_rms,
+            sine_omega=motion.sine_omega,
+            load=motion.load,
+            omega=motion.omega,
+        )
+        return Equivalent(stiffness, damping)
 
     @classmethod
-    def regressor(cls, velocity: FloatArray, parameters: FloatArray) -> dict[str, FloatArray]:
+    def regressor(
+        cls,
+        position: FloatArray,
+        velocity: FloatArray,
+        load: FloatArray,
+        parameters: FloatArray,
+        place: Place,
+    ) -> dict[str, FloatArray]:
         """Return the force per unit of each parameter in which it is linear; empty where there is none."""
-        del velocity, parameters
+        del position, velocity, load, parameters, place
         return {}
 
 
-class SignalEffect(Effect):
-    """A distortion of a command or a measurement: ripple, delay, quantisation, gain."""
+class SignalEffect(_LawEffect):
+    """A distortion of a command or a measurement: ripple, delay, quantisation, gain.
+
+    law(signal, angle, speed, state, next_state, parameters, step) -> signal
+
+    On the channel "torque" it turns the commanded into the acting motor torque, once every integration step, with the
+    motor's angle and speed in the middle of the step, and returns the mean over the step. On "position" (true to
+    measured motor angle; the controller sees it) and "torque_measurement" it is called at every sampling instant.
+    """
+
+    channels: ClassVar[tuple[Channel, ...]]
+    """Where the effect may sit; the first is the default."""
+
+    @classmethod
+    def bind(cls, parameters: FloatArray, place: Place) -> tuple[SignalTerm, ...]:
+        """Return the terms that the simulator runs."""
+        arguments = cls.arguments(parameters, place)
+        return (SignalTerm(cls.law, arguments, place.axis, place.side, cls.n_state, None, place.label),)
 
     @classmethod
     @abc.abstractmethod
-    def apply(cls, signal: FloatArray, angle: FloatArray, parameters: FloatArray, step: float) -> FloatArray:
-        """Return the distorted signal, sampled every `step` seconds while the motor stood at `angle`."""
+    def gain(cls, parameters: FloatArray, place: Place, omega: FloatArray, motion: Motion) -> ComplexArray:
+        """Return the complex gain that a small signal meets at omega (rad/s), shape (n_freq,)."""
+
+    @classmethod
+    def regressor(
+        cls,
+        signal: FloatArray,
+        angle: FloatArray,
+        speed: FloatArray,
+        parameters: FloatArray,
+        place: Place,
+    ) -> dict[str, FloatArray]:
+        """Return the change of the signal per unit of each parameter in which it is linear; empty: none."""
+        del signal, angle, speed, parameters, place
+        return {}
+
+    @classmethod
+    def draw(
+        cls,
+        parameters: FloatArray,
+        place: Place,
+        shape: tuple[int, int],
+        generator: np.random.Generator,
+    ) -> FloatArray | None:
+        """Return what is added to the channel, shape (n_lane, n_sample), drawn before the run; None: nothing."""
+        del parameters, place, shape, generator
+        return None
 
 
 class StructureEffect(Effect):
     """A change of the robot itself: payload, extra coordinate, foundation."""
 
+    places: ClassVar[tuple[Literal["axis", "body", "base", "gear"], ...]]
+    """What it may be put on; the first is the default."""
+
     @classmethod
     @abc.abstractmethod
-    def apply(cls, robot: Robot, parameters: FloatArray) -> Robot:
-        """Return the robot with the effect in it."""
+    def apply(cls, robot: Robot, parameters: FloatArray, on: str | None, label: str) -> Robot:
+        """Return the robot with the effect in it; new coordinates are called after `label`."""

@@ -6,22 +6,22 @@ whose worker is killed is simply computed again by another worker.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
+import itertools
 import logging
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-import dask  # type: ignore[import-not-found, unused-ignore]
-import distributed as distributed_package
-
-from robid_core import ConfigurationError, PluginError
+from robid_core import ConfigurationError, PluginError, RobidError
+from robid_dask.cluster import client_of, connect, distributed, local_cluster, own_settings
 from robid_dask.task import compute, packed, task_name, versions
 
-distributed: Any = distributed_package  # typed in part only
-PATIENCE_S = 20.0  # for a scheduler to answer, and for its first worker
-DEATHS = 3  # a task that was there when so many workers died is held to be the cause
+LOG = logging.getLogger("robid.dask")
+AHEAD = 2  # tasks a thread of the cluster has under way and waiting: it is never idle, and memory stays small
+LONELY_S = 60.0  # without any worker; a killed one that is replaced is back after seconds
 
 
 @contextlib.contextmanager
@@ -58,30 +58,56 @@ class DaskMap:
 
     def __call__(self, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Call `function` once per tuple; the first exception of the lowest-numbered task is raised."""
-        tasks = [packed(function, argument) for argument in arguments]
+        return list(self._results(function, arguments, len(arguments)))
+
+    def stream(self, function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+        """Yield results in order while they come; few tasks are under way at a time."""
+        return self._results(function, arguments, None)
+
+    def _results(
+        self, function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]], most: int | None
+    ) -> Iterator[Any]:
+        """Yield results in order, `most` tasks under way (None: as many as keep the workers busy)."""
+        rest = (packed(function, argument) for argument in arguments)
+        waiting: deque[Any] = deque()
+        tasks = list(itertools.islice(rest, 1))  # what cannot travel is told before a cluster is started
         if not tasks:
-            return []
-        client, futures = self.start(), []
+            return
+        with self._told(function):
+            client = self.start()
+            lost = _lost_workers(client)
         try:
-            with _own_settings():
-                # pure=False: equal arguments are still as many tasks, and no result of another run is taken
-                futures = client.map(compute, tasks, expected=versions(), pure=False)
-            outcomes = (future.result() for future in futures)
-            return [self._value(outcome, data, function) for outcome, data in outcomes]
-        except BaseException as error:
+            while True:
+                with self._told(function):
+                    room = (self._room(client) if most is None else most) - len(waiting) - len(tasks)
+                tasks += itertools.islice(rest, max(room, 0))
+                with self._told(function), own_settings():
+                    # pure=False: equal arguments are still as many tasks, and no result of another run is taken
+                    waiting += client.map(compute, tasks, expected=versions(), pure=False) if tasks else []
+                tasks = []
+                if not waiting:
+                    break
+                with self._told(function):
+                    outcome, data = self._outcome(client, waiting[0], function)
+                waiting.popleft()
+                yield self._value(outcome, data, function)
+        finally:
             with contextlib.suppress(Exception):
-                client.cancel(futures)
-            if isinstance(error, _FromTask):
-                raise error.value from None
-            if isinstance(error, PluginError) or not isinstance(error, Exception):
-                raise
-            raise self._failed(error, function) from error
+                client.cancel(list(waiting))
+        with self._told(function):
+            lost = _lost_workers(client) - lost
+        if lost:
+            LOG.warning("%s: %d workers went away; what they ran was computed again", self._where, lost)
 
     def start(self) -> Any:
         """Connect, starting workers where there is no address."""
         if self.client is None:
-            with _own_settings():
-                self.client = self._connected() if self.address else self._local()
+            with own_settings():
+                if self.address is not None:
+                    self.client = connect(self.address)
+                else:
+                    self._cluster = local_cluster(self.n_workers)
+                    self.client = client_of(self._cluster)
         return self.client
 
     def stop(self) -> None:
@@ -93,47 +119,37 @@ class DaskMap:
                 with contextlib.suppress(Exception):  # a scheduler that is gone cannot say goodbye
                     thing.close(timeout=5)
 
-    def _local(self) -> Any:
-        self._cluster = distributed.LocalCluster(
-            n_workers=self.n_workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # None would open its port to the network
-            worker_dashboard_address="127.0.0.1:0",
-            memory_limit=0,  # no writing of results to disk, no pausing: as processes of this machine
-            silence_logs=logging.ERROR,
-        )
-        return distributed.Client(self._cluster, timeout=PATIENCE_S)
+    @staticmethod
+    def _room(client: Any) -> int:
+        """Return how many tasks keep all workers busy, at present."""
+        n_thread: int = sum(client.nthreads().values())
+        return max(1, AHEAD * n_thread) + 1
 
-    def _connected(self) -> Any:
-        advice = "is `dask scheduler` running there, and the port open? leave `address` out for workers of this machine"
-        try:
-            asyncio.run(asyncio.wait_for(_greet(self.address), PATIENCE_S))  # the client waits without end
-            client = distributed.Client(self.address, timeout=PATIENCE_S)
-        except ValueError as error:
-            raise ConfigurationError(
-                f"executor: '{self.address}' is no address of a scheduler ({error}); write it as tcp://HOST:PORT"
-            ) from error
-        except OSError as error:  # TimeoutError is one
-            raise PluginError(
-                f"executor: no dask scheduler answers at {self.address} within {PATIENCE_S:g} s; {advice}"
-            ) from error
-        try:
-            client.wait_for_workers(1, timeout=PATIENCE_S)
-        except TimeoutError as error:
-            client.close(timeout=5)
-            raise PluginError(
-                f"executor: the dask scheduler at {self.address} has no workers after {PATIENCE_S:g} s; start one: "
-                f"dask worker {self.address}"
-            ) from error
-        return client
+    def _outcome(self, client: Any, future: Any, function: Callable[..., Any]) -> tuple[str, bytes]:
+        """Wait for a task, but not for ever where nobody is left to compute it."""
+        alone_since: float | None = None
+        while True:
+            try:
+                outcome: tuple[str, bytes] = future.result(timeout=1.0)
+                return outcome
+            except TimeoutError:  # of the waiting: what a task raises comes as a value
+                if client.nthreads():
+                    alone_since = None
+                    continue
+            now = time.monotonic()
+            alone_since = now if alone_since is None else alone_since
+            if now - alone_since > LONELY_S:
+                raise PluginError(
+                    f"{self._where}: no worker is left to run {task_name(function)}, for {LONELY_S:g} s; start one: "
+                    f"dask worker {self.address or 'ADDRESS'}"
+                )
 
     @property
     def _where(self) -> str:
         return f"dask at {self.address}" if self.address else "dask"
 
     def _value(self, outcome: str, data: bytes, function: Callable[..., Any]) -> Any:
+        """Return what a task returned, or raise what it raised."""
         if outcome == "refused":
             raise PluginError(
                 f"{self._where}: a worker refused {task_name(function)}: {data.decode()}; install there what is "
@@ -141,46 +157,30 @@ class DaskMap:
             )
         value = pickle.loads(data)
         if outcome == "raised":
-            raise _FromTask(value)
+            raise value
         return value
 
-    def _failed(self, error: Exception, function: Callable[..., Any]) -> PluginError:
+    @contextlib.contextmanager
+    def _told(self, function: Callable[..., Any]) -> Iterator[None]:
         """Say what went wrong outside the task."""
-        if isinstance(error, distributed.scheduler.KilledWorker):
-            return PluginError(
+        try:
+            yield
+        except RobidError:
+            raise
+        except distributed.scheduler.KilledWorker as error:
+            raise PluginError(
                 f"{self._where}: {error.allowed_failures + 1} workers died while they ran {task_name(function)}: "
                 "killed by the system (out of memory?) or its code crashed; run it without this executor to see more"
-            )
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        return PluginError(
-            f"{self._where}: {task_name(function)} could not be run: {reason}; do scheduler and workers live, with "
-            "the same robid and dask as here?"
-        )
+            ) from error
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+            raise PluginError(
+                f"{self._where}: {task_name(function)} could not be run: {reason}; do scheduler and workers live, "
+                "with the same robid and dask as here?"
+            ) from error
 
 
-class _FromTask(Exception):
-    """What a task raised, told from what dask raises."""
-
-    def __init__(self, value: Exception) -> None:
-        super().__init__(str(value))
-        self.value = value
-
-
-async def _greet(address: str | None) -> None:
-    """Ask a scheduler who it is."""
-    scheduler = await distributed.core.connect(address)
-    try:
-        await distributed.core.send_recv(scheduler, op="identity")
-    finally:
-        scheduler.abort()
-
-
-@contextlib.contextmanager
-def _own_settings() -> Iterator[None]:
-    """Use dask as a carrier of bytes: large tasks are meant, and a task is given up after `DEATHS` dead workers."""
-    settings = {
-        "distributed.scheduler.allowed-failures": DEATHS,
-        "distributed.admin.large-graph-warning-threshold": "1 PB",
-    }
-    with dask.config.set(settings):
-        yield
+def _lost_workers(client: Any) -> int:
+    """Return how many workers went away from the cluster so far, killed or not."""
+    events = client.get_events("all")
+    return sum(1 for _, event in events if isinstance(event, dict) and event.get("action") == "remove-worker")

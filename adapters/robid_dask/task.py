@@ -15,7 +15,7 @@ from typing import Any
 
 from robid_core import PluginError, __version__
 
-LIBRARIES = ("numpy", "scipy", "numba")  # another version may give another last digit
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")  # another version may give another last digit
 
 
 def packed(function: Callable[..., Any], argument: tuple[Any, ...]) -> bytes:
@@ -50,6 +50,7 @@ def versions() -> dict[str, str]:
 
 def compute(task: bytes, expected: dict[str, str]) -> tuple[str, bytes]:
     """Compute a packed task on a worker: ("done", result), ("raised", exception) or ("refused", reason as text)."""
+    import numba
     from threadpoolctl import threadpool_limits
 
     here = versions()
@@ -62,6 +63,8 @@ def compute(task: bytes, expected: dict[str, str]) -> tuple[str, bytes]:
         function, argument = pickle.loads(task)
     except Exception as error:
         return "refused", f"it cannot import the task: {type(error).__name__}: {error}".encode()
+    if numba.config.NUMBA_NUM_THREADS > 1:
+        numba.set_num_threads(1)
     try:
         with threadpool_limits(limits=1):
             result = function(*argument)

@@ -1,21 +1,19 @@
 """A chain from a URDF file, read by pinocchio: joints that move, fixed ones merged into the body before.
 
-Placements, axes and inertias come from pinocchio's model, not from the text. What a chain cannot be - mimic,
-floating and planar joints, links without mass behind a joint that moves - is refused by name.
+Placements, axes and inertias come from pinocchio's model, not from the text; the text is checked before
+(`urdf_check`), so that what a chain cannot be is refused by name and line.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio
 
 from robid_core import ConfigurationError
 from robid_core.mechanics import PRISMATIC, REVOLUTE, Chain
-
-MOVING = ("revolute", "continuous", "prismatic")
+from robid_pin.urdf_check import check_urdf
 
 
 def chain_from_urdf(path: Path) -> Chain:
@@ -29,21 +27,15 @@ def chain_from_urdf(path: Path) -> Chain:
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, or holds a joint or link that a chain cannot; the message names it.
+        If the file cannot be read, or holds joints or links that a chain cannot; one line for each, with its name.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        robot = ElementTree.fromstring(text)
+        text = path.read_bytes().decode("utf-8")
     except OSError as error:
         raise ConfigurationError(f"{path}: {error.strerror}; give the path of a URDF file") from None
-    except (UnicodeDecodeError, ElementTree.ParseError) as error:
+    except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not readable as URDF: {error}; is it XML in UTF-8?") from None
-    if robot.tag != "robot":
-        raise ConfigurationError(
-            f"{path}: the file describes a <{robot.tag}>, not a <robot>; give a URDF file"
-        )
-    _check_joints(path, robot)
-    _check_links(path, robot)
+    check_urdf(text, str(path))
     try:
         model = pinocchio.buildModelFromXML(text)
     except (ValueError, RuntimeError) as error:
@@ -51,67 +43,14 @@ def chain_from_urdf(path: Path) -> Chain:
         raise ConfigurationError(
             f"{path}: pinocchio cannot read the file: {reason}; check it with check_urdf"
         ) from None
-    return _chain_from_model(model)
-
-
-def _check_joints(path: Path, robot: ElementTree.Element) -> None:
-    joints = robot.findall("joint")
-    for joint in joints:
-        name, kind = joint.get("name", "?"), joint.get("type", "none")
-        if joint.find("mimic") is not None:
-            raise ConfigurationError(
-                f"{path}: joint '{name}' mimics another; a chain has free joints only: make it fixed, or couple the "
-                "axes with the gear matrix of robot.yaml"
-            )
-        if kind not in (*MOVING, "fixed"):
-            raise ConfigurationError(
-                f"{path}: joint '{name}' is of type '{kind}'; a chain has revolute, "
-                "continuous, prismatic and fixed joints"
-            )
-    if not any(joint.get("type") in MOVING for joint in joints):
-        raise ConfigurationError(
-            f"{path}: no joint moves; give at least one revolute, continuous or prismatic joint"
-        )
-
-
-def _check_links(path: Path, robot: ElementTree.Element) -> None:
-    """Refuse a joint that moves nothing with a mass: itself and what is fixed to it."""
-    masses = {link.get("name"): _mass(path, link) for link in robot.findall("link")}
-    fixed: dict[str | None, list[str | None]] = {}
-    for joint in robot.findall("joint"):
-        if joint.get("type") == "fixed":
-            fixed.setdefault(_end(joint, "parent"), []).append(_end(joint, "child"))
-    for joint in robot.findall("joint"):
-        if joint.get("type") not in MOVING:
-            continue
-        moved = [_end(joint, "child")]
-        for link in moved:
-            moved += [child for child in fixed.get(link, []) if child not in moved]
-        if not any(masses.get(link, 0.0) > 0 for link in moved):
-            raise ConfigurationError(
-                f"{path}: link '{moved[0]}' has no inertial with a mass, nor has any link fixed to it; give it an "
-                f"<inertial>, joint '{joint.get('name')}' would move nothing"
-            )
-
-
-def _end(joint: ElementTree.Element, which: str) -> str | None:
-    end = joint.find(which)
-    return None if end is None else end.get("link")
-
-
-def _mass(path: Path, link: ElementTree.Element) -> float:
-    mass = link.find("inertial/mass")
-    if mass is None:
-        return 0.0
     try:
-        return float(mass.get("value", ""))
-    except ValueError:
-        raise ConfigurationError(
-            f"{path}: link '{link.get('name')}': mass '{mass.get('value')}' is not a number; give kg"
-        ) from None
+        return chain_from_model(model)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {str(error).removeprefix('chain: ')}") from None
 
 
-def _chain_from_model(model: pinocchio.Model) -> Chain:
+def chain_from_model(model: pinocchio.Model) -> Chain:
+    """The arrays of a pinocchio model whose joints all have one degree of freedom."""
     joints = range(1, model.njoints)  # joint 0 is the base
     axes, kinds, zero = [], [], pinocchio.neutral(model)
     for j in joints:

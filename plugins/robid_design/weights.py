@@ -78,11 +78,12 @@ def whole_experiments(weight: FloatArray, experiments: int) -> IntArray:
     support = np.argsort(-weight, kind="stable")[: min(experiments, int((weight > 0).sum()))]
     share = weight[support] / weight[support].sum()
     count = np.maximum(np.ceil((experiments - len(support) / 2) * share), 1).astype(np.int64)
-    while count.sum() < experiments:
-        count[np.argmin(count / share)] += 1
-    while count.sum() > experiments:
-        reducible = np.where(count > 1, (count - 1) / share, -np.inf)
-        count[np.argmax(reducible)] -= 1
+    with np.errstate(over="ignore"):  # a share that is next to nothing: infinity says what it should
+        while count.sum() < experiments:
+            count[np.argmin(count / share)] += 1
+        while count.sum() > experiments:
+            reducible = np.where(count > 1, (count - 1) / share, -np.inf)
+            count[np.argmax(reducible)] -= 1
     result = np.zeros(len(weight), dtype=np.int64)
     result[support] = count
     return result

@@ -10,17 +10,43 @@ from __future__ import annotations
 
 import concurrent.futures
 import contextlib
-import importlib
+import itertools
+import logging
 import multiprocessing
 import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from typing import Any
 
 from robid_core.errors import ConfigurationError, PluginError
+from robid_core.executors.task import check_task, surviving, task_name
+
+LOG = logging.getLogger("robid.executors")
+DEATHS = 3  # so many pools in a row may break before their task is held to be the cause
+
+
+@dataclass(eq=False)
+class _Given:
+    """A task that was given to a worker, or has to be."""
+
+    argument: tuple[Any, ...]
+    future: concurrent.futures.Future[Any] | None = None
+
+    def result(self) -> Any:
+        if self.future is None:
+            raise BrokenProcessPool("the pool broke before it took the task")
+        return self.future.result()
+
+    @property
+    def kept(self) -> bool:
+        """Whether it ended before its pool broke."""
+        ended = self.future is not None and self.future.done() and not self.future.cancelled()
+        return ended and not isinstance(self.future.exception(), BrokenProcessPool)  # type: ignore[union-attr]
 
 
 @contextlib.contextmanager
@@ -48,24 +74,66 @@ class ProcessMap:
         self.jobs = jobs
         self._pool: concurrent.futures.ProcessPoolExecutor | None = None
 
+    @property
+    def threads(self) -> int:
+        """How many threads of this process may compute instead, where compiled work needs no process of its own."""
+        return self.jobs
+
     def __call__(self, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Call `function` once per tuple; the first exception of the lowest-numbered task is raised."""
-        _check_task(function)
-        if self.jobs == 1 or len(arguments) < 2:
-            return [_copy(function(*_copy(argument))) for argument in arguments]
-        futures = [self._workers().submit(_call, function, argument) for argument in arguments]
+        return list(self._results(function, arguments, len(arguments)))
+
+    def stream(self, function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+        """Yield results in order while they come; few tasks are in memory at a time."""
+        return self._results(function, arguments, 2 * self.jobs + 1)
+
+    def _results(
+        self, function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]], most: int
+    ) -> Iterator[Any]:
+        """Yield results in order, `most` tasks under way; what a dead worker had is computed again."""
+        check_task(function)
+        rest = iter(arguments)
+        first = list(itertools.islice(rest, 2))
+        rest = itertools.chain(first, rest)
+        if self.jobs == 1 or len(first) < 2:
+            for argument in rest:
+                yield _copy(function(*_copy(argument)))
+            return
+        waiting: deque[_Given] = deque()
+        deaths = 0  # since a result came
         try:
-            return [future.result() for future in futures]
-        except BrokenProcessPool as error:
-            self.stop()
-            raise PluginError(
-                f"a worker process died while it ran {_name(function)}: the system killed it (out of memory?) or "
-                "its code crashed; run again with --jobs 1"
-            ) from error
-        except BaseException:
-            for future in futures:
-                future.cancel()
-            raise
+            while True:
+                added = [_Given(argument) for argument in itertools.islice(rest, most - len(waiting))]
+                waiting.extend(added)
+                if not waiting:
+                    return
+                try:
+                    self._give_out(function, added)
+                    result = waiting[0].result()
+                except BrokenProcessPool as error:
+                    deaths += 1
+                    self.stop()
+                    if deaths > DEATHS:
+                        raise PluginError(
+                            f"a worker process died while it ran {task_name(function)}, {deaths} times: the system "
+                            "killed it (out of memory?) or its code crashed; run again with --jobs 1"
+                        ) from error
+                    LOG.warning("a worker process died; what it ran of %s begins again", task_name(function))
+                    with contextlib.suppress(BrokenProcessPool):  # told when its result is asked for
+                        self._give_out(function, [given for given in waiting if not given.kept])
+                    continue
+                waiting.popleft()
+                deaths = 0
+                yield result
+        finally:
+            for given in waiting:
+                if given.future is not None:
+                    given.future.cancel()
+
+    def _give_out(self, function: Callable[..., Any], tasks: Iterable[_Given]) -> None:
+        for given in tasks:
+            given.future = None
+            given.future = self._workers().submit(_call, function, given.argument)
 
     def _workers(self) -> concurrent.futures.ProcessPoolExecutor:
         if self._pool is None:
@@ -93,29 +161,15 @@ def _processors() -> int:
 
 
 def _call(function: Callable[..., Any], argument: tuple[Any, ...]) -> Any:
-    return function(*argument)
+    try:
+        return function(*argument)
+    except Exception as error:
+        raise surviving(error) from error
 
 
 def _copy(value: Any) -> Any:
     """Return what comes out at the other side of a process border: contiguous copies, nothing shared."""
     return pickle.loads(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
-
-
-def _name(function: Callable[..., Any]) -> str:
-    return f"{getattr(function, '__module__', '?')}.{getattr(function, '__qualname__', repr(function))}"
-
-
-def _check_task(function: Callable[..., Any]) -> None:
-    """Refuse what another process could not find by name, also where no other process is asked."""
-    found: Any = None
-    with contextlib.suppress(ImportError, AttributeError):
-        found = importlib.import_module(function.__module__)
-        for part in function.__qualname__.split("."):
-            found = getattr(found, part)
-    if found is not function:
-        raise PluginError(
-            f"{_name(function)} cannot be a parallel task: it must be a function at the top of an importable module"
-        )
 
 
 def _begin_worker() -> None:

@@ -7,18 +7,34 @@ closed-loop simulation.
 from robid_core.mechanics.chain import PRISMATIC, REVOLUTE, Chain
 from robid_core.mechanics.dynamics import Dynamics, dynamics
 from robid_core.mechanics.equilibrium import Equilibrium, solve_equilibrium
-from robid_core.mechanics.friction import equivalent_damping, friction_torque
+from robid_core.mechanics.friction import (
+    coulomb_viscous_law,
+    equivalent_damping,
+    friction_terms,
+    friction_torque,
+)
+from robid_core.mechanics.functions import (
+    cosine,
+    exponential,
+    natural_logarithm,
+    sine,
+    sine_and_cosine,
+    smooth_sign,
+)
+from robid_core.mechanics.kernel import kernel
+from robid_core.mechanics.lanes import where
 from robid_core.mechanics.linearize import LinearModel, SecondOrderModel, linear_model, second_order_model
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.response import ResponseGradient, response, response_with_gradient
 from robid_core.mechanics.simulate import (
     Controller,
-    Friction,
     Simulation,
+    SimulationDiverged,
     SimulationState,
     rest_state,
     simulate,
 )
+from robid_core.mechanics.terms import ForceTerm, SignalTerm
 from robid_core.mechanics.warm_up import warm_up
 
 __all__ = [
@@ -28,22 +44,34 @@ __all__ = [
     "Controller",
     "Dynamics",
     "Equilibrium",
-    "Friction",
+    "ForceTerm",
     "LinearModel",
     "Mechanism",
     "ResponseGradient",
     "SecondOrderModel",
+    "SignalTerm",
     "Simulation",
+    "SimulationDiverged",
     "SimulationState",
+    "cosine",
+    "coulomb_viscous_law",
     "dynamics",
     "equivalent_damping",
+    "exponential",
+    "friction_terms",
     "friction_torque",
+    "kernel",
     "linear_model",
+    "natural_logarithm",
     "response",
     "response_with_gradient",
     "rest_state",
     "second_order_model",
     "simulate",
+    "sine",
+    "sine_and_cosine",
+    "smooth_sign",
     "solve_equilibrium",
     "warm_up",
+    "where",
 ]

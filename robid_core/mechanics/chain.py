@@ -1,34 +1,56 @@
-"""A tree of rigid bodies joined by revolute and prismatic joints, as arrays.
+"""A tree of bodies joined by revolute, prismatic and modal joints, as arrays.
 
 Joint j carries body j. The joint frame stands at `rotation[j]`, `translation[j]` in the frame of the parent's
 body; at coordinate q the body has turned by q about `axis[j]` (revolute) or moved by q along it (prismatic).
 Mass, centre of mass and inertia (about the centre of mass) are given in axes of the joint frame. An elastic
-coordinate (thesis section 2.2: bearings bend across the transmission) is one more revolute joint.
+coordinate (thesis section 2.2: bearings bend across the transmission) is one more revolute joint. A modal joint
+is one modal coordinate of a flexible link (thesis section 2.6); `robid_core.mechanics.flexible` makes them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
 
+if TYPE_CHECKING:
+    from robid_core.mechanics.flexible.body import FlexibleBody
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 REVOLUTE = 0
 PRISMATIC = 1
+MODAL = 2
 
-_UNIT_TOLERANCE = 1e-6  # of axes and rotations: what a text file with seven digits leaves
-_INERTIA_TOLERANCE = 1e-6  # relative, of the largest principal moment
+
+def _none() -> FloatArray:
+    return np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
     """Bodies and joints; the coordinates are the joints, in order, each parent before its children.
+
+    The joint transform is the same for all kinds: ``translation by sliding_axis q, then rotation exp([turning_axis
+    q])``, both in the joint frame. Revolute: (axis, 0). Prismatic: (0, axis). Modal: (axis, slide), of any length.
+
+    A flexible body is one ordinary joint r, its *root*, and modal joints in series behind it. The floating frame is
+    the frame of body r, so the root node moves with joint r and nothing else. Body r carries mass, centre of mass and
+    inertia of the whole undeformed link; the modal joints have no mass; the frame behind the last of them is the tip,
+    to which the next joint is attached. With eta the modal coordinates of r, [w; v] the angular velocity of r and the
+    velocity of its origin in its own axes, and [h_k; p_k] the row of `modal_momentum`::
+
+        T = 1/2 m v.v + v.(w x h(eta)) + 1/2 w.J(eta) w + sum_k (v.p_k + w.h_k) eta_k' + 1/2 eta'.modal_mass eta'
+        h(eta) = m centre_of_mass + sum_k p_k eta_k,     J(eta) = J_origin + sum_k modal_inertia[k] eta_k
+
+    Terms of second order in the deflection that contain the rigid motion (spin softening, gyroscopic coupling of the
+    modes) are left out, and so is geometric stiffening: small where a link turns slowly against its first frequency.
+    The first-order terms must stay: with constant h neither gravity nor a steady translation would be conservative.
 
     Raises
     ------
@@ -39,9 +61,9 @@ class Chain:
     parent: IntArray
     """Index of the parent joint, -1 is the base; shape (n,)."""
     joint_type: IntArray
-    """REVOLUTE or PRISMATIC; shape (n,)."""
+    """REVOLUTE, PRISMATIC or MODAL; shape (n,)."""
     axis: FloatArray
-    """Unit vector in the joint frame; shape (n, 3)."""
+    """Unit vector in the joint frame; of a modal joint the rotation vector per unit coordinate; shape (n, 3)."""
     rotation: FloatArray
     """Axes of the joint frame, as columns, in the parent's frame; shape (n, 3, 3)."""
     translation: FloatArray
@@ -56,30 +78,58 @@ class Chain:
     """Names of the joints and of the bodies they carry."""
     gravity: FloatArray
     """Acceleration of free fall in the base frame, m/s^2; shape (3,)."""
+    slide: FloatArray = field(default_factory=_none)
+    """Translation per unit coordinate of a modal joint, in the joint frame; else 0; shape (n, 3)."""
+    flexible_root: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """Index of the root joint of the flexible body a modal joint belongs to; else -1; shape (n,)."""
+    modal_momentum: FloatArray = field(default_factory=_none)
+    """Momentum of the flexible body per unit rate of the modal coordinate, [angular about the origin of the root
+    body's joint frame; linear], in axes of the root body; else 0; shape (n, 6)."""
+    modal_mass: FloatArray = field(default_factory=_none)
+    """Symmetric, constant; entries only between modal coordinates of one body; shape (n, n)."""
+    modal_inertia: FloatArray = field(default_factory=_none)
+    """Change of the flexible body's inertia about the root origin per unit modal coordinate, axes of the root body,
+    symmetric; else 0; shape (n, 3, 3)."""
 
     def __post_init__(self) -> None:
+        from robid_core.mechanics.chain_check import check_chain
+
         n = len(self.names)
         object.__setattr__(self, "names", tuple(self.names))
-        for field, shape in _SHAPES.items():
-            kind: Any = np.int64 if field in ("parent", "joint_type") else np.float64
+        for name, shape in SHAPES.items():
+            kind: Any = np.int64 if name in _INDICES else np.float64
             try:
-                given = np.array(getattr(self, field), dtype=kind, order="C")
+                given = np.array(getattr(self, name), dtype=kind, order="C")
             except (TypeError, ValueError):
                 raise ConfigurationError(
-                    f"chain: {field} is not an array of numbers; give one row a body"
+                    f"chain: {name} is not an array of numbers; give one row a body"
                 ) from None
             expected = tuple(n if size is None else size for size in shape)
+            if (
+                name in ABSENT and (given == ABSENT[name]).all()
+            ):  # of any size: bodies may be added or taken away
+                given = np.full(expected, ABSENT[name], dtype=kind)
             if given.shape != expected:
                 raise ConfigurationError(
-                    f"chain: {field} has shape {given.shape}, expected {expected} for {n} names; give one row a body"
+                    f"chain: {name} has shape {given.shape}, expected {expected} for {n} names; give one row a body"
                 )
-            object.__setattr__(self, field, given)
-        _check(self)
+            object.__setattr__(self, name, given)
+        check_chain(self)
 
     @property
     def n_coordinate(self) -> int:
         """Number of joints."""
         return len(self.names)
+
+    @property
+    def turning_axis(self) -> FloatArray:
+        """Rotation vector per unit coordinate in the joint frame, 0 where the joint slides, shape (n, 3)."""
+        return np.where((self.joint_type == PRISMATIC)[:, None], 0.0, self.axis)
+
+    @property
+    def sliding_axis(self) -> FloatArray:
+        """Translation per unit coordinate in the joint frame, 0 where the joint turns, shape (n, 3)."""
+        return np.where((self.joint_type == PRISMATIC)[:, None], self.axis, self.slide)
 
     def index(self, name: str) -> int:
         """Return the index of a joint or of the body it carries."""
@@ -99,31 +149,28 @@ class Chain:
         axis
             Unit vector about which the body bends, in the joint frame of `after`, shape (3,).
         """
-        joint = self.index(after)
-        if name in self.names:
-            raise ConfigurationError(f"chain: body '{name}': an elastic coordinate needs a name of its own")
-        new = joint + 1
-        moved = np.where(self.parent >= joint, self.parent + 1, self.parent)
+        from robid_core.mechanics.insertion import insert_elastic
 
-        def inserted(field: FloatArray, value: npt.ArrayLike) -> FloatArray:
-            return np.insert(field, new, np.asarray(value, dtype=np.float64), axis=0)
+        return insert_elastic(self, after, name, np.asarray(axis, dtype=np.float64))
 
-        mass = inserted(self.mass, self.mass[joint])
-        centre = inserted(self.centre_of_mass, self.centre_of_mass[joint])
-        inertia = inserted(self.inertia, self.inertia[joint])
-        mass[joint], centre[joint], inertia[joint] = 0.0, 0.0, 0.0
-        return Chain(
-            parent=np.insert(moved, new, joint),
-            joint_type=np.insert(self.joint_type, new, REVOLUTE),
-            axis=inserted(self.axis, axis),
-            rotation=inserted(self.rotation, np.eye(3)),
-            translation=inserted(self.translation, np.zeros(3)),
-            mass=mass,
-            centre_of_mass=centre,
-            inertia=inertia,
-            names=(*self.names[:new], name, *self.names[new:]),
-            gravity=self.gravity,
-        )
+    def with_flexible(self, joint: str, name: str, body: FlexibleBody) -> Chain:
+        """Make the body of a joint flexible: it is replaced, and the joint's children move to its tip.
+
+        The children keep their place in the undeformed chain. The new coordinates are `<name>_mode_1`...; their springs
+        and dampers are `body.modal_stiffness` and `body.modal_damping` (diagonal), not part of a chain.
+
+        Parameters
+        ----------
+        joint
+            Revolute or prismatic joint whose frame is the body's root (see `FlexibleBody.placed` for another place).
+        name
+            Name of the link.
+        body
+            The link with its modes.
+        """
+        from robid_core.mechanics.flexible.attach import attach_flexible
+
+        return attach_flexible(self, joint, name, body)
 
 
 def rotation_about(axis: FloatArray, angle: float) -> FloatArray:
@@ -134,7 +181,27 @@ def rotation_about(axis: FloatArray, angle: float) -> FloatArray:
     return turned
 
 
-_SHAPES: dict[str, tuple[int | None, ...]] = {
+def rotation_by(vector: FloatArray) -> FloatArray:
+    """Rotation matrix exp([vector]) of a rotation vector in rad, shape (3,)."""
+    angle = float(np.linalg.norm(vector))
+    return rotation_about(vector / angle, angle) if angle else np.eye(3)
+
+
+def spatial_inertia(mass: float, centre_of_mass: FloatArray, inertia: FloatArray) -> FloatArray:
+    """Momentum [angular about the origin; linear] over velocity [angular; of the origin], shape (6, 6).
+
+    Parameters
+    ----------
+    mass, centre_of_mass, inertia
+        Of a rigid body: kg, m from the origin (3,), kg m^2 about the centre of mass (3, 3).
+    """
+    x, y, z = mass * centre_of_mass
+    moment = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    shifted = inertia - moment @ moment / mass if mass else inertia
+    return np.block([[shifted, moment], [-moment, mass * np.eye(3)]])
+
+
+SHAPES: dict[str, tuple[int | None, ...]] = {  # None: one row a joint
     "parent": (None,),
     "joint_type": (None,),
     "axis": (None, 3),
@@ -144,54 +211,11 @@ _SHAPES: dict[str, tuple[int | None, ...]] = {
     "centre_of_mass": (None, 3),
     "inertia": (None, 3, 3),
     "gravity": (3,),
+    "slide": (None, 3),
+    "flexible_root": (None,),
+    "modal_momentum": (None, 6),
+    "modal_mass": (None, None),
+    "modal_inertia": (None, 3, 3),
 }
-
-
-def _check(chain: Chain) -> None:
-    if not chain.names:
-        raise ConfigurationError("chain: there is no body; give at least one joint with its body")
-    if len(set(chain.names)) < len(chain.names):
-        twice = next(name for name in chain.names if chain.names.count(name) > 1)
-        raise ConfigurationError(f"chain: body '{twice}': the name is used twice; names must differ")
-    if not np.isfinite(chain.gravity).all():
-        raise ConfigurationError(f"chain: gravity {chain.gravity} is not finite; give three numbers in m/s^2")
-    for j, name in enumerate(chain.names):
-        _check_body(chain, j, f"chain: body '{name}':")
-
-
-def _check_body(chain: Chain, j: int, where: str) -> None:
-    for field in ("axis", "rotation", "translation", "mass", "centre_of_mass", "inertia"):
-        value = getattr(chain, field)[j]
-        if not np.isfinite(value).all():
-            raise ConfigurationError(
-                f"{where} {field} holds {value[~np.isfinite(value)][0]}; give finite numbers"
-            )
-    if not -1 <= chain.parent[j] < j:
-        raise ConfigurationError(
-            f"{where} its parent has index {chain.parent[j]}; a parent stands before, or is -1"
-        )
-    if chain.joint_type[j] not in (REVOLUTE, PRISMATIC):
-        raise ConfigurationError(f"{where} joint type {chain.joint_type[j]}; 0 is revolute, 1 is prismatic")
-    length = float(np.linalg.norm(chain.axis[j]))
-    if abs(length - 1) > _UNIT_TOLERANCE:
-        raise ConfigurationError(f"{where} the joint axis has length {length:.6g}; give a unit vector")
-    rotation = chain.rotation[j]
-    if abs(rotation @ rotation.T - np.eye(3)).max() > _UNIT_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise ConfigurationError(
-            f"{where} its rotation is not orthogonal and right-handed; give a rotation matrix"
-        )
-    mass, inertia = float(chain.mass[j]), chain.inertia[j]
-    if mass < 0 or (mass == 0 and inertia.any()):
-        raise ConfigurationError(f"{where} mass {mass:.6g} kg; a body with inertia needs a positive mass")
-    if abs(inertia - inertia.T).max() > _INERTIA_TOLERANCE * abs(inertia).max():
-        raise ConfigurationError(f"{where} its inertia is not symmetric; give a symmetric 3 x 3 matrix")
-    smallest, middle, largest = np.linalg.eigvalsh(inertia)
-    if smallest < -_INERTIA_TOLERANCE * largest:
-        raise ConfigurationError(
-            f"{where} a principal moment of inertia is {smallest:.6g} kg m^2; none may be negative"
-        )
-    if smallest + middle < largest * (1 - _INERTIA_TOLERANCE):
-        raise ConfigurationError(
-            f"{where} principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g} kg m^2: no body has the largest "
-            "above the sum of the others; are they about the centre of mass and in the joint frame?"
-        )
+_INDICES = ("parent", "joint_type", "flexible_root")
+ABSENT = {"slide": 0, "flexible_root": -1, "modal_momentum": 0, "modal_mass": 0, "modal_inertia": 0}

@@ -14,8 +14,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import i0e
 
+from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import FloatArray
+from robid_core.mechanics.functions import smooth_sign
 from robid_core.mechanics.kernel import kernel
+from robid_core.mechanics.mechanism import Mechanism
+from robid_core.mechanics.terms import ForceTerm
 
 _MIXTURE_NODES = 96  # Gauss-Legendre; error below 1e-11 of the gain (tests: closed form at rest, quadrature)
 _MIXTURE_LIMITS = (0.12, 6.0)  # the Kolmogorov distribution has less than 1e-30 outside
@@ -107,11 +111,42 @@ def _kolmogorov_mixture() -> tuple[FloatArray, FloatArray]:
     return x, weight / weight.sum()
 
 
-@kernel
-def friction_law(speed, coulomb, viscous, friction_speed):  # type: ignore[no-untyped-def]
-    """Torque and its slope at one speed, as the integrators take it."""
-    smooth_sign = math.tanh(speed / friction_speed)
-    return (
-        coulomb * smooth_sign + viscous * speed,
-        coulomb / friction_speed * (1.0 - smooth_sign * smooth_sign) + viscous,
+def friction_terms(
+    mechanism: Mechanism,
+    coulomb: FloatArray,
+    viscous: FloatArray,
+    friction_speed: FloatArray,
+    offset: FloatArray | None = None,
+) -> tuple[ForceTerm, ...]:
+    """Coulomb, viscous and constant friction at the motor shafts, where there is any, as the simulator takes it.
+
+    Parameters
+    ----------
+    mechanism
+        The robot.
+    coulomb, viscous, friction_speed, offset
+        N m, N m s/rad, rad/s and N m, shape (n_axis,); below coulomb * step / rotor inertia a motor that comes to rest
+        rattles at that friction_speed.
+
+    Raises
+    ------
+    ConfigurationError
+        Where a friction speed is not above zero.
+    """
+    unit, none = np.eye(mechanism.n_coordinate), np.zeros(mechanism.n_axis)
+    rows = np.column_stack((coulomb, viscous, friction_speed, none if offset is None else offset))
+    if not (rows[:, 2] > 0).all():
+        raise ConfigurationError(f"friction speed {rows[:, 2].min():.6g} rad/s; give a speed above zero")
+    return tuple(
+        ForceTerm(coulomb_viscous_law, rows[a], unit[a], unit[a], none, 0, f"friction.{name}")
+        for a, name in enumerate(mechanism.axis_names)
+        if rows[a, [0, 1, 3]].any()
     )
+
+
+@kernel
+def coulomb_viscous_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
+    """Law of the friction in `friction_torque`; parameters: coulomb, viscous, friction_speed, constant offset."""
+    smooth = smooth_sign(velocity / parameters[2])
+    force = parameters[0] * smooth + parameters[1] * velocity + parameters[3]
+    return force, 0.0 * velocity, parameters[0] / parameters[2] * (1.0 - smooth * smooth) + parameters[1]

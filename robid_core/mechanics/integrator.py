@@ -1,26 +1,24 @@
-"""The compiled inner loop of the simulation: robot in a sampled speed loop, one experiment after another.
+"""The compiled steps of the simulation: the robot under held torques, one experiment or all lanes at once.
 
-The plant is ``M(z) z'' + c(z, z') + g(z) + sum_s e_s (k_s e_s^T z + d_s e_s^T z') + f(z'_motor) = B torque``.
-*Linearly implicit midpoint* (a Rosenbrock method of order two): M, c and g at the extrapolated midpoint, springs,
-dampers and the slope of friction implicit, one evaluation a step. It is stable for springs and friction slopes
-far beyond the step's resolution. *Runge-Kutta* of order four, all explicit, is its check.
+The plant is ``M(z) z'' + c(z, z') + g(z) + sum_s e_s (k_s e_s^T z + d_s e_s^T z') + sum_l e_l f_l = B torque``
+with laws
+f_l of effects. *Linearly implicit midpoint* (a Rosenbrock method of order two): M, c and g at the extrapolated
+midpoint, springs, dampers and the slopes of the laws implicit, one evaluation a step. It is stable for springs and
+friction slopes far beyond the step's resolution. *Runge-Kutta* of order four, all explicit, is its check.
 
-Functions take plain arrays, for numba counts references of every member of a tuple; the meaning of each stands in
-`layout`.
+The functions work on views (`views`); the meaning of each array stands in `simulation_arrays` and `layout`.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from robid_core.mechanics.dynamics import evaluate
-from robid_core.mechanics.friction import friction_law
-from robid_core.mechanics.kernel import kernel
-
-DIVERGED = 1e6  # rad, rad/s, m or m/s: no motor is there, a numerical explosion soon is
+from robid_core.mechanics.kernel import fused_kernel
+from robid_core.mechanics.layout import ChainWork
+from robid_core.mechanics.recursion import evaluate
+from robid_core.mechanics.terms import TORQUE
+from robid_core.mechanics.views import address_of, call_law, row_of
 
 
-@kernel
+@fused_kernel
 def eliminate(system, right, pivot, fill):  # type: ignore[no-untyped-def]
     """Solve system x = right in place, symmetric, lower triangle: U D U^T from the last coordinate up."""
     n, n_axis = right.shape[0], fill.shape[0]
@@ -32,41 +30,203 @@ def eliminate(system, right, pivot, fill):  # type: ignore[no-untyped-def]
         for e in range(1, fill[a, 0] + 1):
             i = fill[a, e]
             factor = system[k, i] * inverse
-            right[i] -= factor * right[k]
+            right[i] = right[i] - factor * right[k]
             for f in range(1, e + 1):
-                system[i, fill[a, f]] -= factor * system[k, fill[a, f]]
+                j = fill[a, f]
+                system[i, j] = system[i, j] - factor * system[k, j]
     for k in range(n_free - 1, -1, -1):
         inverse = 1.0 / system[k, k]
         pivot[k] = inverse
         for i in range(k):
             factor = system[k, i] * inverse
-            right[i] -= factor * right[k]
+            right[i] = right[i] - factor * right[k]
             for j in range(i + 1):
-                system[i, j] -= factor * system[k, j]
+                system[i, j] = system[i, j] - factor * system[k, j]
     for k in range(n_free):
-        right[k] *= pivot[k]
+        right[k] = right[k] * pivot[k]
         for i in range(k + 1, n_free):
-            right[i] -= system[i, k] * right[k]
+            right[i] = right[i] - system[i, k] * right[k]
     for a in range(n_axis):
         k = n_free + a
         total = right[k]
         for e in range(1, fill[a, 0] + 1):
-            total -= system[k, fill[a, e]] * right[fill[a, e]]
+            total = total - system[k, fill[a, e]] * right[fill[a, e]]
         right[k] = total * pivot[k]
 
 
-@kernel
-def hold_torque(  # type: ignore[no-untyped-def]
-    tree, body, ancestor, gravity, joint_column, joint_value, spring_start, spring_column, spring_value, motor_law,
-    constant, fill, record, screw, momentum, mass, bias, gravity_stiffness, joint, joint_speed, middle, middle_speed,
-    spring, right, pivot, system, stage, torque, position, speed, acceleration, step, n_step, runge_kutta,
-):  # fmt: skip
-    """Advance one lane by n_step steps under a constant motor torque.
+@fused_kernel
+def along(terms, first, last, values):  # type: ignore[no-untyped-def]
+    """Scalar product of entries first to last - 1 of the terms' sparse rows with values."""
+    total = 0.0 * values[0]
+    for e in range(first, last):
+        total = total + terms.value[e] * values[terms.column[e]]
+    return total
 
-    `position`, `speed` and `acceleration` (n,) change in place; the last is that of the last step, with which the
-    next midpoint is extrapolated. The other arrays are the fields of `PlantArrays` and `StepWork` in `layout`.
+
+@fused_kernel
+def act_on_signal(terms, work, law_state, channel, axis, signal, angle, speed, step, keep):  # type: ignore[no-untyped-def]
+    """Send a signal of one axis through the laws on a channel, in their order; where `keep`, their states move on."""
+    place, next_state = work.place, work.next_state
+    for t in range(terms.signal.shape[0]):
+        if terms.signal[t, 5] != channel or terms.signal[t, 4] != axis:
+            continue
+        n_state, first, argument = terms.signal[t, 1], terms.signal[t, 2], terms.signal[t, 3]
+        place[0], place[1], place[2] = signal, angle, speed
+        call_law(
+            terms.signal[t, 0], address_of(place, 0), address_of(law_state, first), address_of(next_state, 0),
+            address_of(terms.argument, argument), step,
+        )  # fmt: skip
+        if keep:
+            for k in range(n_state):
+                law_state[first + k] = next_state[k]
+        signal = place[3]
+    return signal
+
+
+@fused_kernel
+def pass_torque(plant, terms, work, command, law_state, acceleration, step, keep):  # type: ignore[no-untyped-def]
+    """Acting motor torques from the held commands, and the torques that the transmissions pass."""
+    n_axis = command.shape[0]
+    middle, middle_speed, torque, load = work.middle, work.middle_speed, work.torque, work.load
+    motor = middle.shape[0] - n_axis
+    for a in range(n_axis):
+        torque[a] = command[a]
+        if terms.signal.shape[0] > 0:
+            angle, speed = middle[motor + a], middle_speed[motor + a]
+            torque[a] = act_on_signal(terms, work, law_state, TORQUE, a, command[a], angle, speed, step, keep)
+    if terms.loads[0]:
+        for a in range(n_axis):
+            deflection, rate = 0.0 * middle[0], 0.0 * middle[0]
+            for i in range(middle.shape[0]):
+                if plant.transmission[a, i] != 0.0:
+                    deflection = deflection + plant.transmission[a, i] * middle[i]
+                    rate = rate + plant.transmission[a, i] * middle_speed[i]
+            passed = plant.gear_spring[a, 0] * deflection + plant.gear_spring[a, 1] * rate
+            for b in range(n_axis):
+                if plant.rigid[a, b] != 0.0:
+                    passed = passed + plant.rigid[a, b] * (
+                        torque[b] - plant.rotor_inertia[b] * acceleration[motor + b]
+                    )
+            load[a] = passed
+
+
+@fused_kernel
+def add_forces(terms, work, law_state, stage, half, step):  # type: ignore[no-untyped-def]
+    """Add the laws' forces to `stage`, linearised about the extrapolated midpoint, and keep what their slopes add.
+
+    ``x_mid = (spring . e) + half^2 e . a`` and ``v_mid = (right . e) + half e . a`` with the acceleration a of
+    the step.
     """
-    n, n_axis, n_joint, width = right.shape[0], torque.shape[0], tree.shape[0], joint_value.shape[1]
+    place, load = work.place, work.load
+    for t in range(terms.force.shape[0]):
+        first_state, argument = terms.force[t, 2], terms.force[t, 3]
+        first, middle, last, end = terms.force[t, 6], terms.force[t, 7], terms.force[t, 8], terms.force[t, 9]
+        position = along(terms, middle, last, work.middle)
+        velocity = along(terms, middle, last, work.middle_speed)
+        place[0], place[1] = position, velocity
+        place[2] = along(terms, last, end, load)
+        call_law(
+            terms.force[t, 0], address_of(place, 0), address_of(law_state, first_state),
+            address_of(work.next_state, 0), address_of(terms.argument, argument), step,
+        )  # fmt: skip
+        force = place[3]
+        work.force[t] = force
+        if terms.force[t, 4] and half > 0.0:
+            force = force + place[4] * (along(terms, middle, last, work.spring) - position)
+            force = force + place[5] * (along(terms, middle, last, work.right) - velocity)
+            work.slope[t] = half * half * place[4] + half * place[5]
+        else:
+            work.slope[t] = 0.0 * force
+        if terms.force[t, 5] >= 0 and terms.loads[0]:
+            load[terms.force[t, 5]] = load[terms.force[t, 5]] + work.force[t]
+        for e in range(first, middle):
+            i = terms.column[e]
+            stage[i] = stage[i] - terms.value[e] * force
+
+
+@fused_kernel
+def advance_laws(terms, work, law_state, position, step):  # type: ignore[no-untyped-def]
+    """Move the states of laws on by one step, at the motion that the step turned out to have."""
+    place, next_state = work.place, work.next_state
+    for t in range(terms.force.shape[0]):
+        n_state, first_state, argument = terms.force[t, 1], terms.force[t, 2], terms.force[t, 3]
+        if n_state == 0:
+            continue
+        middle, last, end = terms.force[t, 7], terms.force[t, 8], terms.force[t, 9]
+        before, after = along(terms, middle, last, work.start), along(terms, middle, last, position)
+        place[0], place[1] = 0.5 * (before + after), (after - before) / step
+        place[2] = along(terms, last, end, work.load)
+        call_law(
+            terms.force[t, 0], address_of(place, 0), address_of(law_state, first_state),
+            address_of(next_state, 0), address_of(terms.argument, argument), step,
+        )  # fmt: skip
+        for k in range(n_state):
+            law_state[first_state + k] = next_state[k]
+
+
+@fused_kernel
+def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-untyped-def]
+    """Arm and constants into `system`, right-hand side into `right`; rows of motors hold their constants already."""
+    system, right = work.system, work.right
+    n, n_axis, n_joint = right.shape[0], work.torque.shape[0], work.joint.shape[0]
+    width, motor = plant.joint_value.shape[1], n - n_axis
+    if motor == n_joint:  # every gear is elastic: joints are the first coordinates
+        memory = ChainWork(
+            chain_work.record,
+            chain_work.screw,
+            chain_work.momentum,
+            system,
+            right,
+            chain_work.gravity_stiffness,
+        )
+        evaluate(chain, memory, work.middle, work.middle_speed, False)
+        for i in range(n_joint):
+            right[i] = stage[i] - right[i]
+            for j in range(i + 1):
+                system[i, j] = system[i, j] + plant.constant[i, j]
+        for i in range(n_joint, n):
+            right[i] = stage[i]
+        return
+    for j in range(n_joint):
+        q, v = 0.0 * work.middle[0], 0.0 * work.middle[0]
+        for e in range(width):
+            q = q + plant.joint_value[j, e] * work.middle[plant.joint_column[j, e]]
+            v = v + plant.joint_value[j, e] * work.middle_speed[plant.joint_column[j, e]]
+        work.joint[j], work.joint_speed[j] = q, v
+    evaluate(chain, chain_work, work.joint, work.joint_speed, False)
+    for i in range(n):
+        right[i] = stage[i]
+    for i in range(motor):
+        for j in range(i + 1):
+            system[i, j] = plant.constant[i, j]
+    for i in range(n_joint):
+        for e in range(width):
+            row = plant.joint_column[i, e]
+            right[row] = right[row] - plant.joint_value[i, e] * chain_work.bias[i]
+            for j in range(n_joint):
+                inertia = plant.joint_value[i, e] * chain_work.mass[max(i, j), min(i, j)]
+                for f in range(width):
+                    column = plant.joint_column[j, f]
+                    if column <= row:
+                        system[row, column] = system[row, column] + inertia * plant.joint_value[j, f]
+
+
+@fused_kernel
+def hold_torque(chain, plant, terms, chain_work, work, state, step, n_step, runge_kutta):  # type: ignore[no-untyped-def]
+    """Advance by n_step steps under constant commanded torques (`work.command`).
+
+    `state` (a `LaneState` of views) changes in place; its acceleration is that of the last step, with which the next
+    midpoint is extrapolated.
+    """
+    position, speed, acceleration, law_state = (
+        state.position,
+        state.speed,
+        state.acceleration,
+        state.law_state,
+    )
+    middle, middle_speed, spring, right = work.middle, work.middle_speed, work.spring, work.right
+    system, stage, fill = work.system, work.stage, plant.fill
+    n, n_axis, n_term = right.shape[0], work.command.shape[0], terms.force.shape[0]
     motor = n - n_axis
     half = 0.0 if runge_kutta else 0.5 * step
     for evaluation in range(n_step * (4 if runge_kutta else 1)):
@@ -75,150 +235,66 @@ def hold_torque(  # type: ignore[no-untyped-def]
         if runge_kutta:
             ahead = 0.0 if k == 0 else (step if k == 3 else 0.5 * step)
             for i in range(n):
-                middle[i], middle_speed[i] = position[i] + ahead * speed[i], speed[i]
+                x, v = position[i] + ahead * speed[i], speed[i]
                 if k > 0:
-                    middle_speed[i] += ahead * stage[k - 1, i]
+                    v = v + ahead * stage[k - 1, i]
                 if k > 1:
-                    middle[i] += ahead * 0.5 * step * stage[k - 2, i]
-                spring[i], right[i] = middle[i], middle_speed[i]
+                    x = x + ahead * 0.5 * step * stage[k - 2, i]
+                middle[i], middle_speed[i], spring[i], right[i] = x, v, x, v
         else:
             for i in range(n):
-                middle_speed[i] = speed[i] + half * acceleration[i]
-                middle[i] = position[i] + 0.5 * half * (speed[i] + middle_speed[i])
+                v = speed[i] + half * acceleration[i]
+                middle_speed[i] = v
+                middle[i] = position[i] + 0.5 * half * (speed[i] + v)
                 spring[i], right[i] = position[i] + half * speed[i], speed[i]
-        # forces of springs, dampers and motors; `right` holds the speed that dampers start from
+        if k == 0 and n_term > 0:
+            for i in range(n):
+                work.start[i] = position[i]
+        # forces of springs, dampers, motors and laws; `right` holds the speed that dampers start from
+        force = row_of(stage, k)
         for i in range(n):
-            moment = 0.0
-            for e in range(spring_start[i], spring_start[i + 1]):
-                j = spring_column[e]
-                moment -= spring_value[e, 0] * spring[j] + spring_value[e, 1] * right[j]
-            stage[k, i] = moment
+            moment = 0.0 * middle[0]
+            for e in range(plant.spring_start[i], plant.spring_start[i + 1]):
+                j = plant.spring_column[e]
+                moment = moment - (plant.spring_value[e, 0] * spring[j] + plant.spring_value[e, 1] * right[j])
+            force[i] = moment
+        pass_torque(
+            plant, terms, work, work.command, law_state, acceleration, step, not runge_kutta or k == 3
+        )
         for a in range(n_axis):
             i = motor + a
-            moment, slope = friction_law(middle_speed[i], motor_law[a, 0], motor_law[a, 1], motor_law[a, 2])
-            stage[k, i] += torque[a] - motor_law[a, 3] - moment - slope * (right[i] - middle_speed[i])
-            system[i, i] = constant[i, i] + half * slope
+            force[i] = force[i] + work.torque[a]
+            system[i, i] = plant.constant[i, i]
             for e in range(1, fill[a, 0] + 1):
-                system[i, fill[a, e]] = constant[i, fill[a, e]]
-        # the arm
-        if motor == n_joint:  # every gear is elastic: joints are the first coordinates
-            evaluate(
-                tree, body, ancestor, gravity, record, screw, momentum, system, right, gravity_stiffness,
-                middle, middle_speed, False,
-            )  # fmt: skip
-            for i in range(n_joint):
-                right[i] = stage[k, i] - right[i]
-                for j in range(i + 1):
-                    system[i, j] += constant[i, j]
-            for i in range(n_joint, n):
-                right[i] = stage[k, i]
-        else:
-            for j in range(n_joint):
-                joint[j] = joint_speed[j] = 0.0
-                for e in range(width):
-                    joint[j] += joint_value[j, e] * middle[joint_column[j, e]]
-                    joint_speed[j] += joint_value[j, e] * middle_speed[joint_column[j, e]]
-            evaluate(
-                tree, body, ancestor, gravity, record, screw, momentum, mass, bias, gravity_stiffness,
-                joint, joint_speed, False,
-            )  # fmt: skip
-            for i in range(n):
-                right[i] = stage[k, i]
-            for i in range(motor):
-                for j in range(i + 1):
-                    system[i, j] = constant[i, j]
-            for i in range(n_joint):
-                for e in range(width):
-                    row = joint_column[i, e]
-                    right[row] -= joint_value[i, e] * bias[i]
-                    for j in range(n_joint):
-                        inertia = joint_value[i, e] * mass[max(i, j), min(i, j)]
-                        for f in range(width):
-                            if joint_column[j, f] <= row:
-                                system[row, joint_column[j, f]] += inertia * joint_value[j, f]
-        eliminate(system, right, pivot, fill)
+                system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
+        add_forces(terms, work, law_state, force, half, step)
+        assemble_arm(chain, plant, chain_work, work, force)
+        if not runge_kutta:
+            for t in range(n_term):
+                first, last = terms.force[t, 6], terms.force[t, 7]
+                for e in range(first, last):
+                    i = terms.column[e]
+                    for f in range(first, e + 1):
+                        j = terms.column[f]
+                        system[i, j] = system[i, j] + terms.value[e] * terms.value[f] * work.slope[t]
+        eliminate(system, right, work.pivot, fill)
         if not runge_kutta:
             for i in range(n):
                 acceleration[i] = right[i]
-                position[i] += step * (speed[i] + half * right[i])
-                speed[i] += step * right[i]
+                position[i] = position[i] + step * (speed[i] + half * right[i])
+                speed[i] = speed[i] + step * right[i]
+            advance_laws(terms, work, law_state, position, step)
         else:
             for i in range(n):
                 stage[k, i] = right[i]
             if k == 3:
                 for i in range(n):
-                    position[i] += step * speed[i] + step * step / 6.0 * (
-                        stage[0, i] + stage[1, i] + stage[2, i]
+                    position[i] = (
+                        position[i]
+                        + step * speed[i]
+                        + step * step / 6.0 * (stage[0, i] + stage[1, i] + stage[2, i])
                     )
-                    acceleration[i] = (
-                        stage[0, i] + 2.0 * stage[1, i] + 2.0 * stage[2, i] + stage[3, i]
-                    ) / 6.0
-                    speed[i] += step * acceleration[i]
-
-
-@kernel
-def run_lanes(plant, work, control, state, signals, first_lane, last_lane):  # type: ignore[no-untyped-def]
-    """Run the closed loop of lanes first_lane to last_lane - 1 over all samples."""
-    (tree, body, ancestor, gravity, joint_column, joint_value, spring_start, spring_column, spring_value, motor_law,
-     constant, fill) = plant  # fmt: skip
-    (record, screw, momentum, mass, bias, gravity_stiffness, joint, joint_speed, middle, middle_speed, spring, right,
-     pivot, system, stage, torque) = work  # fmt: skip
-    (speed_reference, position_reference, torque_feedforward, position_noise, torque_noise, out_position, out_torque,
-     coordinates, saturated, diverged) = signals  # fmt: skip
-    integral, reference, last_measured, holding = (
-        state.integral,
-        state.reference,
-        state.measured,
-        state.holding_torque,
-    )
-    gains, sample_time, n_step, runge_kutta = control
-    n, n_axis = state.position.shape[1], gains.shape[0]
-    motor = n - n_axis
-    step = sample_time / n_step
-    for lane in range(first_lane, last_lane):
-        position, speed, acceleration = state.position[lane], state.speed[lane], state.acceleration[lane]
-        for sample in range(speed_reference.shape[1]):
-            for a in range(n_axis):
-                measured = position[motor + a]
-                if position_noise.shape[0] > 0:
-                    measured += position_noise[lane, sample, a]
-                if gains[a, 5] > 0.0:
-                    measured = np.rint(measured / gains[a, 5]) * gains[a, 5]
-                measured_speed = (measured - last_measured[lane, a]) / sample_time
-                last_measured[lane, a] = measured
-                wanted_speed = speed_reference[lane, sample, a]
-                if position_reference.shape[0] > 0:
-                    reference[lane, a] = position_reference[lane, sample, a]
-                error = (
-                    gains[a, 3] * wanted_speed
-                    + gains[a, 2] * (reference[lane, a] - measured)
-                    - measured_speed
-                )
-                reference[lane, a] += sample_time * wanted_speed
-                integral[lane, a] += gains[a, 1] * sample_time * error
-                demand = gains[a, 0] * error + integral[lane, a] + holding[lane, a]
-                if torque_feedforward.shape[0] > 0:
-                    demand += torque_feedforward[lane, sample, a]
-                if abs(demand) >= gains[a, 4]:
-                    saturated[lane, a] += 1
-                    demand = gains[a, 4] if demand > 0.0 else -gains[a, 4]
-                torque[a] = demand
-                out_position[lane, sample, a] = measured
-                out_torque[lane, sample, a] = demand
-                if torque_noise.shape[0] > 0:
-                    out_torque[lane, sample, a] += torque_noise[lane, sample, a]
-            if coordinates.shape[0] > 0:
-                for i in range(n):
-                    coordinates[lane, sample, i] = position[i]
-            hold_torque(
-                tree, body, ancestor, gravity, joint_column, joint_value, spring_start, spring_column, spring_value,
-                motor_law, constant, fill, record, screw, momentum, mass, bias, gravity_stiffness, joint, joint_speed,
-                middle, middle_speed, spring, right, pivot, system, stage, torque, position, speed, acceleration,
-                step, n_step, runge_kutta,
-            )  # fmt: skip
-            inside = True
-            for i in range(n):
-                inside = inside and abs(position[i]) < DIVERGED and abs(speed[i]) < DIVERGED
-            if not inside:
-                diverged[lane] = sample
-                break
+                    mean = (stage[0, i] + 2.0 * stage[1, i] + 2.0 * stage[2, i] + stage[3, i]) / 6.0
+                    acceleration[i] = mean
+                    speed[i] = speed[i] + step * mean
+                advance_laws(terms, work, law_state, position, step)

@@ -1,126 +1,56 @@
-"""How chain, robot, controller and signals lie in memory for the compiled loops.
-
-Inside the simulation, motors come *after* the other coordinates, so that eliminating from the last one up takes
-them first: each touches few others.
-"""
+"""How a chain lies in memory for the compiled loops: joint axes along local x, y or z; the last axis of work: lanes."""
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from robid_core.mechanics.chain import PRISMATIC, Chain, FloatArray, IntArray
-from robid_core.mechanics.mechanism import Mechanism
+from robid_core.mechanics.chain import MODAL, PRISMATIC, REVOLUTE, Chain, FloatArray, IntArray
 
 
 class ChainArrays(NamedTuple):
-    """A chain as the kernels read it: joint axes along local x, y or z. Plain arrays: they pass without counting."""
+    """A chain as the kernels read it."""
 
-    tree: IntArray  # (n, 3) parent; 0, 1, 2: revolute about local x, y, z, 3: prismatic along z; is rotation not 1
-    body: FloatArray  # (n, 22) rotation by rows 0-8, translation 9, mass 12, mass times centre 13, inertia
-    # about the joint frame's origin xx yy zz xy xz yz 16
-    ancestor: FloatArray  # (n, n) [j, i] is 1 where joint i moves body j, else 0
+    tree: IntArray  # (n, 6) parent; 0, 1, 2: revolute about local x, y, z, 3: prismatic along z, 4: modal; is rotation
+    # not 1; root of the flexible body whose mode this is, or -1; does a joint other than the next come back to
+    # its frame;
+    # is there a mass, or does a joint other than the next hang on it
+    body: FloatArray  # (n, 26) rotation by rows 0-8, translation 9, mass 12, mass times centre 13, inertia
+    # about the joint frame's origin xx yy zz xy xz yz 16, slide 22 and turn 25 of a modal joint
+    ancestor: IntArray  # (n, n) [j, i] is 1 where joint i moves body j, else 0
+    modal: FloatArray  # (n, 12) of the flexible body, axes and origin of its root: momentum for a unit modal rate 0-5,
+    # derivative of its inertia by the modal coordinate xx yy zz xy xz yz 6-11
+    modal_mass: FloatArray  # (n, n)
     gravity: FloatArray  # (3,)
 
 
 class ChainWork(NamedTuple):
-    """Memory of one evaluation, owned by the caller so that inner loops allocate nothing."""
+    """Memory of one evaluation, owned by the caller so that inner loops allocate nothing; last axis: lanes."""
 
     record: FloatArray  # (n, 40) axes x y z of the joint frame in world 0-8, origin 9, velocity of the base
     # point 12 (angular, linear), its acceleration 18, composite inertia about the world's origin xx yy zz xy xz yz
     # 24, mass times centre 30, mass 33, moment 34 and force 37 on what hangs on the joint
-    screw: FloatArray  # (8, n) joint axis and its moment 0-5; sine and cosine of the joint angle 6, 7
-    momentum: FloatArray  # (6, n) of what hangs on joint j, for a unit rate of joint j
+    screw: FloatArray  # (9, n) joint axis and its moment 0-5; slide of a modal joint 6-8
+    momentum: FloatArray  # (14, n) of what hangs on joint j, for a unit rate of joint j 0-5; of a flexible body 6-12;
+    # mass of what hangs on joint j 13
     mass: FloatArray  # (n, n) lower triangle of the mass matrix
     bias: FloatArray  # (n,) c + g
     gravity_stiffness: FloatArray  # (n, n) lower triangle of dg/dq
 
 
-class PlantArrays(NamedTuple):
-    """Everything about the robot that the loop reads; `tree` to `gravity` are the fields of `ChainArrays`."""
-
-    tree: IntArray
-    body: FloatArray
-    ancestor: FloatArray
-    gravity: FloatArray
-    joint_column: IntArray  # (n_joint, width) where row j of T is not zero, filled up with column 0, value 0
-    joint_value: FloatArray
-    spring_start: IntArray  # (n + 1,) first entry of each row of the spring matrix in the next two
-    spring_column: IntArray  # (n_entry,)
-    spring_value: FloatArray  # (n_entry, 2) of sum k_s e_s e_s^T, and of the dampers likewise
-    motor_law: FloatArray  # (n_axis, 4) Coulomb torque, viscous gain, friction speed, offset
-    constant: FloatArray  # (n, n) rotors, and springs and dampers as the implicit step adds them to the mass
-    fill: IntArray  # (n_axis, 1 + n) number and list of the coordinates before a motor that its elimination touches
-
-
-class StepWork(NamedTuple):
-    """Memory of one step; `record` to `gravity_stiffness` are the fields of `ChainWork`."""
-
-    record: FloatArray
-    screw: FloatArray
-    momentum: FloatArray
-    mass: FloatArray
-    bias: FloatArray
-    gravity_stiffness: FloatArray
-    joint: FloatArray  # (n_joint,) where the chain is evaluated
-    joint_speed: FloatArray  # (n_joint,)
-    middle: FloatArray  # (n,) where M, c, g and friction are evaluated
-    middle_speed: FloatArray  # (n,)
-    spring: FloatArray  # (n,) position that bends the springs
-    right: FloatArray  # (n,) right-hand side, then acceleration
-    pivot: FloatArray  # (n,) inverse pivots
-    system: FloatArray  # (n, n) lower triangle
-    stage: FloatArray  # (4, n) accelerations of the stages
-    torque: FloatArray  # (n_axis,)
-
-
-class LaneState(NamedTuple):
-    """State of robot and controller, one row a lane, motors after the other coordinates; changed in place."""
-
-    position: FloatArray  # (n_lane, n)
-    speed: FloatArray  # (n_lane, n)
-    acceleration: FloatArray  # (n_lane, n) of the last step, for the extrapolation of the next
-    integral: FloatArray  # (n_lane, n_axis) N m
-    reference: FloatArray  # (n_lane, n_axis) rad
-    measured: FloatArray  # (n_lane, n_axis) rad, at the last sample
-    holding_torque: FloatArray  # (n_lane, n_axis) N m
-
-
-class ControlArrays(NamedTuple):
-    """The cascade controller and its clock."""
-
-    gains: FloatArray  # (n_axis, 6) speed, integral, position, speed feedforward, torque limit, encoder step
-    sample_time: float
-    n_step: int  # integration steps a sample
-    runge_kutta: bool
-
-
-class Signals(NamedTuple):
-    """Inputs and outputs, (n_lane, n_sample, n); an input of no rows is absent, so is the output `coordinates`."""
-
-    speed_reference: FloatArray
-    position_reference: FloatArray
-    torque_feedforward: FloatArray
-    position_noise: FloatArray
-    torque_noise: FloatArray
-    position: FloatArray
-    torque: FloatArray
-    coordinates: FloatArray
-    saturated: IntArray  # (n_lane, n_axis) samples at the torque limit
-    diverged: IntArray  # (n_lane,) sample at which the lane was stopped, -1 if it was not
-
-
+@functools.lru_cache(maxsize=32)
 def chain_arrays(chain: Chain) -> ChainArrays:
     """Turn every joint frame so that its axis is a local one, and list who moves whom."""
     n = chain.n_coordinate
     local, turns = zip(*map(_local_axis, chain.axis, chain.joint_type), strict=True)
     turn = np.array(turns)
-    ancestor = np.eye(n)
+    ancestor = np.eye(n, dtype=np.int64)
     for j, parent in enumerate(chain.parent):
         if parent >= 0:
-            ancestor[j] += ancestor[parent]
+            ancestor[j] |= ancestor[parent]
     parent_turn = np.where((chain.parent >= 0)[:, None, None], turn[chain.parent], np.eye(3))
     unturn, parent_unturn = turn.transpose(0, 2, 1), parent_turn.transpose(0, 2, 1)
     centre = (unturn @ chain.centre_of_mass[:, :, None])[:, :, 0]
@@ -130,6 +60,7 @@ def chain_arrays(chain: Chain) -> ChainArrays:
     )
     inertia = unturn @ chain.inertia @ turn + chain.mass[:, None, None] * moved
     rotation = parent_unturn @ chain.rotation @ turn
+    modal = chain.joint_type == MODAL
     body = np.concatenate(
         (
             rotation.reshape(n, 9),
@@ -137,17 +68,44 @@ def chain_arrays(chain: Chain) -> ChainArrays:
             chain.mass[:, None],
             chain.mass[:, None] * centre,
             inertia[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+            (unturn @ chain.slide[:, :, None])[:, :, 0],
+            np.where(modal, np.linalg.norm(chain.axis, axis=1), 0.0)[:, None],
         ),
         axis=1,
     )
     turned = (rotation != np.eye(3)).any(axis=(1, 2))
-    tree = np.column_stack((chain.parent, local, turned)).astype(np.int64)
-    return ChainArrays(np.ascontiguousarray(tree), np.ascontiguousarray(body), ancestor, chain.gravity.copy())
+    joint = np.arange(n)
+    branching = np.isin(joint, chain.parent[chain.parent != joint - 1])
+    revisited = branching | np.isin(joint, chain.flexible_root)
+    kept = branching | (chain.mass > 0)
+    tree = np.column_stack((chain.parent, local, turned, chain.flexible_root, revisited, kept)).astype(
+        np.int64
+    )
+    root_unturn = np.where((chain.flexible_root >= 0)[:, None, None], unturn[chain.flexible_root], np.eye(3))
+    root_turn = root_unturn.transpose(0, 2, 1)
+    change = root_unturn @ chain.modal_inertia @ root_turn
+    mode = np.concatenate(
+        (
+            (root_unturn @ chain.modal_momentum[:, :3, None])[:, :, 0],
+            (root_unturn @ chain.modal_momentum[:, 3:, None])[:, :, 0],
+            change[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        ),
+        axis=1,
+    )
+    return ChainArrays(
+        np.ascontiguousarray(tree),
+        np.ascontiguousarray(body),
+        ancestor,
+        np.ascontiguousarray(mode),
+        chain.modal_mass.copy(),
+        chain.gravity.copy(),
+    )
 
 
-def chain_work(n: int) -> ChainWork:
-    """Allocate the memory of one evaluation for n joints."""
-    return ChainWork(*aligned_arrays((n, 40), (8, n), (6, n), (n, n), (n,), (n, n)))
+def chain_work(n: int, width: int) -> ChainWork:
+    """Allocate the memory of one evaluation for n joints and `width` lanes."""
+    shapes = ((n, 40), (9, n), (14, n), (n, n), (n,), (n, n))
+    return ChainWork(*aligned_arrays(*((*shape, width) for shape in shapes)))
 
 
 def aligned_arrays(*shapes: tuple[int, ...]) -> list[FloatArray]:
@@ -166,59 +124,16 @@ def aligned_arrays(*shapes: tuple[int, ...]) -> list[FloatArray]:
 def _local_axis(axis: FloatArray, joint_type: int) -> tuple[int, FloatArray]:
     """Return how the kernel calls the joint, and the axes in which it is one of the local ones."""
     aligned = np.flatnonzero(axis == 1.0)
-    if joint_type != PRISMATIC and len(aligned):
+    length = np.linalg.norm(axis)
+    if joint_type == REVOLUTE and len(aligned):
         return int(aligned[0]), np.eye(3)
-    z = axis / np.linalg.norm(axis)
+    if length == 0:  # a mode that only slides
+        return 4, np.eye(3)
+    z = axis / length
     x = np.cross(np.eye(3)[np.argmin(abs(z))], z)
     x /= np.linalg.norm(x)
-    return 3 if joint_type == PRISMATIC else 2, np.column_stack((x, np.cross(z, x), z))
-
-
-def motors_last(mechanism: Mechanism) -> IntArray:
-    """Order of the coordinates inside the loop: internal coordinate i is coordinate order[i] of the mechanism."""
-    return np.roll(np.arange(mechanism.n_coordinate), -mechanism.n_axis)
-
-
-def step_work(mechanism: Mechanism) -> StepWork:
-    """Allocate the memory of one lane."""
-    n, n_joint = mechanism.n_coordinate, mechanism.chain.n_coordinate
-    shapes = ((n_joint,), (n_joint,), (n,), (n,), (n,), (n,), (n,), (n, n), (4, n), (mechanism.n_axis,))
-    return StepWork(*chain_work(n_joint), *aligned_arrays(*shapes))
-
-
-def plant_arrays(
-    mechanism: Mechanism,
-    stiffness: FloatArray,
-    damping: FloatArray,
-    friction: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    implicit_step: float,
-) -> PlantArrays:
-    """Lay the robot out for the loop; `implicit_step` is 0 for an explicit method."""
-    n_axis, n, n_joint = mechanism.n_axis, mechanism.n_coordinate, mechanism.chain.n_coordinate
-    order, motors = motors_last(mechanism), np.arange(n - n_axis, n)
-    joints, springs = mechanism.constraint_map[:, order], mechanism.spring_directions[:, order]
-    half = implicit_step / 2
-    constant = (springs.T * (half * half * stiffness + half * damping)) @ springs
-    constant[motors, motors] += mechanism.rotor_inertia
-    touched = (constant != 0) | (abs(joints.T) @ np.ones((n_joint, n_joint)) @ abs(joints) != 0)
-    fill = np.zeros((n_axis, 1 + n), dtype=np.int64)
-    for motor in motors[::-1]:  # eliminating one coordinate couples all that it touches
-        before = np.flatnonzero(touched[motor, :motor])
-        touched[np.ix_(before, before)] = True
-        fill[motor - motors[0], 0] = len(before)
-        fill[motor - motors[0], 1 : 1 + len(before)] = before
-    spring, damper = (springs.T * stiffness) @ springs, (springs.T * damping) @ springs
-    row, column = np.nonzero((spring != 0) | (damper != 0))
-    return PlantArrays(
-        *chain_arrays(mechanism.chain),
-        *padded_rows(joints),
-        np.searchsorted(row, np.arange(n + 1)).astype(np.int64),
-        column.astype(np.int64),
-        np.ascontiguousarray(np.column_stack((spring[row, column], damper[row, column]))),
-        np.ascontiguousarray(np.column_stack(friction), dtype=np.float64),
-        np.ascontiguousarray(constant),
-        fill,
-    )
+    kind = {REVOLUTE: 2, PRISMATIC: 3, MODAL: 4}[int(joint_type)]
+    return kind, np.column_stack((x, np.cross(z, x), z))
 
 
 def padded_rows(matrix: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -15,6 +15,7 @@ from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import REVOLUTE, FloatArray, rotation_about
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.mechanism import Mechanism
+from robid_core.mechanics.rest import terms_at_rest
 
 OUTPUTS = (
     "motor_angle",
@@ -83,16 +84,13 @@ def second_order_model(
     """
     mechanism.check_springs(stiffness=stiffness, damping=damping)
     n_axis, n = mechanism.n_axis, mechanism.n_coordinate
-    joints, springs = mechanism.constraint_map, mechanism.spring_directions
-    terms = dynamics(mechanism.chain, np.asarray(position) @ joints.T)
-    motors = np.arange(n_axis)
-    mass = joints.T @ terms.mass @ joints
-    mass[..., motors, motors] += mechanism.rotor_inertia
-    damper = np.broadcast_to((springs.T * damping) @ springs, mass.shape).copy()
+    springs, motors = mechanism.spring_directions, np.arange(n_axis)
+    terms = terms_at_rest(mechanism, position)
+    damper = np.broadcast_to((springs.T * damping) @ springs, terms.mass.shape).copy()
     if motor_damping is not None:
         damper[..., motors, motors] += motor_damping
-    spring = joints.T @ terms.gravity_stiffness @ joints + (springs.T * stiffness) @ springs
-    return SecondOrderModel(mass, damper, spring, np.eye(n, n_axis), springs)
+    spring = terms.gravity_stiffness + (springs.T * stiffness) @ springs
+    return SecondOrderModel(terms.mass, damper, spring, np.eye(n, n_axis), springs)
 
 
 def linear_model(
@@ -102,6 +100,7 @@ def linear_model(
     position: FloatArray,
     outputs: Sequence[str] = ("motor_acceleration",),
     motor_damping: FloatArray | None = None,
+    second_order: SecondOrderModel | None = None,
 ) -> LinearModel:
     """State-space model (2.5)-(2.6) with named outputs; x = [z; z'], u = motor torque.
 
@@ -116,12 +115,15 @@ def linear_model(
         joint side; by the gear spring or the rigid gear alike) and frame_acceleration.<body>: of the origin
         of that body's joint frame, world axes, m/s^2.
 
+    second_order
+        The robot at that position, where more than springs, dampers and gravity acts on it.
+
     Raises
     ------
     ConfigurationError
         For an unknown output or body.
     """
-    model = second_order_model(mechanism, stiffness, damping, position, motor_damping)
+    model = second_order or second_order_model(mechanism, stiffness, damping, position, motor_damping)
     n_axis, n, joints = mechanism.n_axis, mechanism.n_coordinate, mechanism.constraint_map
     inverse_mass = np.linalg.inv(model.mass)
     a = np.block(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from robid_core.mechanics.chain import REVOLUTE, Chain, FloatArray, rotation_about
+from robid_core.mechanics.chain import Chain, FloatArray, IntArray, rotation_by, spatial_inertia
 from robid_core.mechanics.dynamics import Dynamics
 from robid_core.mechanics.friction import friction_torque
 from robid_core.mechanics.linearize import SecondOrderModel
@@ -15,7 +17,16 @@ from robid_core.mechanics.response import ResponseGradient, hold_factor
 def dynamics_by_jacobians(chain: Chain, position: FloatArray, speed: FloatArray) -> Dynamics:
     """Mass matrix, bias and gravity stiffness at one position, summed over bodies with their Jacobians.
 
-    M = sum over bodies of m Jv^T Jv + Jw^T I Jw; the bias is the force at zero joint acceleration.
+    Each body moves as [w; v], w = Jw q' its angular velocity, v = Jv q' the velocity of its joint frame's origin, world
+    axes. The bias is the force at zero joint acceleration; gravity is a base that accelerates upwards. With the first
+    moment of mass h and the inertia J about the origin, both with their modal part (see `Chain`), a the acceleration of
+    the origin (the classical one, not the spatial one) and primes for rates that the modes cause in body
+    axes, [h_k; p_k] the rows of `modal_momentum` and J_k `modal_inertia` of its modes::
+
+        force  F = m a + w' x h + w x (w x h) + 2 w x h'
+        moment N = h x a + J w' + w x J w + J' w + w x sum_k h_k eta_k'
+        mode k   Q = p_k . a + h_k . w' - 1/2 w . J_k w
+        bias = Jv^T F + Jw^T N + sum_k e_k Q_k
 
     Parameters
     ----------
@@ -25,56 +36,110 @@ def dynamics_by_jacobians(chain: Chain, position: FloatArray, speed: FloatArray)
         Joint coordinates and rates, shape (n,).
     """
     n = chain.n_coordinate
-    origin, axes = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    place = _place(chain, position)
+    origin, turn, slide = place.origin, place.turning, place.sliding
     rate, rate_change = np.zeros((n, 3)), np.zeros((n, 3))  # angular velocity, and acceleration at qdd = 0
     change = np.zeros((n, 3))  # acceleration of the origin at qdd = 0, gravity as a moving base
-    lineage: list[list[int]] = []
-    mass, bias, stiffness = np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
+    mass, bias, stiffness = chain.modal_mass.copy(), np.zeros(n), np.zeros((n, n))
     for j, parent in enumerate(chain.parent):
+        w, dw, a0, base = np.zeros(3), np.zeros(3), -chain.gravity, np.zeros(3)
         if parent >= 0:
-            base, base_origin = axes[parent], origin[parent]
-            w, dw, a0 = rate[parent], rate_change[parent], change[parent]
-            lineage.append([*lineage[parent], j])
-        else:
-            base, base_origin = np.eye(3), np.zeros(3)
-            w, dw, a0 = np.zeros(3), np.zeros(3), -chain.gravity
-            lineage.append([j])
-        arm = base @ chain.translation[j]
-        joint_frame = base @ chain.rotation[j]
-        axis = joint_frame @ chain.axis[j]
-        if chain.joint_type[j] == REVOLUTE:
-            axes[j] = joint_frame @ rotation_about(chain.axis[j], position[j])
-            origin[j] = base_origin + arm
-            rate[j], rate_change[j] = w + axis * speed[j], dw + np.cross(w, axis) * speed[j]
-            change[j] = a0 + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
-        else:
-            arm = arm + axis * position[j]
-            axes[j], origin[j], rate[j], rate_change[j] = joint_frame, base_origin + arm, w, dw
-            change[j] = (
-                a0 + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)) + 2 * np.cross(w, axis) * speed[j]
-            )
-        lever = axes[j] @ chain.centre_of_mass[j]
-        centre, inertia = origin[j] + lever, axes[j] @ chain.inertia[j] @ axes[j].T
-        turning, moving = np.zeros((3, n)), np.zeros((3, n))
-        for i in lineage[j]:
-            world_axis = axes[i] @ chain.axis[i]
-            if chain.joint_type[i] == REVOLUTE:
-                turning[:, i], moving[:, i] = world_axis, np.cross(world_axis, centre - origin[i])
-            else:
-                moving[:, i] = world_axis
-        acceleration = (
-            change[j] + np.cross(rate_change[j], lever) + np.cross(rate[j], np.cross(rate[j], lever))
+            w, dw, a0, base = rate[parent], rate_change[parent], change[parent], origin[parent]
+        arm = origin[j] - base
+        rate[j], rate_change[j] = w + turn[j] * speed[j], dw + np.cross(w, turn[j]) * speed[j]
+        change[j] = (
+            a0 + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)) + 2 * np.cross(w, slide[j]) * speed[j]
         )
-        moment = inertia @ rate_change[j] + np.cross(rate[j], inertia @ rate[j])
-        mass += chain.mass[j] * moving.T @ moving + turning.T @ inertia @ turning
-        bias += chain.mass[j] * moving.T @ acceleration + turning.T @ moment
-        for above in lineage[j]:
-            for below in lineage[j]:
-                first, second = min(above, below), max(above, below)
-                # a joint above turns the column of the joint below; potential energy is -m gravity . centre
-                bent = np.cross(turning[:, first], moving[:, second])
-                stiffness[above, below] -= chain.mass[j] * chain.gravity @ bent
+        lineage = _lineage(chain, j)
+        levers = origin[j] - origin[lineage]
+        turning, moving = np.zeros((3, n)), np.zeros((3, n))  # Jw, Jv
+        turning[:, lineage], moving[:, lineage] = (
+            turn[lineage].T,
+            (slide[lineage] + np.cross(turn[lineage], levers)).T,
+        )
+        m, body = chain.mass[j], _bent_body(chain, place, j, position)
+        mass += m * moving.T @ moving + turning.T @ body.inertia @ turning
+        coupling = moving.T @ np.cross(turning, body.moment, axis=0)  # v . (w x h)
+        mass += coupling + coupling.T
+        w, dw, a = rate[j], rate_change[j], change[j]
+        flow = body.linear @ speed[body.modes]  # h'
+        swelling = np.einsum("k,kab->ab", speed[body.modes], body.slope)  # J'
+        force = (
+            m * a + np.cross(dw, body.moment) + np.cross(w, np.cross(w, body.moment)) + 2 * np.cross(w, flow)
+        )
+        moment = np.cross(body.moment, a) + body.inertia @ dw + np.cross(w, body.inertia @ w)
+        moment += swelling @ w + np.cross(w, body.angular @ speed[body.modes])
+        bias += moving.T @ force + turning.T @ moment
+        # gravity . (turn x column): a joint turns the columns of all joints below, and its own but for the slide
+        pull = np.cross(chain.gravity, turn[lineage])
+        column = np.cross(turn[lineage], m * levers + body.moment)
+        above = -np.triu(pull @ (column + m * slide[lineage]).T, 1)
+        stiffness[np.ix_(lineage, lineage)] += above + above.T - np.diag(np.sum(pull * column, axis=1))
+        for k, p, h, tensor in zip(body.modes, body.linear.T, body.angular.T, body.slope, strict=True):
+            row = p @ moving + h @ turning
+            mass[k] += row
+            mass[:, k] += row
+            bias[k] += p @ a + h @ dw - w @ tensor @ w / 2
+            stiffness[lineage, k] -= pull @ p  # the column of a mode is p_k
+            stiffness[k, lineage] -= pull @ p
     return Dynamics(mass, bias, stiffness)
+
+
+def potential_energy(chain: Chain, position: FloatArray) -> float:
+    """Energy of gravity, ``- sum gravity . (m origin + h)``, zero for mass at the base origin, J."""
+    place = _place(chain, position)
+    moments = [
+        chain.mass[j] * place.origin[j] + _bent_body(chain, place, j, position).moment
+        for j in range(chain.n_coordinate)
+    ]
+    return float(-chain.gravity @ np.sum(moments, axis=0))
+
+
+@dataclass(frozen=True)
+class _Place:
+    axes: FloatArray  # (n, 3, 3) of the bodies in the world
+    origin: FloatArray  # (n, 3)
+    turning: FloatArray  # (n, 3) angular velocity per unit rate of each joint, world axes
+    sliding: FloatArray  # (n, 3) velocity of the joint frame's origin per unit rate, world axes
+
+
+@dataclass(frozen=True)
+class _BentBody:
+    moment: FloatArray  # (3,) first moment of mass h about the origin, world axes
+    inertia: FloatArray  # (3, 3) about the origin, world axes
+    modes: IntArray  # (k,) modal coordinates of the body
+    linear: FloatArray  # (3, k) p_k, world axes
+    angular: FloatArray  # (3, k) h_k, world axes
+    slope: FloatArray  # (k, 3, 3) J_k, world axes
+
+
+def _place(chain: Chain, position: FloatArray) -> _Place:
+    n = chain.n_coordinate
+    place = _Place(*(np.zeros(shape) for shape in ((n, 3, 3), (n, 3), (n, 3), (n, 3))))
+    turning, sliding = chain.turning_axis, chain.sliding_axis
+    for j, parent in enumerate(chain.parent):
+        base, start = (place.axes[parent], place.origin[parent]) if parent >= 0 else (np.eye(3), np.zeros(3))
+        frame = base @ chain.rotation[j]
+        place.turning[j], place.sliding[j] = frame @ turning[j], frame @ sliding[j]
+        place.origin[j] = start + base @ chain.translation[j] + place.sliding[j] * position[j]
+        place.axes[j] = frame @ rotation_by(turning[j] * position[j])
+    return place
+
+
+def _bent_body(chain: Chain, place: _Place, j: int, position: FloatArray) -> _BentBody:
+    axes, modes = place.axes[j], np.flatnonzero(chain.flexible_root == j)
+    rigid = spatial_inertia(float(chain.mass[j]), chain.centre_of_mass[j], chain.inertia[j])[:3, :3]
+    linear, angular = axes @ chain.modal_momentum[modes, 3:].T, axes @ chain.modal_momentum[modes, :3].T
+    slope = axes @ chain.modal_inertia[modes] @ axes.T
+    moment = chain.mass[j] * axes @ chain.centre_of_mass[j] + linear @ position[modes]
+    inertia = axes @ rigid @ axes.T + np.einsum("k,kab->ab", position[modes], slope)
+    return _BentBody(moment, inertia, modes, linear, angular, slope)
+
+
+def _lineage(chain: Chain, joint: int) -> list[int]:
+    """Joints from the base to this one."""
+    parent = int(chain.parent[joint])
+    return [*(_lineage(chain, parent) if parent >= 0 else []), joint]
 
 
 def response_by_solving(

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import FloatArray
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.layout import padded_rows
+from robid_core.mechanics.condensation import condense, memory_of
+from robid_core.mechanics.elimination import plan_of
+from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.linearize import SecondOrderModel
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -69,19 +70,14 @@ def response(
     -------
     (rad/s^2)/(N m), shape (..., n_freq, n_axis, n_axis), [output, input].
     """
-    position, _, frequency = _position(model, omega, model.spring_directions[:0])
-    return _sampled(model, position, frequency, hold_sample_time)
+    return _condensed(model, omega, hold_sample_time, gradient=False).response
 
 
 def response_with_gradient(
     model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None = None
 ) -> ResponseGradient:
     """Response as `response` gives it, and the factors of its derivatives at fixed equilibrium."""
-    position, deflection, frequency = _position(model, omega, model.spring_directions)
-    hold, _ = hold_factor(frequency, hold_sample_time)
-    scale = (1j * frequency * np.sqrt(hold))[:, None, None]
-    sampled = _sampled(model, position, frequency, hold_sample_time)
-    return ResponseGradient(sampled, scale * deflection, scale * position)
+    return _condensed(model, omega, hold_sample_time, gradient=True)
 
 
 def hold_factor(omega: FloatArray, sample_time: float | None) -> tuple[ComplexArray, ComplexArray]:
@@ -93,85 +89,55 @@ def hold_factor(omega: FloatArray, sample_time: float | None) -> tuple[ComplexAr
     return half_sample * np.sin(x) / x, half_sample * (x**2 * np.cos(x) / np.sin(x) ** 2 - np.sin(x) / x)
 
 
-def _position(
-    model: SecondOrderModel, omega: FloatArray, springs: FloatArray
-) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-    """Motor angles and spring deflections over motor torque, and the frequencies."""
-    frequency = np.array(omega, dtype=np.float64, order="C")
+def _condensed(
+    model: SecondOrderModel, omega: FloatArray, hold_sample_time: float | None, gradient: bool
+) -> ResponseGradient:
+    """Response, and where `gradient` the vectors (else of no rows)."""
+    frequency = np.asarray(omega, dtype=np.float64)
     if frequency.ndim != 1 or not (np.isfinite(frequency) & (frequency > 0)).all():
         raise ConfigurationError("response: frequencies must be finite and above zero, in one row")
-    n, leading = model.mass.shape[-1], model.mass.shape[:-2]
-    parts = (model.mass, model.damping, model.stiffness)
-    matrices = [np.array(part, dtype=np.float64, order="C").reshape(-1, n, n) for part in parts]
-    shape = (len(matrices[0]), len(frequency))
-    position = np.empty((*shape, model.n_axis, model.n_axis), dtype=np.complex128)
-    deflection = np.empty((*shape, len(springs), model.n_axis), dtype=np.complex128)
-    position_response(*matrices, frequency, *padded_rows(springs), position, deflection)
-    rows = (*leading, len(frequency))
-    return (
-        position.reshape(*rows, *position.shape[2:]),
-        deflection.reshape(*rows, *deflection.shape[2:]),
-        frequency,
+    (n, n_axis), leading = model.input_map.shape, model.mass.shape[:-2]
+    mass, damping, stiffness = (
+        np.require(part, np.float64, ["C", "W"]).reshape(-1, n, n)
+        for part in (model.mass, model.damping, model.stiffness)
+    )
+    border = np.concatenate((model.input_map.T, model.spring_directions[: None if gradient else 0]))
+    plan = plan_of(mass, damping, stiffness, border, n_axis)
+    n_config, n_pair = len(mass), len(plan.motor)
+    inertial = np.zeros((n_config, n_pair))
+    sizes = (n_axis, len(border) - n_axis, n_axis if gradient else 0)
+    results = [np.empty((n_config, len(frequency), size * n_axis), dtype=np.complex128) for size in sizes]
+    lines = _lines(frequency, hold_sample_time)
+    condense(plan, mass, damping, stiffness, border, lines, memory_of(plan), inertial, *results)
+    if hold_sample_time is not None and not np.isfinite(inertial).all():
+        config = int(np.argmin(np.isfinite(inertial).all(axis=1)))
+        raise ConfigurationError(
+            f"response: configuration {config}: the mass matrix is singular, some coordinate moves no mass; give what "
+            "hangs on it a mass"
+        )
+    return ResponseGradient(
+        *(
+            result.reshape(*leading, len(frequency), size, n_axis)
+            for result, size in zip(results, sizes, strict=True)
+        )
     )
 
 
-def _sampled(
-    model: SecondOrderModel, position: ComplexArray, omega: FloatArray, hold_sample_time: float | None
-) -> ComplexArray:
-    hold, image = hold_factor(omega, hold_sample_time)
-    inertial = np.linalg.inv(model.mass)[..., None, : model.n_axis, : model.n_axis]
-    sampled: ComplexArray = (-(omega**2) * hold)[:, None, None] * position + image[:, None, None] * inertial
-    return sampled
+def _lines(omega: FloatArray, sample_time: float | None) -> FloatArray:
+    """Coefficients of the lines for `condense`, shape (n_batch, 9, LANES); the last one fills up the lanes.
 
-
-@kernel
-def position_response(  # type: ignore[no-untyped-def]
-    mass, damping, stiffness, omega, spring_column, spring_value, position, deflection
-):
-    """Motor angles, and deflections of springs, over motor torque for every configuration and frequency.
-
-    Z = U D U^T from the last coordinate up: right-hand sides are then nonzero in the first block only, and only the
-    first block is needed where no deflection is asked for. Without pivoting: damping keeps the pivots off zero
-    (growth is bounded by one over the damping ratio). Contiguous arrays: (n_config, n, n) three times, (n_freq,),
-    `padded_rows` of the spring directions, (n_config, n_freq, n_axis, n_axis), (n_config, n_freq, n_spring, n_axis).
+    With E times c, ``c^2 = - i w sqrt(H0)``, results between motors are the motor vectors x; then
+    ``response = i w sqrt(H0) x + (factor of the images) J``. J is the result with Z = M and c = i, in lane 0.
     """
-    n, n_axis, n_spring = mass.shape[1], position.shape[2], deflection.shape[2]
-    rows = n if n_spring > 0 else n_axis
-    z = np.empty((n, n), dtype=np.complex128)
-    inverse = np.empty(n, dtype=np.complex128)
-    x = np.empty(n, dtype=np.complex128)
-    for config in range(mass.shape[0]):
-        for line in range(omega.shape[0]):
-            w = omega[line]
-            for i in range(n):
-                for j in range(i + 1):
-                    real = stiffness[config, i, j] - w * w * mass[config, i, j]
-                    z[i, j] = complex(real, w * damping[config, i, j])
-            for k in range(n - 1, -1, -1):
-                inverse[k] = 1.0 / z[k, k]
-                for i in range(k):
-                    factor = z[k, i] * inverse[k]
-                    for j in range(i + 1):
-                        z[i, j] -= factor * z[k, j]
-                for i in range(k):
-                    z[k, i] *= inverse[k]
-            for motor in range(n_axis):
-                # U y = e_motor upwards, then D, then U^T x = y downwards
-                for i in range(rows):
-                    x[i] = 0.0
-                x[motor] = 1.0
-                for k in range(motor, -1, -1):
-                    for i in range(k):
-                        x[i] -= z[k, i] * x[k]
-                for i in range(motor + 1):
-                    x[i] *= inverse[i]
-                for k in range(rows):
-                    for i in range(k):
-                        x[k] -= z[k, i] * x[i]
-                for i in range(n_axis):
-                    position[config, line, i, motor] = x[i]
-                for s in range(n_spring):
-                    total = 0.0 * x[0]
-                    for e in range(spring_column.shape[1]):
-                        total += spring_value[s, e] * x[spring_column[s, e]]
-                    deflection[config, line, s, motor] = total
+    if not len(omega):
+        return np.zeros((0, 9, LANES))
+    n_batch = -(-(1 + len(omega)) // LANES)
+    w = omega[np.clip(np.arange(-1, n_batch * LANES - 1), 0, len(omega) - 1)]
+    hold, image = hold_factor(w, sample_time)
+    scale = 1j * w * np.sqrt(hold)
+    border = np.sqrt(-scale)
+    parts = (scale.real, scale.imag, image.real, image.imag)
+    table = np.array([np.ones_like(w), -(w**2), w, border.real, border.imag, *parts])
+    if sample_time is not None:
+        table[:5, 0] = 0.0, 1.0, 0.0, 0.0, 1.0
+    return np.ascontiguousarray(table.reshape(9, n_batch, LANES).transpose(1, 0, 2))

@@ -6,26 +6,31 @@ it causes. Each lane is one experiment, computed alone, so that results do not d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
 
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.chain import FloatArray, IntArray
+from robid_core.mechanics.closed_loop import run_blocks
 from robid_core.mechanics.equilibrium import solve_equilibrium
-from robid_core.mechanics.integrator import run_lanes
-from robid_core.mechanics.layout import (
+from robid_core.mechanics.lanes import LANES
+from robid_core.mechanics.mechanism import Mechanism
+from robid_core.mechanics.simulation_arrays import (
+    Arrays,
     ControlArrays,
     LaneState,
-    PlantArrays,
     Signals,
     motors_last,
     plant_arrays,
-    step_work,
+    robot_arrays,
+    term_arrays,
+    work_memory,
 )
-from robid_core.mechanics.mechanism import Mechanism
+from robid_core.mechanics.terms import ForceTerm, SignalTerm
 
 Method = Literal["implicit_midpoint", "runge_kutta"]
 
@@ -53,18 +58,12 @@ class Controller:
     """Angle of one encoder count, rad; 0 measures without steps."""
 
 
-@dataclass(frozen=True)
-class Friction:
-    """Friction at the motor shafts, coulomb tanh(v / speed) + viscous v + offset, every field of shape (n_axis,)."""
+class SimulationDiverged(NotTrustworthy):
+    """A simulation left all bounds; `partial` holds what was computed, NaN behind the instant where it did."""
 
-    coulomb: FloatArray
-    """N m."""
-    viscous: FloatArray
-    """N m s/rad."""
-    speed: FloatArray
-    """rad/s, > 0; below coulomb * step / rotor inertia a motor that comes to rest rattles at that speed."""
-    offset: FloatArray
-    """Constant torque that the motor works against whatever its speed, N m; a rest state does not hold it."""
+    def __init__(self, message: str, partial: Simulation) -> None:
+        super().__init__(message)
+        self.partial = partial
 
 
 @dataclass(frozen=True)
@@ -85,6 +84,15 @@ class SimulationState:
     """Measured position at the last instant, rad, (n_lane, n_axis)."""
     holding_torque: FloatArray
     """Constant part of the motor torque, N m, (n_lane, n_axis)."""
+    law_state: FloatArray
+    """States of the laws, forces before signals, (n_lane, n_state)."""
+
+    def moving(self, mechanism: Mechanism, motor_speed: FloatArray) -> SimulationState:
+        """Return the state with these motor speeds (n_lane, n_axis), no spring changing its deflection."""
+        rate = np.zeros((mechanism.chain.n_coordinate, mechanism.n_axis))
+        rate[mechanism.arm] = mechanism.gear
+        free = [mechanism.chain.index(name) for name in mechanism.coordinate_names[mechanism.n_axis :]]
+        return replace(self, speed=np.concatenate((motor_speed, motor_speed @ rate[free].T), axis=1))
 
 
 @dataclass(frozen=True)
@@ -103,12 +111,21 @@ class Simulation:
     """After the last sample; a run can go on from it."""
 
 
-def rest_state(mechanism: Mechanism, stiffness: FloatArray, motor_angle: FloatArray) -> SimulationState:
+def rest_state(
+    mechanism: Mechanism,
+    stiffness: FloatArray,
+    motor_angle: FloatArray,
+    forces: Sequence[ForceTerm] = (),
+    signals: Sequence[SignalTerm] = (),
+) -> SimulationState:
     """State of robots that stand still at these motor angles (n_lane, n_axis), gravity held."""
     angle = np.atleast_2d(np.asarray(motor_angle, dtype=np.float64))
-    rest = solve_equilibrium(mechanism, stiffness, angle)
+    rest = solve_equilibrium(mechanism, stiffness, angle, forces)
     still, none = np.zeros_like(rest.position), np.zeros_like(angle)
-    return SimulationState(rest.position, still, still, none, angle, angle, rest.torque)
+    start = [np.zeros(term.n_state) for term in forces]
+    start += [np.zeros(term.n_state) if term.initial is None else term.initial for term in signals]
+    laws = np.tile(np.concatenate([np.zeros(0), *start]), (len(angle), 1))
+    return SimulationState(rest.position, still, still, none, angle, angle, rest.torque, laws)
 
 
 def simulate(
@@ -116,10 +133,11 @@ def simulate(
     stiffness: FloatArray,
     damping: FloatArray,
     controller: Controller,
-    friction: Friction,
     state: SimulationState,
     speed_reference: FloatArray,
     *,
+    forces: Sequence[ForceTerm] = (),
+    signals: Sequence[SignalTerm] = (),
     position_reference: FloatArray | None = None,
     torque_feedforward: FloatArray | None = None,
     position_noise: FloatArray | None = None,
@@ -136,12 +154,14 @@ def simulate(
     ----------
     mechanism, stiffness, damping
         The robot; spring constants N m/rad and N m s/rad, shape (n_spring,).
-    controller, friction
+    controller
         Of the motors.
     state
         Where each lane starts: `rest_state`, or the state another run ended in.
     speed_reference
         Motor speed, rad/s, shape (n_lane, n_sample, n_axis).
+    forces, signals
+        Laws that act, such as friction; the state must be of the same ones.
     position_reference
         Motor angle, rad, same shape; left out, it is the integral of the speed reference.
     torque_feedforward
@@ -160,8 +180,8 @@ def simulate(
 
     Raises
     ------
-    NotTrustworthy
-        Where a lane leaves all bounds; the message names lane and time.
+    SimulationDiverged
+        Where a lane leaves all bounds; the message names lane, time, coordinate and effect.
     """
     mechanism.check_springs(stiffness=stiffness, damping=damping)
     if method not in ("implicit_midpoint", "runge_kutta"):
@@ -184,9 +204,9 @@ def simulate(
             raise ConfigurationError(f"simulate: {name} has shape {np.shape(value)}, expected {wanted.shape}")
         return np.array(value, dtype=np.float64, order="C")
 
-    saturated = np.zeros((n_lane, n_axis), dtype=np.int64)
-    diverged = np.full(n_lane, -1, dtype=np.int64)
-    signals = Signals(
+    if n_lane == 0:
+        raise ConfigurationError("simulate: no experiment; give at least one row of speed references")
+    channels = Signals(
         wanted,
         signal(position_reference, "position_reference"),
         signal(torque_feedforward, "torque_feedforward"),
@@ -195,55 +215,62 @@ def simulate(
         np.zeros(wanted.shape),
         np.zeros(wanted.shape),
         np.zeros((n_lane, n_sample, n) if keep_coordinates else (0, 0, 0)),
-        saturated,
-        diverged,
+        np.zeros((n_lane, n_axis), dtype=np.int64),
+        np.full(n_lane, -1, dtype=np.int64),
+        np.zeros((n_lane, len(forces))),
     )
     order = motors_last(mechanism)
-    lanes = LaneState(*(_rows(state, field.name, n_lane, n_axis, order) for field in fields(state)))
+    width = LANES if n_lane >= FEWEST_LANES else 1
+    sizes = dict.fromkeys(_ALL, n) | {
+        "law_state": sum(t.n_state for t in forces) + sum(t.n_state for t in signals)
+    }
+    lanes = LaneState(
+        *(_blocks(state, f.name, n_lane, sizes.get(f.name, n_axis), order, width) for f in fields(state))
+    )
     gains = np.column_stack([_axes(controller, field.name, n_axis) for field in fields(controller)])
     control = ControlArrays(np.ascontiguousarray(gains), float(sample_time), n_step, method == "runge_kutta")
-    law = (
-        _axes(friction, "coulomb", n_axis),
-        _axes(friction, "viscous", n_axis),
-        _axes(friction, "speed", n_axis),
-        _axes(friction, "offset", n_axis),
-    )
-    if not (law[2] > 0).all():
-        raise ConfigurationError(
-            f"simulate: friction speed {law[2].min():.6g} rad/s; give a speed above zero"
-        )
-    plant = plant_arrays(mechanism, stiffness, damping, law, 0.0 if method == "runge_kutta" else step)
-    _run(mechanism, plant, control, lanes, signals, max(1, min(n_thread, n_lane)))
-    if (diverged >= 0).any():
-        lane = int(np.flatnonzero(diverged >= 0)[0])
-        raise NotTrustworthy(
-            f"simulate: lane {lane} left all bounds at {diverged[lane] * sample_time:.3f} s; is a controller gain too "
-            "high, or the step too long for an explicit method?"
-        )
+    plant = plant_arrays(mechanism, stiffness, damping, forces, 0.0 if control.runge_kutta else step)
+    terms, entries = term_arrays(mechanism, forces, signals, width == 1)
+    _run(mechanism, robot_arrays(mechanism, plant, terms), control, lanes, channels, width, n_thread)
+    del entries  # machine code of the laws, no longer called
     back = np.argsort(order)
-    return Simulation(
-        signals.position,
-        signals.torque,
-        saturated / max(n_sample, 1),
-        signals.coordinates[..., back] if keep_coordinates else None,
+    result = Simulation(
+        channels.position,
+        channels.torque,
+        channels.saturated / max(n_sample, 1),
+        channels.coordinates[..., back] if keep_coordinates else None,
         SimulationState(
-            **{name: value[:, back] if name in _ALL else value for name, value in lanes._asdict().items()}
+            **{
+                name: _lanes(value, n_lane, sizes.get(name, n_axis))[:, back if name in _ALL else slice(None)]
+                for name, value in lanes._asdict().items()
+            }
         ),
     )
+    if (channels.diverged >= 0).any():
+        raise _divergence(mechanism, forces, result, channels, sample_time)
+    return result
+
+
+FEWEST_LANES = 3  # from this many experiments on, all lanes at once are faster than one after the other
+_ALL = ("position", "speed", "acceleration")  # fields of the state that hold every coordinate
 
 
 def _run(
     mechanism: Mechanism,
-    plant: PlantArrays,
+    arrays: Arrays,
     control: ControlArrays,
     lanes: LaneState,
-    signals: Signals,
+    channels: Signals,
+    width: int,
     n_thread: int,
 ) -> None:
-    edges = np.linspace(0, len(lanes.position), n_thread + 1).round().astype(int).tolist()
+    n_block = len(lanes.position)
+    n_thread = max(1, min(n_thread, n_block))
+    edges = np.linspace(0, n_block, n_thread + 1).round().astype(int).tolist()
 
     def share(first: int, last: int) -> None:
-        run_lanes(plant, step_work(mechanism), control, lanes, signals, first, last)
+        work = work_memory(mechanism, len(arrays.terms.force), lanes.law_state.shape[1], width)
+        run_blocks(arrays, work, control, lanes, channels, None if width == 1 else width, first, last)
 
     if n_thread == 1:
         share(*edges)
@@ -252,23 +279,66 @@ def _run(
         list(pool.map(share, edges[:-1], edges[1:]))
 
 
-_ALL = ("position", "speed", "acceleration")  # fields of the state that hold every coordinate
+def _divergence(
+    mechanism: Mechanism,
+    forces: Sequence[ForceTerm],
+    result: Simulation,
+    channels: Signals,
+    sample_time: float,
+) -> SimulationDiverged:
+    """Say when, where and by which effect; what was computed comes along."""
+    lost = np.flatnonzero(channels.diverged >= 0).tolist()
+    for lane in lost:
+        for signal in (result.position, result.torque, result.coordinates):
+            if signal is not None:
+                signal[lane, channels.diverged[lane] + 1 :] = np.nan
+    lane = lost[0]
+    largest = np.nan_to_num(
+        np.abs(result.state.position[lane]) + np.abs(result.state.speed[lane]), nan=np.inf, posinf=np.inf
+    )
+    name = mechanism.coordinate_names[int(np.argmax(largest))]
+    message = (
+        f"simulate: lane {lane} left all bounds at {channels.diverged[lane] * sample_time:.3f} s, "
+        f"coordinate '{name}' first"
+    )
+    if len(forces):
+        force = np.nan_to_num(np.abs(channels.force[lane]), nan=np.inf, posinf=np.inf)
+        worst = forces[int(np.argmax(force))]
+        message += f"; the largest force of an effect there was {force.max():.3g} of '{worst.label}'"
+    return SimulationDiverged(
+        f"{message}; is a controller gain too high, a parameter of the effect wrong, or the step too long for an "
+        "explicit method?",
+        result,
+    )
 
 
-def _rows(state: SimulationState, name: str, n_lane: int, n_axis: int, order: IntArray) -> FloatArray:
+def _blocks(
+    state: SimulationState, name: str, n_lane: int, size: int, order: IntArray, width: int
+) -> FloatArray:
+    """Rows of a field as blocks of lanes (n_block, size, width); the last lane fills up the last block."""
     value = np.asarray(getattr(state, name), dtype=np.float64)
-    shape = (n_lane, len(order) if name in _ALL else n_axis)
-    if value.shape != shape:
-        raise ConfigurationError(f"simulate: state.{name} has shape {value.shape}, expected {shape}")
-    return np.array(value[:, order] if name in _ALL else value, order="C")
-
-
-def _axes(values: Controller | Friction, name: str, n_axis: int) -> FloatArray:
-    value = np.array(getattr(values, name), dtype=np.float64, order="C")
-    signed = name == "offset"
-    if value.shape != (n_axis,) or not np.isfinite(value).all() or ((value < 0).any() and not signed):
-        bound = "" if signed else " >= 0"
+    if value.shape != (n_lane, size):
+        hint = "; was the state made with the same laws?" if name == "law_state" else ""
         raise ConfigurationError(
-            f"simulate: {name} needs {n_axis} finite numbers{bound}, one an axis; it is {value}"
+            f"simulate: state.{name} has shape {value.shape}, expected {(n_lane, size)}{hint}"
+        )
+    if name in _ALL:
+        value = value[:, order]
+    n_block = -(-n_lane // width)
+    value = value[np.minimum(np.arange(n_block * width), n_lane - 1)]
+    blocks = np.zeros((n_block, max(size, 1), width))
+    blocks[:, :size] = value.reshape(n_block, width, size).transpose(0, 2, 1)
+    return blocks
+
+
+def _lanes(blocks: FloatArray, n_lane: int, size: int) -> FloatArray:
+    return np.ascontiguousarray(blocks.transpose(0, 2, 1).reshape(-1, blocks.shape[1])[:n_lane, :size])
+
+
+def _axes(values: Controller, name: str, n_axis: int) -> FloatArray:
+    value = np.array(getattr(values, name), dtype=np.float64, order="C")
+    if value.shape != (n_axis,) or not np.isfinite(value).all() or (value < 0).any():
+        raise ConfigurationError(
+            f"simulate: {name} needs {n_axis} finite numbers >= 0, one an axis; it is {value}"
         )
     return value

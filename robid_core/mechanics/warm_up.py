@@ -11,7 +11,7 @@ from robid_core.mechanics.equilibrium import solve_equilibrium
 from robid_core.mechanics.linearize import second_order_model
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.response import response
-from robid_core.mechanics.simulate import Controller, Friction, rest_state, simulate
+from robid_core.mechanics.simulate import Controller, rest_state, simulate
 
 
 def warm_up(note: Callable[[str], None] | None = None) -> None:
@@ -49,7 +49,6 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
         spring,
         damper,
         Controller(one * 0.1, one, one, one, one * 10, one * 0),
-        Friction(one * 0.01, one * 0.001, one * 0.1, one * 0.0),
         rest_state(mechanism, spring, np.zeros((1, 1))),
         np.zeros((1, 2, 1)),
     )

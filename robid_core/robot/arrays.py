@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
 from robid_core.robot.description import RobotDescription
+from robid_core.robot.flexible_links import mode_names, with_flexible_links
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain, Mechanism
@@ -78,7 +79,7 @@ def gear_matrix(description: RobotDescription) -> FloatArray:
 
 
 def chain_of(description: RobotDescription) -> Chain:
-    """Make the chain, with an elastic coordinate inserted for each bearing."""
+    """Make the chain, with an elastic coordinate for each bearing and the modes of flexible links."""
     from robid_core.mechanics import Chain
 
     bodies = description.bodies
@@ -101,7 +102,7 @@ def chain_of(description: RobotDescription) -> Chain:
     for name, bearing in description.bearings.items():
         chain = chain.with_elastic(last[bearing.joint], name, np.array(bearing.axis, dtype=float))
         last[bearing.joint] = name
-    return chain
+    return with_flexible_links(chain, bodies, last)
 
 
 def mechanism_of(description: RobotDescription, chain: Chain) -> Mechanism:
@@ -109,6 +110,11 @@ def mechanism_of(description: RobotDescription, chain: Chain) -> Mechanism:
     from robid_core.mechanics import Mechanism
 
     gear = gear_matrix(description)
+    springs = [
+        *description.bearings,
+        *(body.joint for body in description.bodies if body.elastic is not None),
+        *mode_names(description.bodies),
+    ]
     if np.linalg.matrix_rank(gear) < len(gear):
         raise ConfigurationError(
             f"{description.name}: coupling is singular: two motors move the joints alike"
@@ -118,6 +124,6 @@ def mechanism_of(description: RobotDescription, chain: Chain) -> Mechanism:
         gear=gear,
         rotor_inertia=np.array([axis.rotor_inertia for axis in description.axes.values()]),
         arm=np.array([chain.index(axis.joint or n) for n, axis in description.axes.items()], dtype=np.int64),
-        elastic=np.array([chain.index(name) for name in description.bearings], dtype=np.int64),
+        elastic=np.array([chain.index(name) for name in springs], dtype=np.int64),
         elastic_gear=np.array([axis.gear is not None for axis in description.axes.values()]),
     )

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.mechanics import Controller, Friction, Simulation, SimulationState, rest_state, simulate
+from robid_core.effect import SignalEffect
+from robid_core.mechanics import (
+    Controller,
+    Simulation,
+    SimulationState,
+    rest_state,
+    simulate,
+)
+from robid_core.robot.stability import refuse_unstable
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
+
+IMPLICIT = "implicit_midpoint"
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,22 +36,26 @@ def controller_of(robot: Robot) -> Controller:
     )
 
 
-def friction_of(robot: Robot) -> Friction:
-    """Coulomb, viscous and constant friction of the motors."""
-    d = robot.drives
-    return Friction(d.coulomb, d.viscous, d.friction_speed, d.friction_offset)
-
-
 def sensor_noise(
-    robot: Robot, shape: tuple[int, int, int], seed: int | None
-) -> tuple[FloatArray, FloatArray]:
-    """Noise of measured position (rad) and torque (N m), shape (n_lane, n_sample, n_axis); zero without a seed."""
+    robot: Robot, shape: tuple[int, ...], seed: int | None
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Noise of measured position (rad) and torque (N m), shape (n_lane, n_sample, n_axis); None without a seed.
+
+    White noise of the sensors first, then what the effects draw, in the order of the robot file.
+    """
     if seed is None:
-        return np.zeros(shape), np.zeros(shape)
+        return None, None
     generator = np.random.Generator(np.random.PCG64(seed))
     d = robot.drives
     position = generator.standard_normal(shape) * d.position_noise
-    return position, generator.standard_normal(shape) * d.torque_noise
+    torque = generator.standard_normal(shape) * d.torque_noise
+    for bound in robot.effects:
+        if issubclass(bound.effect, SignalEffect):
+            place = bound.place
+            drawn = bound.effect.draw(bound.parameters, place, (shape[0], shape[1]), generator)
+            if drawn is not None:
+                (position if place.side == "position" else torque)[..., place.axis] += drawn
+    return position, torque
 
 
 def simulate_robot(
@@ -49,11 +64,46 @@ def simulate_robot(
     angle: FloatArray,
     seed: int | None = None,
     position_reference: FloatArray | None = None,
+    **options: Any,
 ) -> Simulation:
     """Closed loop from rest at the gravity equilibrium; see `Robot.simulate`."""
+    if "step" in options:  # laws are laid out for the step that is run
+        step = float(options.pop("step"))
+        robot = replace(robot, description=robot.description.model_copy(update={"step_s": step}))
+    check_once(robot, angle[0], str(options.get("method", IMPLICIT)))
+    state = standing(robot, robot.motor_angle(angle))
+    return continue_simulation(robot, state, speed_reference, seed, position_reference, **options)
+
+
+def check_once(robot: Robot, angle: FloatArray, method: str = IMPLICIT) -> None:
+    """Refuse an unstable controller and a step too long, at the first configuration that a robot is simulated in."""
+    checked = robot.__dict__.setdefault("_checked_methods", set())
+    if method not in checked:
+        refuse_unstable(robot, angle, robot.step_s, method)
+        checked.add(method)
+
+
+def standing(robot: Robot, motor_angle: FloatArray) -> SimulationState:
+    """Robots that stand still at these motor angles (n_lane, n_axis), gravity held by springs and motors."""
     stiffness, _ = robot.spring_arrays()
-    state = rest_state(robot.mechanism, stiffness, robot.motor_angle(angle))
-    return continue_simulation(robot, state, speed_reference, seed, position_reference)
+    return rest_state(robot.mechanism, stiffness, motor_angle, robot.forces, robot.signals)
+
+
+def drive_open_loop(robot: Robot, torque: FloatArray, state: SimulationState, **options: Any) -> Simulation:
+    """Motion under given motor torques (n_lane, n_sample, n_axis), no controller; see `Robot.drive`."""
+    push = np.ascontiguousarray(torque, dtype=float)
+    none = np.zeros(robot.n_axis)
+    passive = replace(
+        controller_of(robot),
+        speed_gain=none,
+        integral_gain=none,
+        position_gain=none,
+        torque_limit=np.full(robot.n_axis, np.finfo(float).max),
+    )
+    free = replace(
+        state, holding_torque=np.zeros_like(state.holding_torque), integral=np.zeros_like(state.integral)
+    )
+    return _run(robot, passive, free, np.zeros_like(push), torque_feedforward=push, **options)
 
 
 def continue_simulation(
@@ -62,25 +112,38 @@ def continue_simulation(
     speed_reference: FloatArray,
     seed: int | None,
     position_reference: FloatArray | None = None,
+    **options: Any,
 ) -> Simulation:
     """Closed loop from any state, one lane per row of `speed_reference`."""
-    stiffness, damping = robot.spring_arrays()
     reference = np.ascontiguousarray(speed_reference, dtype=float)
-    n_lane, n_sample, n_axis = reference.shape
-    position_noise, torque_noise = sensor_noise(robot, (n_lane, n_sample, n_axis), seed)
-    return simulate(
-        robot.mechanism,
-        stiffness,
-        damping,
+    position_noise, torque_noise = sensor_noise(robot, reference.shape, seed)
+    return _run(
+        robot,
         controller_of(robot),
-        friction_of(robot),
         state,
         reference,
         position_reference=position_reference,
         position_noise=position_noise,
         torque_noise=torque_noise,
-        sample_time=robot.sample_time_s,
-        step=robot.step_s,
+        **options,
+    )
+
+
+def _run(
+    robot: Robot, controller: Controller, state: SimulationState, speed_reference: FloatArray, **options: Any
+) -> Simulation:
+    stiffness, damping = robot.spring_arrays()
+    settings = {"sample_time": robot.sample_time_s, "step": robot.step_s, **options}
+    return simulate(
+        robot.mechanism,
+        stiffness,
+        damping,
+        controller,
+        state,
+        speed_reference,
+        forces=robot.forces,
+        signals=robot.signals,
+        **settings,
     )
 
 
@@ -94,8 +157,8 @@ class RobotPlant:
 
     def rest(self, motor_angle: FloatArray) -> None:
         """Stand still at these motor angles (rad, shape (n_axis,)), gravity held by the springs and motors."""
-        stiffness, _ = self.robot.spring_arrays()
-        self._state = rest_state(self.robot.mechanism, stiffness, np.asarray(motor_angle, dtype=float)[None])
+        check_once(self.robot, self.robot.joint_angle(motor_angle))
+        self._state = standing(self.robot, np.asarray(motor_angle, dtype=float)[None])
 
     def track(self, speed_reference: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:
         """Follow a speed reference (n_sample, n_axis) from the present state; returns (position, torque)."""

@@ -1,18 +1,26 @@
-"""From a robot.yaml to a description: packaged robots, model files, robots based on another."""
+"""From a robot.yaml to a description: packaged robots, model files, data sheets, robots based on another.
+
+Every mistake is told at once, each at its line and column (`document`, `wording`, `contradictions`).
+"""
 
 from __future__ import annotations
 
+import difflib
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import numpy as np
 from pydantic import ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.registry import MODELS, registry
-from robid_core.robot.description import RobotDescription, named_parameters, with_values
+from robid_core.robot.description import EffectEntry, RobotDescription
+from robid_core.robot.document import Document
+from robid_core.robot.expansion import sheets_written_out
+from robid_core.robot.model_file import bodies_from_model
+from robid_core.robot.named_parameters import effect_table, misfits, named_parameters, with_values
+from robid_core.robot.part import Identifier, Part, with_tuples
+from robid_core.robot.problems import suggestion
+from robid_core.robot.wording import checked, reason
+from robid_core.robot.yaml_source import read_document
 
 PACKAGED = Path(__file__).parent.parent / "robots"
 # Packaged robots come in pairs: what the maker believes, and what the simulated machine is.
@@ -22,7 +30,21 @@ PACKAGED_FILES = {
     "one_axis": "one_axis/robot.yaml",
     "one_axis_true": "one_axis/truth.yaml",
 }
-MAXIMUM_BYTES = 4 * 1024 * 1024
+
+
+class DerivedRobot(Part):
+    """A robot file that says only what differs from another robot."""
+
+    robid_robot: Literal[1]
+    """Version of this file format."""
+    name: str | None = None
+    """Name of the robot; null: that of the base."""
+    base: str
+    """Packaged robot, or path of a robot.yaml, from which this one differs."""
+    parameters: dict[str, float] = {}
+    """Named parameters with other values than in the base."""
+    effects: dict[Identifier, EffectEntry] = {}
+    """What acts in this robot and not in the base."""
 
 
 def find_robot(name_or_path: str, folder: Path | None = None) -> Path:
@@ -32,88 +54,135 @@ def find_robot(name_or_path: str, folder: Path | None = None) -> Path:
     path = (folder or Path.cwd()) / name_or_path
     if not path.is_file():
         names = ", ".join(PACKAGED_FILES)
-        raise ConfigurationError(f"no robot '{name_or_path}': {path} is no file; packaged robots: {names}")
+        near = difflib.get_close_matches(name_or_path, PACKAGED_FILES, n=1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise ConfigurationError(
+            f"no robot '{name_or_path}': {path} is no file; packaged robots: {names}{hint}"
+        )
     return path
 
 
 def read_description(path: Path) -> RobotDescription:
-    """Read a robot file into its canonical description, bodies inline.
+    """Read a robot file into its canonical description: bodies inline, data sheets written out.
 
     A file has either `bodies`, or `model` (a path read through the `robid.models` plugin of its suffix), or
-    `base` (another robot) with `parameters` that differ.
+    `base` (another robot) with the `parameters` that differ and the `effects` that come on top.
+
+    Raises
+    ------
+    RobotProblems
+        A ConfigurationError with every mistake of the file at its line and column.
+    PluginError
+        Where an effect or a reader of model files cannot be imported.
     """
-    data = _load(path)
+    return _read(path, ())
+
+
+def _read(path: Path, above: tuple[Path, ...]) -> RobotDescription:
+    document = read_document(path)
+    data: dict[str, Any] = document.data
+    if "base" in data:
+        description = _derived(data, document, (*above, path.resolve()))
+    else:
+        description = _whole(data, document, path.parent)
+    document.raise_if_any()
+    assert description is not None
+    return description
+
+
+def _whole(data: dict[str, Any], document: Document, folder: Path) -> RobotDescription | None:
+    if "model" in data:
+        data = _with_model(data, document, folder)
+    bodies = data.get("bodies")
+    for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
+        if isinstance(body, dict) and isinstance(body.get("joint"), str):
+            document.names["bodies", index] = f"joint '{body['joint']}'"
+    description = checked(RobotDescription, sheets_written_out(data, document), document)
+    _check_effects(data.get("effects"), document)
+    return description
+
+
+def _with_model(data: dict[str, Any], document: Document, folder: Path) -> dict[str, Any]:
+    """Put the bodies of the model file in; none where it has mistakes, and nothing is told of what follows."""
+    rest = {key: value for key, value in data.items() if key != "model"}
+    if "bodies" in data:
+        document.add(("model",), "bodies and a model file are given; keep one of the two")
+        return rest
+    document.derive(("bodies",), ("model",))
     try:
-        if "base" in data:
-            return _derived(data, path)
-        if "model" in data:
-            data["bodies"] = _bodies_from_model(path.parent / str(data.pop("model")))
-        return RobotDescription.model_validate_json(_as_json(data))
-    except ValidationError as error:
-        lines = [f"{path.name}: {_place(item['loc'])}{item['msg']}" for item in error.errors()]
-        raise ConfigurationError("\n".join(lines)) from error
-
-
-def _load(path: Path) -> dict[str, Any]:
-    if path.stat().st_size > MAXIMUM_BYTES:
-        raise ConfigurationError(f"{path}: larger than {MAXIMUM_BYTES // 2**20} MiB; a robot file is not")
-    try:
-        data = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path.name}: not UTF-8 at byte {error.start}; save it as UTF-8") from error
-    except (YAMLError, RecursionError) as error:
-        raise ConfigurationError(f"{path.name}: {' '.join(str(error).split())}") from error
-    if not isinstance(data, dict):
-        raise ConfigurationError(
-            f"{path.name}: a robot file holds keys and values (robid_robot: 1, name: ...)"
-        )
-    return data
-
-
-def _derived(data: dict[str, Any], path: Path) -> RobotDescription:
-    unknown = set(data) - {"robid_robot", "name", "base", "parameters"}
-    if unknown:
-        raise ConfigurationError(
-            f"{path.name}: a robot with a base takes name and parameters only, not {sorted(unknown)}"
-        )
-    base = read_description(find_robot(str(data["base"]), path.parent))
-    parameters = {str(k): float(v) for k, v in (data.get("parameters") or {}).items()}
-    missing = [name for name in parameters if name not in named_parameters(base)]
-    if missing:
-        raise ConfigurationError(f"{path.name}: parameters: {base.name} has no {', '.join(missing)}")
-    return with_values(base, parameters).model_copy(update={"name": str(data.get("name", base.name))})
-
-
-def _bodies_from_model(path: Path) -> list[dict[str, Any]]:
-    if not path.is_file():
-        raise ConfigurationError(f"model: {path} is no file")
-    try:
-        reader = registry().load(MODELS, path.suffix.lstrip(".").lower())
+        bodies = bodies_from_model(folder / str(data["model"]))
     except RobidError as error:
-        raise ConfigurationError(f"model: {path.name}: {error}") from error
-    chain = reader(path)
-    names = list(chain.names)
-    return [
-        {
-            "joint": names[j],
-            "parent": names[int(chain.parent[j])] if chain.parent[j] >= 0 else None,
-            "type": ("revolute", "prismatic")[int(chain.joint_type[j])],
-            "axis": chain.axis[j].tolist(),
-            "translation": chain.translation[j].tolist(),
-            "rotation": chain.rotation[j].tolist(),
-            "mass": float(chain.mass[j]),
-            "centre_of_mass": chain.centre_of_mass[j].tolist(),
-            "inertia": chain.inertia[j].tolist(),
-        }
-        for j in range(len(names))
-    ]
+        for line in str(error).splitlines():
+            document.add(("model",), line)
+        document.spoiled.add(("bodies",))
+        bodies = []
+    for index in range(len(bodies)):
+        document.derive(("bodies", index), ("model",))
+    return {**rest, "bodies": bodies}
 
 
-def _as_json(data: dict[str, Any]) -> str:
-    import json
+def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) -> RobotDescription | None:
+    """Return the base with the changes of a derived file, or None where those have mistakes."""
+    checked(DerivedRobot, data, document)
+    effects = _check_effects(data.get("effects"), document)
+    if not isinstance(data["base"], str):
+        return None
+    try:
+        file = find_robot(data["base"], above[-1].parent)
+    except ConfigurationError as error:
+        document.add(("base",), str(error))
+        return None
+    if file.resolve() in above:
+        names = " -> ".join(path.name for path in (*above, file))
+        document.add(("base",), f"a robot cannot be its own base: {names}")
+        return None
+    base = _read(file, above)
+    for label in effects.keys() & base.effects.keys():
+        taken = f"{base.name} has an effect of this label; change it under parameters, as effect.{label}.<parameter>"
+        document.add(("effects", label), taken)
+    whole = base.model_dump()
+    whole["effects"] = {label: entry.model_dump() for label, entry in (base.effects | effects).items()}
+    if isinstance(data.get("name"), str):
+        whole["name"] = data["name"]
+    robot = checked(RobotDescription, whole, document)
+    _check_parameters(data.get("parameters"), base if robot is None or document.problems else robot, document)
+    return None if robot is None or document.problems else with_values(robot, data.get("parameters") or {})
 
-    return json.dumps(data, default=lambda value: np.asarray(value).tolist())
+
+def _check_parameters(values: Any, robot: RobotDescription, document: Document) -> None:
+    """Check names and values of parameters that are numbers: what is not is told already."""
+    known = named_parameters(robot)
+    for name, value in values.items() if isinstance(values, dict) else ():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        if name not in known:
+            document.add(
+                ("parameters", name),
+                f"{robot.name} has no such parameter; {suggestion(name, known, 'it has')}",
+            )
+            continue
+        try:
+            with_values(robot, {name: value})
+        except ValidationError as error:
+            for item in error.errors(include_url=False):
+                document.add(("parameters", name), f"{reason(item)}; {name}: {known[name].unit}")
+        except ConfigurationError as error:
+            document.add(("parameters", name), str(error))
 
 
-def _place(location: tuple[int | str, ...]) -> str:
-    return ".".join(str(part) for part in location) + ": " if location else ""
+def _check_effects(effects: Any, document: Document) -> dict[str, EffectEntry]:
+    """Check plugins and values of effects that are well written, and return those: what is not is told already."""
+    found = {}
+    for label, written in effects.items() if isinstance(effects, dict) else ():
+        try:
+            entry = found[label] = EffectEntry.model_validate(with_tuples(written))
+        except ValidationError:
+            continue
+        try:
+            table = effect_table(entry.use)
+        except ConfigurationError as error:
+            document.add(("effects", label, "use"), str(error))
+            continue
+        for name, wrong in misfits(entry.use, entry.with_, table).items():
+            document.add(("effects", label, "with", name), wrong)
+    return found

@@ -7,11 +7,10 @@ is at the motor shaft; `angle` is always the motor angle seen through the gear (
 from __future__ import annotations
 
 import functools
-import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +18,26 @@ from pydantic import ValidationError
 
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.gate import MotionLimits
+from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 from robid_core.registry import DYNAMICS, load_plugin
 from robid_core.robot.arrays import DriveArrays, chain_of, drive_arrays, mechanism_of
-from robid_core.robot.description import RobotDescription, named_parameters, with_values
+from robid_core.robot.batched_dynamics import BatchedDynamics
+from robid_core.robot.description import RobotDescription
+from robid_core.robot.effects import (
+    BoundEffect,
+    added_terms,
+    bound_effects,
+    channel_gain,
+    force_terms,
+    motor_damping,
+    motor_viscosity,
+    signal_terms,
+    structured,
+)
+from robid_core.robot.named_parameters import named_parameters, with_values
 from robid_core.robot.reading import find_robot, read_description
+from robid_core.robot.unknowns import NamedUnknowns
+from robid_core.robot.wording import reason
 
 if TYPE_CHECKING:
     from robid_core.mechanics import (
@@ -42,21 +57,8 @@ ComplexArray = npt.NDArray[np.complex128]
 KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
 
-class BatchedDynamics(Protocol):
-    """What is registered under `robid.dynamics`: functions of robid_core.mechanics, computed in another way."""
-
-    @property
-    def solve_equilibrium(self) -> Callable[..., Equilibrium]: ...
-    @property
-    def second_order_model(self) -> Callable[..., SecondOrderModel]: ...
-    @property
-    def response(self) -> Callable[..., ComplexArray]: ...
-    @property
-    def response_with_gradient(self) -> Callable[..., ResponseGradient]: ...
-
-
 @dataclass(frozen=True)
-class Robot:
+class Robot(NamedUnknowns):
     """Chain, drives and elastic coordinates of one robot, with names for its unknowns."""
 
     description: RobotDescription
@@ -118,50 +120,44 @@ class Robot:
         return self.description.step_s
 
     @functools.cached_property
+    def structure(self) -> RobotDescription:
+        """Description with the structure effects in it: what chain, mechanism and drives are made from."""
+        return structured(self) if self.description.effects else self.description
+
+    @functools.cached_property
+    def effects(self) -> tuple[BoundEffect, ...]:
+        """Force and signal effects at their places."""
+        return bound_effects(self)
+
+    @functools.cached_property
+    def forces(self) -> tuple[ForceTerm, ...]:
+        """Laws that exert forces: the motors' friction and the force effects."""
+        return force_terms(self)
+
+    @functools.cached_property
+    def bending_forces(self) -> tuple[ForceTerm, ...]:
+        """Laws that see something behind the motors: they decide where the arm rests."""
+        return tuple(term for term in self.forces if term.coordinate[self.n_axis :].any())
+
+    @functools.cached_property
+    def signals(self) -> tuple[SignalTerm, ...]:
+        """Laws on commands and measurements."""
+        return signal_terms(self)
+
+    @functools.cached_property
     def chain(self) -> Chain:
         """Joints and bodies as arrays, elastic coordinates included."""
-        return chain_of(self.description)
+        return chain_of(self.structure)
 
     @functools.cached_property
     def mechanism(self) -> Mechanism:
         """Chain with motors and gears: the map from motors to joints."""
-        return mechanism_of(self.description, self.chain)
+        return mechanism_of(self.structure, self.chain)
 
     @functools.cached_property
     def drives(self) -> DriveArrays:
         """Numbers of the drives as arrays over the axes."""
-        return drive_arrays(self.description)
-
-    # Names of what can be estimated -----------------------------------------------------------------
-
-    def parameters(self) -> dict[str, float]:
-        """Return every named parameter with its value."""
-        data: Any = self.description.model_dump()
-        found = {}
-        for name, parameter in named_parameters(self.description).items():
-            node = data
-            for key in parameter.path:
-                node = node[key]
-            found[name] = float(node)
-        return found
-
-    def parameter_unit(self, name: str) -> str:
-        """Return the unit of a named parameter."""
-        return named_parameters(self.description)[name].unit
-
-    def parameter_group(self, name: str) -> str:
-        """Return the group of a named parameter: stiffness, damping, inertia, friction or drive."""
-        return named_parameters(self.description)[name].group
-
-    @functools.cached_property
-    def stiffness_names(self) -> tuple[str, ...]:
-        """Names of the springs' stiffness: gears in the order of axes, then bearings."""
-        return tuple(n for n, p in named_parameters(self.description).items() if p.group == "stiffness")
-
-    @functools.cached_property
-    def damping_names(self) -> tuple[str, ...]:
-        """Names of the dampers beside the springs, in the order of `stiffness_names`."""
-        return tuple(n for n, p in named_parameters(self.description).items() if p.group == "damping")
+        return drive_arrays(self.structure)
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """Return a robot with some named parameters changed.
@@ -179,33 +175,19 @@ class Robot:
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
-            raise ConfigurationError(f"{self.name}: {place} = {first['input']}: {first['msg']}") from error
-        if not any(known[name].group == "inertia" for name in values):
+            raise ConfigurationError(f"{self.name}: {place}: {reason(first)}") from error
+        if not self.description.effects and not any(known[name].group == "inertia" for name in values):
             # Springs, dampers and friction leave the chain as it is: a fit changes them thousands of times.
             changed.__dict__.update(
                 {k: self.__dict__[k] for k in ("chain", "mechanism") if k in self.__dict__}
             )
         return changed
 
-    def spring_arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Return (stiffness, damping), each (n_spring,), in the order of `stiffness_names`."""
-        values = self.parameters()
-        return (
-            np.array([values[name] for name in self.stiffness_names]),
-            np.array([values[name] for name in self.damping_names]),
-        )
+    def to_urdf(self) -> str:
+        """Write the robot as URDF, elastic joints as joints of their own (see robot.urdf)."""
+        from robid_core.robot.urdf import robot_to_urdf
 
-    def to_yaml(self) -> str:
-        """Write the whole robot, bodies inline: equal robots give equal text."""
-        from ruamel.yaml import YAML
-
-        stream = io.StringIO()
-        yaml = YAML(typ="safe", pure=True)
-        yaml.default_flow_style = None
-        yaml.width = 120
-        yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-        yaml.dump(self.description.model_dump(mode="json"), stream)
-        return stream.getvalue()
+        return robot_to_urdf(self)
 
     # Angles and limits ------------------------------------------------------------------------------
 
@@ -236,19 +218,49 @@ class Robot:
 
     def gravity_torque(self, angle: npt.ArrayLike) -> FloatArray:
         """Motor torque that holds the arm against gravity, shape (n_config, n_axis)."""
-        stiffness, _ = self.spring_arrays()
-        return self.batches.solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle)).torque
+        return self.equilibrium(angle).torque
 
-    def second_order(self, angle: npt.ArrayLike, motor_damping: FloatArray | None = None) -> SecondOrderModel:
+    def equilibrium(self, angle: npt.ArrayLike) -> Equilibrium:
+        """Rest position under gravity at joint-side motor angles (n_config, n_axis), nonlinear springs included."""
+        from robid_core.mechanics import solve_equilibrium
+
+        stiffness, _ = self.spring_arrays()
+        motor = self.motor_angle(angle)
+        if self.bending_forces:
+            return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
+        return self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
+
+    def second_order(
+        self,
+        angle: npt.ArrayLike,
+        motor_damping: FloatArray | None = None,
+        motor_speed: tuple[FloatArray, FloatArray] | None = None,
+    ) -> SecondOrderModel:
         """Mass, damping and stiffness at the gravity equilibrium of each configuration, springs deflected.
 
-        `motor_damping` (n_config, n_axis) replaces the robot's viscous friction.
+        Parameters
+        ----------
+        angle
+            Joint-side motor angles, shape (n_config, n_axis).
+        motor_damping
+            Replaces the robot's viscous friction at the motors, N m s/rad, shape (n_config, n_axis).
+        motor_speed
+            (rms of the small signal, amplitude of the slow sine) of the motors' speeds, rad/s, shape (n_config, n_axis)
+            each: what friction on the arm is linearised under. Left out, such friction has its viscous part only.
+            Nonlinear springs have their slope at rest either way.
         """
         stiffness, damping = self.spring_arrays()
-        rest = self.batches.solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle))
-        extra = self.drives.viscous if motor_damping is None else motor_damping
+        rest = self.equilibrium(angle)
+        own = motor_viscosity(self) if self.effects else self.drives.viscous
+        extra = own if motor_damping is None else motor_damping
         extra = np.broadcast_to(extra, (*rest.position.shape[:-1], self.n_axis)).copy()
-        return self.batches.second_order_model(self.mechanism, stiffness, damping, rest.position, extra)
+        model = self.batches.second_order_model(self.mechanism, stiffness, damping, rest.position, extra)
+        if not self.bending_forces:
+            return model
+        added = added_terms(self, rest.position, motor_speed)
+        return replace(
+            model, stiffness=model.stiffness + added.stiffness, damping=model.damping + added.damping
+        )
 
     def linearize(
         self,
@@ -262,12 +274,14 @@ class Robot:
         frame_acceleration.<body>. Viscous friction is in it; Coulomb friction only through `motor_damping`
         (see `equivalent_motor_damping`), which replaces the viscous one.
         """
-        from robid_core.mechanics import linear_model, solve_equilibrium
+        from robid_core.mechanics import linear_model
 
         stiffness, damping = self.spring_arrays()
-        rest = solve_equilibrium(self.mechanism, stiffness, self.motor_angle(angle))
-        extra = self.drives.viscous if motor_damping is None else motor_damping
-        return linear_model(self.mechanism, stiffness, damping, rest.position, tuple(outputs), extra)
+        rest = self.equilibrium(angle)
+        model = self.second_order(angle, motor_damping)
+        return linear_model(
+            self.mechanism, stiffness, damping, rest.position, tuple(outputs), second_order=model
+        )
 
     def response(
         self,
@@ -279,10 +293,17 @@ class Robot:
         """Response from motor torque to motor acceleration, shape (n_config, n_freq, n_axis, n_axis).
 
         With ``hold="zero_order_hold"`` torque is held between samples and position sampled at the instant;
-        ``"continuous"`` is the plain (2.7).
+        ``"continuous"`` is the plain (2.7). Signal effects (lag, delay, gain...) are in it as reported torque and
+        measured position see them.
         """
         model = self.second_order(angle, motor_damping)
-        return self.batches.response(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
+        plain = self.batches.response(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
+        if not self.signals:
+            return plain
+        omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
+        acting, measured, reported = (channel_gain(self, channel, omega) for channel in CHANNELS)
+        distorted: ComplexArray = measured[:, :, None] * plain * (acting / reported)[:, None, :]
+        return distorted
 
     def response_with_gradient(
         self,
@@ -291,7 +312,10 @@ class Robot:
         motor_damping: FloatArray | None = None,
         hold: str = "zero_order_hold",
     ) -> ResponseGradient:
-        """Response and the factors of its derivatives at a fixed equilibrium (see mechanics.response)."""
+        """Response and the factors of its derivatives at a fixed equilibrium (see mechanics.response).
+
+        Of the plant alone: signal effects are not in it.
+        """
         model = self.second_order(angle, motor_damping)
         return self.batches.response_with_gradient(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
 
@@ -301,14 +325,15 @@ class Robot:
         return self.sample_time_s if hold == "zero_order_hold" else None
 
     def equivalent_motor_damping(self, speed_rms: FloatArray, slow_sine_speed: FloatArray) -> FloatArray:
-        """Gain E[df/dv] of Coulomb plus viscous friction that a multisine on top of a slow sine sees.
+        """Gain E[df/dv] of the motors' friction, effects included, that a multisine on top of a slow sine sees.
 
         Shapes (..., n_axis), rad/s in, N m s/rad out (statistical linearisation).
         """
         from robid_core.mechanics import equivalent_damping
 
         d = self.drives
-        return equivalent_damping(speed_rms, slow_sine_speed, d.coulomb, d.viscous, d.friction_speed)
+        own = equivalent_damping(speed_rms, slow_sine_speed, d.coulomb, d.viscous, d.friction_speed)
+        return own + motor_damping(self, speed_rms, slow_sine_speed) if self.effects else own
 
     # Simulation ---------------------------------------------------------------------------------------
 
@@ -318,6 +343,7 @@ class Robot:
         angle: npt.ArrayLike,
         seed: int | None = None,
         position_reference: FloatArray | None = None,
+        **options: Any,
     ) -> Simulation:
         """Closed loop from rest at the gravity equilibrium.
 
@@ -331,10 +357,41 @@ class Robot:
             Draws the sensors' noise; None: none.
         position_reference
             Motor angles asked for, shape of `speed_reference`; by default its integral.
+        options
+            Of `mechanics.simulate`: torque_feedforward, step, method, keep_coordinates, n_thread.
+
+        Raises
+        ------
+        SimulationDiverged
+            Where a lane leaves all bounds.
         """
         from robid_core.robot.plant import simulate_robot
 
-        return simulate_robot(self, speed_reference, np.asarray(angle, dtype=float), seed, position_reference)
+        start = np.asarray(angle, dtype=float)
+        return simulate_robot(self, speed_reference, start, seed, position_reference, **options)
+
+    def drive(
+        self, torque: FloatArray, angle: npt.ArrayLike, motor_speed: FloatArray | None = None, **options: Any
+    ) -> Simulation:
+        """Open loop: the motion under given (recorded) motor torques.
+
+        Parameters
+        ----------
+        torque
+            N m at the motors, held between samples, shape (n_lane, n_sample, n_axis).
+        angle
+            Joint-side motor angles at the start, shape (n_lane, n_axis); springs bent by gravity.
+        motor_speed
+            At the start, rad/s at the motors, shape (n_lane, n_axis), the arm moving along; rest if left out.
+        options
+            Of `mechanics.simulate`.
+        """
+        from robid_core.robot.plant import drive_open_loop, standing
+
+        state = standing(self, self.motor_angle(angle))
+        if motor_speed is not None:
+            state = state.moving(self.mechanism, np.asarray(motor_speed, dtype=float))
+        return drive_open_loop(self, torque, state, **options)
 
     def plant(self) -> RobotPlant:
         """Return this robot as the plant behind simulated drives."""

@@ -20,7 +20,7 @@ from robid_core.registry import EXECUTORS, registry
 
 distributed = pytest.importorskip("distributed")
 
-from robid_dask import executor as executor_module, task as task_module  # noqa: E402
+from robid_dask import cluster as cluster_module, executor as executor_module, task as task_module  # noqa: E402
 from robid_dask.executor import DaskMap, dask_executor  # noqa: E402
 
 
@@ -125,7 +125,7 @@ def test_workers_with_other_versions_are_refused(
 
 
 def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executor_module, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -136,7 +136,7 @@ def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_host_that_says_nothing_is_told_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executor_module, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
@@ -147,7 +147,7 @@ def test_a_host_that_says_nothing_is_told_too(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_scheduler_without_workers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     with distributed.LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0") as empty:
-        monkeypatch.setattr(executor_module, "PATIENCE_S", 0.5)
+        monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
         with (
             pytest.raises(PluginError, match=r"has no workers .* start one: dask worker tcp://"),
             dask_executor(address=empty.scheduler_address),
@@ -156,7 +156,7 @@ def test_a_scheduler_without_workers_is_told(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_an_address_that_is_none_is_a_mistake_of_the_pipeline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executor_module, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.5)
     with (
         pytest.raises(ConfigurationError, match="no address of a scheduler"),
         dask_executor(address="foo://bar"),
@@ -175,7 +175,7 @@ def test_a_cluster_that_ends_between_tasks_is_told(tasks: Any) -> None:
 def test_a_scheduler_that_ends_during_a_task_is_told(
     tasks: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(executor_module, "PATIENCE_S", 2.0)
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 2.0)
     standing = DaskMap(None, 1)
     standing.start()
     mark = tmp_path / "begun"

@@ -71,32 +71,76 @@ def test_the_chain_has_the_dynamics_of_pinocchios_model(tmp_path: Path) -> None:
         np.testing.assert_allclose(ours.bias, bias, rtol=0, atol=1e-12 * abs(bias).max())
 
 
+_SQUARE = (_link("a", 1.0), _link("b", 1.0), _link("c", 1.0))
+_AB, _BC = _joint("i", "revolute", "a", "b"), _joint("j", "revolute", "b", "c")
+
+
 @pytest.mark.parametrize(
     ("parts", "told"),
     [
-        ((_joint("j", "floating", "a", "b"),), "joint 'j' is of type 'floating'"),
-        ((_joint("j", "planar", "a", "b"),), "joint 'j' is of type 'planar'"),
+        ((*_SQUARE, _AB, _joint("j", "floating", "b", "c")), ["6: joint 'j' is of type 'floating'"]),
+        ((*_SQUARE, _AB, _joint("j", "planar", "b", "c")), ["6: joint 'j' is of type 'planar'"]),
+        ((*_SQUARE, _AB, _joint("j", "revolute", "b", "c", more='<mimic joint="i"/>')), ["6: joint 'j' mimics"]),
+        ((_link("a", 1.0), _link("b", 1.0), _joint("j", "fixed", "a", "b")), ["1: no joint moves"]),
+        ((_link("a", 1.0), _link("b", None), _AB), ["4: link 'b' has no inertial with", "'i' would move"]),
+        ((_link("a", 1.0), _link("b", 0.0), _AB), ["4: link 'b' has no inertial with a mass"]),
         (
-            (_joint("i", "revolute", "a", "b"), _joint("j", "revolute", "b", "c", more='<mimic joint="i"/>')),
-            "joint 'j' mimics another",
+            (_link("a", 1.0), _link("b", 1.0).replace('"1.0"', '"much"'), _AB),
+            ["3: link 'b': mass 'much' is not a number; give kg"],
         ),
-        ((_joint("j", "fixed", "a", "b"),), "no joint moves"),
-        ((_joint("j", "revolute", "a", "empty"),), "link 'empty' has no inertial with a mass"),
-        ((_joint("j", "revolute", "a", "lost"),), "link 'lost' has no inertial with a mass"),
-        ((_joint("j", "revolute", "a", "heavy"),), "link 'heavy': mass 'much' is not a number"),
+        ((_link("a", 1.0), _link("b", -2.0), _AB), ["3: link 'b': mass -2 kg is negative"]),
         (
-            (_joint("j", "revolute", "a", "b"), _joint("k", "revolute", "c", "b")),
-            "pinocchio cannot read the file",
+            (_link("a", 1.0), _link("b", 1.0).replace('izz="0.04"', 'izz="0.4"'), _AB),
+            ["3: link 'b': principal moments 0.0485622, 0.0614", ", 0.4", "kg m^2: none may be negative"],
         ),
+        (
+            (_link("a", 1.0), _link("b", 1.0).replace('ixy="0.004"', 'ixy="x"'), _AB),
+            ["3: link 'b': ixy 'x' is not a number; give kg m^2"],
+        ),
+        (
+            (*_SQUARE, _AB, _BC, _joint("k", "revolute", "a", "c")),
+            ["7: link 'c' hangs on joints 'j' and 'k': a closed loop; robid models chains and trees"],
+        ),
+        (
+            (*_SQUARE, _AB, _BC, _joint("k", "revolute", "c", "a")),
+            ["7: joints 'i' and 'j' and 'k' lead round in a closed loop with no link to stand on; robid models"],
+        ),
+        ((*_SQUARE, _AB), ["4: links 'a', 'c' hang on no joint: the robot is in pieces"]),
+        ((*_SQUARE[:2], _AB, _joint("j", "revolute", "b", "d")), ["5: joint 'j' names the child 'd', no link has"]),
+        ((*_SQUARE[:2], _link("b", 1.0), _AB), ["4: link 'b' stands twice; names must differ"]),
+        ((*_SQUARE, _AB, _BC.replace('name="j"', 'name="i"')), ["6: joint 'i' stands twice"]),
+        ((*_SQUARE[:2], _AB.replace('name="i"', "")), ["4: a joint has no name; give it one"]),
+        ((*_SQUARE[:2], _joint("i", "revolute", "a", "b", "0 0 0")), ["4: joint 'i' has the axis '0 0 0'; give"]),
+        ((*_SQUARE[:2], _joint("i", "revolute", "a", "b", "0 up 1")), ["4: joint 'i' has the axis '0 up 1'"]),
+        (
+            (*_SQUARE[:2], _AB.replace('lower="-3"', 'lower="4"')),
+            ["4: joint 'i': the lower limit 4 is above the upper one 3; exchange them"],
+        ),
+        ((*_SQUARE[:2], _AB.replace('upper="3"', 'upper="pi"')), ["4: joint 'i' has the limit 'pi', which is not a"]),
     ],
-)
-def test_what_no_chain_can_hold_is_refused_by_name(tmp_path: Path, parts: tuple[str, ...], told: str) -> None:
-    heavy = _link("heavy", 1.0).replace('"1.0"', '"much"') if "heavy" in told else ""
-    links = (_link("a", 1.0), _link("b", 1.0), _link("c", 1.0), _link("empty", None), heavy)
+)  # fmt: skip
+def test_what_no_chain_can_hold_is_refused_by_name_and_line(
+    tmp_path: Path, parts: tuple[str, ...], told: list[str]
+) -> None:
+    path = _write(tmp_path, *(f"\n{part.replace(chr(10), ' ')}" for part in parts))
     with pytest.raises(ConfigurationError) as refused:
-        chain_from_urdf(_write(tmp_path, *links, *parts))
-    assert told in str(refused.value)
-    assert "\n" not in str(refused.value)
+        chain_from_urdf(path)
+    message = str(refused.value)
+    assert message.startswith(f"{path}:{told[0]}")
+    assert all(words in message for words in told)
+    assert "\n" not in message
+
+
+def test_every_mistake_of_a_file_is_told_at_once_in_the_order_of_lines(tmp_path: Path) -> None:
+    parts = (
+        _link("a", 1.0), _link("b", -1.0), _link("c", 1.0).replace('ixx="0.05"', 'ixx="5"'),
+        _joint("i", "revolute", "a", "b", "0 0 0"), _joint("j", "planar", "b", "c"), _joint("k", "revolute", "a", "c"),
+    )  # fmt: skip
+    path = _write(tmp_path, *(f"\n{part.replace(chr(10), ' ')}" for part in parts))
+    with pytest.raises(ConfigurationError) as refused:
+        chain_from_urdf(path)
+    lines = [line.removeprefix(f"{path}:").split(" ")[0] for line in str(refused.value).split("\n")]
+    assert lines == ["3:", "4:", "5:", "6:", "7:"]
 
 
 def test_a_mass_behind_a_fixed_joint_counts(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import pinocchio
 import pytest
 
 from robid_core.mechanics import Chain, dynamics
-from robid_core.mechanics.dynamics import sine_cosine
 from robid_core.mechanics.reference import dynamics_by_jacobians
 
 
@@ -88,13 +87,13 @@ def test_gravity_stiffness_is_the_slope_of_the_gravity_torque(draw_chain: Callab
     )
 
 
-def test_sine_and_cosine_are_exact_to_the_last_places() -> None:
-    rng = np.random.default_rng(0)
-    quarters = np.arange(-40, 41) * (np.pi / 2)
-    angle = np.concatenate(
-        (rng.normal(size=5000) * 10, rng.uniform(-1e5, 1e5, 5000), quarters, quarters + 1e-9, [0.0])
-    )
-    screw = np.zeros((8, len(angle)))
-    sine_cosine(angle, screw)
-    np.testing.assert_allclose(screw[6], np.sin(angle), rtol=0, atol=2.3e-16)
-    np.testing.assert_allclose(screw[7], np.cos(angle), rtol=0, atol=2.3e-16)
+def test_rows_do_not_depend_on_how_many_are_evaluated_at_once(draw_chain: Callable[..., Chain]) -> None:
+    rng = np.random.default_rng(9)
+    chain = draw_chain(rng, 7, True)
+    position, speed = rng.normal(size=(2, 21, 7))
+    together = dynamics(chain, position, speed)  # two blocks of lanes and a part
+    for row in (0, 8, 20):
+        alone = dynamics(chain, position[row], speed[row])
+        np.testing.assert_array_equal(together.mass[row], alone.mass)
+        np.testing.assert_array_equal(together.bias[row], alone.bias)
+        np.testing.assert_array_equal(together.gravity_stiffness[row], alone.gravity_stiffness)

@@ -10,6 +10,7 @@ import pytest
 
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics import Chain, Mechanism, solve_equilibrium
+from robid_core.mechanics.equilibrium import solve_rows
 from robid_core.mechanics.reference import acceleration_by_solving
 
 
@@ -58,6 +59,30 @@ def test_forces_balance_at_rest_for_every_kind_of_axis(three_axis: Any, half_rig
             )
             # residual torque is rounding, 1e-16 of the spring torque of 1e4 N m, over inertias from 1e-4 kg m^2
             assert abs(moved).max() < 1e-7
+
+
+def test_each_configuration_rests_as_if_it_were_alone(three_axis: Any) -> None:
+    mechanism = three_axis.mechanism
+    motor = np.linalg.solve(mechanism.gear, np.random.default_rng(3).uniform(-1.5, 1.5, (3, 11))).T
+    together = solve_equilibrium(mechanism, three_axis.stiffness / 100, motor)  # sags by degrees, more steps
+    for i in range(11):
+        alone = solve_equilibrium(mechanism, three_axis.stiffness / 100, motor[i])
+        # Newton's last step is below 1e-13, its error below rounding: of an angle of 1 rad, and of torques that
+        # stiff springs make of it
+        np.testing.assert_allclose(together.position[i], alone.position, rtol=1e-13, atol=1e-13)
+        np.testing.assert_allclose(together.torque[i], alone.torque, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("n", [1, 2, 12])
+def test_rows_are_solved_as_numpy_does(n: int) -> None:
+    rng = np.random.default_rng(n)
+    root = rng.normal(size=(4, n, n))
+    matrix = root @ root.transpose(0, 2, 1) + np.eye(n)
+    right = rng.normal(size=(4, n))
+    expected = np.linalg.solve(matrix, right[..., None])[..., 0]
+    solve_rows(matrix, right)
+    # condition number up to (4 n)^2 times rounding
+    np.testing.assert_allclose(right, expected, rtol=0, atol=1e-12)
 
 
 def test_a_rigid_axis_is_where_its_motor_is(half_rigid: Any) -> None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robid_core.mechanics import equivalent_damping, friction_torque
-from robid_core.mechanics.friction import friction_law
+from robid_core.mechanics import coulomb_viscous_law, equivalent_damping, friction_torque
 
 
 def test_the_compiled_law_is_the_law_and_its_slope() -> None:
     for speed in (-3.0, -0.02, 0.0, 0.05, 7.0):
-        torque, slope = friction_law(speed, 1.2, 0.03, 0.07)
-        assert torque == pytest.approx(float(friction_torque(speed, 1.2, 0.03, 0.07)), rel=1e-14)
+        none, parameters = np.zeros(0), np.array([1.2, 0.03, 0.07, 0.2])
+        torque, _, slope = coulomb_viscous_law(0.0, speed, 0.0, none, none, parameters, 1e-3)
+        assert torque == pytest.approx(
+            float(friction_torque(speed, 1.2, 0.03, 0.07)) + 0.2, abs=1e-15, rel=1e-14
+        )
         up, down = friction_torque(np.array([speed + 1e-6, speed - 1e-6]), 1.2, 0.03, 0.07)
         assert slope == pytest.approx((up - down) / 2e-6, rel=1e-6, abs=1e-8)
 

@@ -11,12 +11,14 @@ from scipy.signal import cont2discrete
 
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics import (
+    Mechanism,
     linear_model,
     response,
     response_with_gradient,
     second_order_model,
     solve_equilibrium,
 )
+from robid_core.mechanics.elimination import plan_of
 from robid_core.mechanics.reference import response_by_solving
 
 _OMEGA = 2 * np.pi * np.geomspace(4, 80, 25)
@@ -53,7 +55,75 @@ def test_kernel_agrees_with_its_twin(name: str, hold: float | None, request: pyt
         assert got.shape == expected.shape
         # elimination without pivoting loses at most the damping ratio, two digits here
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * abs(expected).max(initial=1.0))
-    np.testing.assert_array_equal(response(model, _OMEGA, hold), ours.response)
+    alone = response(model, _OMEGA, hold)  # other sums are fused where nothing else is eliminated
+    np.testing.assert_allclose(alone, ours.response, rtol=0, atol=1e-14 * abs(alone).max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_trees_with_coupled_rigid_and_elastic_gears_agree_with_the_twin(draw_chain: Any, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n_joint = 1 + seed
+    chain = draw_chain(rng, n_joint, seed % 2 == 0)
+    chain = replace(chain, mass=np.maximum(chain.mass, 0.5))  # the last body of a branch needs a mass
+    joints = rng.permutation(n_joint)
+    n_axis = int(rng.integers(1, n_joint + 1))
+    gear = 0.02 * (np.diag(rng.uniform(0.5, 1.5, n_axis)) + np.triu(rng.random((n_axis, n_axis)) < 0.2, 1))
+    inertia, elastic = rng.uniform(1e-4, 1e-3, n_axis), rng.random(n_axis) < 0.7
+    mechanism = Mechanism(chain, gear, inertia, joints[:n_axis], joints[n_axis:], elastic)
+    stiffness, position = (
+        rng.uniform(1e4, 1e5, mechanism.n_spring),
+        rng.uniform(-1, 1, mechanism.n_coordinate),
+    )
+    damping = 2e-3 * stiffness  # every mode is damped by 5 % and more at 8 Hz
+    model = second_order_model(mechanism, stiffness, damping, position, np.full(n_axis, 0.01))
+    omega = _OMEGA[: int(rng.integers(1, 20))]
+    ours, twin = (
+        solve(model, omega, _SAMPLE_TIME) for solve in (response_with_gradient, response_by_solving)
+    )
+    for field in ("response", "spring_vectors", "motor_vectors"):
+        got, expected = getattr(ours, field), getattr(twin, field)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10 * abs(expected).max(initial=1.0))
+
+
+@pytest.mark.parametrize("hold", [None, _SAMPLE_TIME])
+def test_a_line_is_the_same_in_any_company(three_axis: Any, hold: float | None) -> None:
+    model = _model(three_axis)
+    all_lines = response_with_gradient(model, _OMEGA, hold)
+    for some in ([7], [0, 24], list(range(3, 20))):  # fewer than the lanes of a register, and more
+        few = response_with_gradient(model, _OMEGA[some], hold)
+        np.testing.assert_array_equal(few.response, all_lines.response[:, some])
+        np.testing.assert_array_equal(few.spring_vectors, all_lines.spring_vectors[:, some])
+        np.testing.assert_array_equal(few.motor_vectors, all_lines.motor_vectors[:, some])
+    assert response(model, np.zeros(0), hold).shape == (3, 0, 3, 3)
+
+
+def test_elimination_keeps_branches_of_a_tree_apart() -> None:
+    # A chain of three joints behind three springs and motors; then two such chains on one base.
+    dense, apart = np.ones((1, 3, 3)), np.kron(np.eye(2), np.ones((3, 3)))[None]
+    n_target = []
+    for mass, n_axis in ((dense, 3), (apart, 6)):
+        none = np.zeros((1, n_axis, n_axis))
+        inertia = np.block([[np.eye(n_axis)[None], none], [none, mass]])
+        springs = np.hstack((np.eye(n_axis), -np.eye(n_axis)))
+        border = np.concatenate((np.eye(n_axis, 2 * n_axis), springs))
+        n_target.append(
+            len(plan_of(inertia, inertia * 0, (springs.T @ springs)[None], border, n_axis).target)
+        )
+    assert n_target[1] == 2 * n_target[0]
+    # Each motor: its arm, its place, its spring, so 3 + 2 (the spring is no column). Of the arm joints the first to go
+    # touches two others, one place (its own) and three springs, and passes the place on to the next: rows below it
+    # 2 + 1 + 1, then 1 + 2 + 2, then 0 + 3 + 3. With r rows, s of them springs: r (r + 1) / 2 - s (s + 1) / 2.
+    assert n_target[0] == 3 * (3 + 2) + (10 - 1) + (15 - 3) + (21 - 6)
+
+
+def test_a_coordinate_without_mass_is_refused(two_mass: Any) -> None:
+    model = _model(replace(two_mass, damping=np.array([0.5])), n_config=2)
+    mass = model.mass.copy()
+    mass[1, 1, 1] = 0.0
+    weightless = replace(model, mass=mass)
+    with pytest.raises(ConfigurationError, match="configuration 1: the mass matrix is singular"):
+        response(weightless, _OMEGA, _SAMPLE_TIME)
+    assert np.isfinite(response(weightless, _OMEGA)).all()  # without hold nothing asks how it moves at once
 
 
 def test_one_configuration_needs_no_leading_axis(three_axis: Any) -> None:

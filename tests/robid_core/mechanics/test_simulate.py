@@ -12,15 +12,16 @@ from scipy.integrate import solve_ivp
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics import (
     Controller,
-    Friction,
+    SimulationDiverged,
     SimulationState,
     equivalent_damping,
+    friction_terms,
     response,
     rest_state,
     second_order_model,
     simulate,
 )
-from robid_core.mechanics.integrator import run_lanes
+from robid_core.mechanics.closed_loop import run_blocks
 from robid_core.mechanics.reference import acceleration_by_solving
 
 _T = 1e-3
@@ -33,9 +34,11 @@ def _controller(n_axis: int, **gains: Any) -> Controller:
     return Controller(**values)
 
 
-def _friction(n_axis: int, coulomb: Any = 0.0, viscous: Any = 0.0, speed: float = 0.1) -> Friction:
+def _friction(
+    n_axis: int, coulomb: Any = 0.0, viscous: Any = 0.0, speed: float = 0.1, offset: Any = 0.0
+) -> Any:
     zero = np.zeros(n_axis)
-    return Friction(zero + coulomb, zero + viscous, zero + speed, zero)
+    return zero + coulomb, zero + viscous, zero + speed, zero + offset
 
 
 def _motor_angles(arm: Any, n_lane: int = 1) -> Any:
@@ -45,7 +48,10 @@ def _motor_angles(arm: Any, n_lane: int = 1) -> Any:
 
 
 def _run(arm: Any, controller: Any, friction: Any, state: Any, reference: Any, **more: Any) -> Any:
-    return simulate(arm.mechanism, arm.stiffness, arm.damping, controller, friction, state, reference, **more)
+    forces = friction_terms(arm.mechanism, *friction)
+    return simulate(
+        arm.mechanism, arm.stiffness, arm.damping, controller, state, reference, forces=forces, **more
+    )
 
 
 def test_two_masses_on_a_spring_swing_at_the_frequency_of_the_textbook(two_mass: Any) -> None:
@@ -115,13 +121,12 @@ def test_free_motion_follows_scipys_integrator(
     arm = request.getfixturevalue(name)
     mechanism = arm.mechanism
     n_axis, n = mechanism.n_axis, mechanism.n_coordinate
-    friction = replace(_friction(n_axis, 0.02, 0.004, speed=2.0), offset=np.linspace(-0.4, 0.3, n_axis))
-    law = (friction.coulomb, friction.viscous, friction.speed, friction.offset)
+    law = _friction(n_axis, 0.02, 0.004, speed=2.0, offset=np.linspace(-0.4, 0.3, n_axis))
     start = rest_state(mechanism, arm.stiffness, _motor_angles(arm))
     torque = np.linspace(2.0, -1.5, n_axis)
     duration = 40
     run = _run(
-        arm, _controller(n_axis), friction, start, np.zeros((1, duration + 1, n_axis)),
+        arm, _controller(n_axis), law, start, np.zeros((1, duration + 1, n_axis)),
         torque_feedforward=np.tile(torque, (1, duration + 1, 1)), method=method, step=_T / 16, keep_coordinates=True,
     )  # fmt: skip
 
@@ -288,13 +293,21 @@ def test_a_run_in_two_parts_is_the_run_in_one(three_axis: Any) -> None:
 
 
 def test_lanes_do_not_depend_on_each_other_or_on_threads(three_axis: Any) -> None:
-    controller, friction, state, reference, _ = _closed_loop(three_axis)
+    controller, friction, state, reference, _ = _closed_loop(
+        three_axis, n_lane=19
+    )  # two blocks of lanes and a part
     together = _run(three_axis, controller, friction, state, reference)
     threaded = _run(three_axis, controller, friction, state, reference, n_thread=2)
     np.testing.assert_array_equal(together.position, threaded.position)
-    alone_state = SimulationState(**{f.name: getattr(state, f.name)[1:2] for f in fields(state)})
-    alone = _run(three_axis, controller, friction, alone_state, reference[1:2])
-    np.testing.assert_array_equal(together.torque[1:2], alone.torque)
+    for some in (
+        slice(1, 2),
+        slice(17, 19),
+        slice(5, 14),
+    ):  # alone, in a pair (both one by one), among others
+        part = SimulationState(**{f.name: getattr(state, f.name)[some] for f in fields(state)})
+        alone = _run(three_axis, controller, friction, part, reference[some])
+        np.testing.assert_array_equal(together.torque[some], alone.torque)
+        np.testing.assert_array_equal(together.state.speed[some], alone.state.speed)
 
 
 def test_inputs_are_left_alone(three_axis: Any) -> None:
@@ -371,8 +384,13 @@ def test_a_lane_that_explodes_is_stopped_and_named(three_axis: Any) -> None:
         _run(three_axis, wild, friction, state, reference)
     lost = reference.copy()
     lost[2, 7, 0] = np.nan
-    with pytest.raises(NotTrustworthy, match=r"lane 2 left all bounds at 0\.007 s"):
+    with pytest.raises(SimulationDiverged, match=r"lane 2 left all bounds at 0\.007 s") as caught:
         _run(three_axis, controller, friction, state, lost)
+    found = caught.value.partial
+    whole = _run(three_axis, controller, friction, state, reference)
+    np.testing.assert_array_equal(found.position[:2], whole.position[:2])  # the others ran to the end
+    np.testing.assert_array_equal(found.position[2, :8], whole.position[2, :8])
+    assert np.isnan(found.position[2, 8:]).all()
 
 
 def test_sizes_and_numbers_that_do_not_fit_are_refused(three_axis: Any) -> None:
@@ -400,5 +418,5 @@ def test_every_robot_runs_through_one_compiled_kernel(
         n_axis = arm.mechanism.n_axis
         state = rest_state(arm.mechanism, arm.stiffness, _motor_angles(arm))
         _run(arm, _controller(n_axis), _friction(n_axis), state, np.zeros((1, 2, n_axis)))
-    kernel: Any = run_lanes
-    assert len(kernel.signatures) == 1
+    kernel: Any = run_blocks
+    assert len(kernel.signatures) <= 2  # one experiment, and all lanes

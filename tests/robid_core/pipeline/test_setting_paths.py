@@ -107,7 +107,7 @@ def test_a_robot_outside_the_project_is_refused(problems: Read, data: Path, robo
 def test_a_wrong_robot_file_is_told_at_the_robot(problems: Read, data: Path, tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text("robid_robot: 1\n")
     found = problems(pipeline_text("path: a.csv", "robot.yaml"), data_root=data)
-    assert all(line.startswith("bad.yaml:4:1: robot: robot.yaml: ") for line in found)
+    assert all(line.startswith("bad.yaml:4:1: robot: robot.yaml:1:1: ") for line in found)
 
 
 parts = st.text(st.characters(codec="utf-8"), max_size=6) | st.sampled_from(

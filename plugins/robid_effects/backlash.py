@@ -1,0 +1,96 @@
+"""Backlash of a gear: a gap between two flanks, each as stiff as the robot file's spring.
+
+Theory: torque = k D(x) + d D'(x) v with the dead zone D(x) = 0 for |x| < gap / 2 and x -+ gap / 2 beyond (Nordin
+and Gutman 2002, Automatica 38): spring and damper of the robot file act on the flanks only. Two departures keep it
+computable. The corners are rounded within a tenth of the gap (ROUNDING of the half gap; a contact is soft at first
+anyway), and inside a thousandth of the spring stays (RESIDUAL), without which an unloaded joint would have no
+equilibrium. The law returns the difference to the linear spring and damper. Under a sine of amplitude A the spring
+acts as `describing_function`; under a Gaussian by the share of time on the flanks. Backlash lowers a resonance
+that swings through the gap and does nothing to a joint that gravity holds on one flank.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core.mechanics import kernel, where
+from robid_effects.deflection import (
+    SMALLEST_RADIUS,
+    describing_function_outside,
+    mean_slope_outside,
+    rounded_ramp,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+ROUNDING = 0.2
+"""Radius of the corners over half the gap."""
+RESIDUAL = 1e-3
+"""Share of spring and damper that stays inside the gap."""
+
+
+@kernel
+def backlash_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
+    """Torque less that of the linear spring and damper; parameters: see `Backlash.arguments`."""
+    radius, stiffness, damping = parameters[1], parameters[2], parameters[3]
+    sign = where(position < 0.0, -1.0, 1.0)
+    distance = abs(position) - parameters[0]
+    ramp, contact = rounded_ramp(distance, radius)
+    free = (1.0 - RESIDUAL) * (contact - 1.0)
+    bend = where(abs(distance) < radius, (1.0 - RESIDUAL) / (2.0 * radius) * sign, 0.0)
+    spring = stiffness * (1.0 - RESIDUAL) * (sign * ramp - position)
+    slope = stiffness * free + damping * bend * velocity
+    return spring + damping * free * velocity, slope, damping * free
+
+
+def rounding_radius(gap: float) -> float:
+    """Radius of the rounded corners of a gap, rad."""
+    return max(0.5 * ROUNDING * gap, SMALLEST_RADIUS)
+
+
+def describing_function(amplitude: npt.ArrayLike, gap: float, stiffness: float) -> FloatArray:
+    """First harmonic of the whole spring torque over the amplitude of a sine deflection, N m/rad; real and in phase.
+
+    k (r + (1 - r) N(A)), r = RESIDUAL and N(A) = 1 - (2 / pi) (asin mu + mu sqrt(1 - mu^2)), mu = gap / (2 A), for A
+    above half the gap, else 0 (Gelb and Vander Velde 1968); here with the rounding of the corners, exactly.
+    """
+    outside = describing_function_outside(amplitude, 0.5 * gap, rounding_radius(gap))
+    return stiffness * (RESIDUAL + (1 - RESIDUAL) * outside)
+
+
+class Backlash(ForceEffect):
+    """Gap in the gear, centred on zero deflection."""
+
+    source = "Nordin and Gutman 2002, Automatica 38(10); Gelb and Vander Velde 1968"
+    sides = ("gear",)
+    law = staticmethod(backlash_law)
+    parameters = (
+        Parameter("gap", "rad", 3e-4, 0.0, 0.1, "full width, joint side (1 arc minute is 2.9e-4 rad)"),
+    )
+    test_values = (
+        TestValue(
+            {"position": -8e-4, "velocity": 0.1, "gap": 6e-4, "stiffness": 1e5, "damping": 50.0},
+            {"force": 0.999 * 30.0, "slope_position": 0.0, "slope_velocity": 0.0},
+            "on the flank the file's spring and damper act, half the gap late: 1e5 * 3e-4, less the residual",
+        ),
+        TestValue(
+            {"position": 1e-4, "velocity": 0.1, "gap": 6e-4, "stiffness": 1e5, "damping": 50.0},
+            {"force": -0.999 * 15.0, "slope_position": -0.999e5, "slope_velocity": -0.999 * 50.0},
+            "inside the gap the file's spring and damper, 10 + 5 N m, are taken away but for the residual",
+        ),
+    )
+
+    @classmethod
+    def arguments(cls, parameters: FloatArray, place: Place) -> FloatArray:
+        """Half the gap, radius of its corners, spring and damper of the robot file."""
+        gap = float(parameters[0])
+        return np.array([0.5 * gap, rounding_radius(gap), place.stiffness, place.damping])
+
+    @classmethod
+    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
+        """Spring and damper of the robot file times the share of the time in the gap, negative."""
+        half, radius, stiffness, damping = cls.arguments(parameters, place)
+        free = (1 - RESIDUAL) * (mean_slope_outside(half, radius, motion) - 1)
+        return Equivalent(stiffness * free, damping * free)

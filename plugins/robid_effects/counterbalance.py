@@ -1,0 +1,122 @@
+"""Counterbalance of an arm: a spring, gas spring or hydraulic cylinder between two points of a joint.
+
+Theory: one end is held at distance a from the joint's axis, the other moves on a circle of radius b; the
+cylinder's length is L(q) = sqrt(a^2 + b^2 - 2 a b cos(q + mounting_angle)), and its pull F(L) gives the torque F
+dL/dq (Klimchik et al. 2013, spring compensator of a heavy robot; Arakelian 2016 for a survey). Pull = preload z^-n
++ stiffness (L - L_0), L_0 the length at joint angle zero where the pull is the preload. Gas that a pull compresses
+(preload > 0, hydropneumatic cylinder) has the column z = 1 - (L - L_0) / gas_length, in units of that at joint
+angle zero; gas that pushes (preload < 0, gas strut) z = 1 + (L - L_0) / gas_length. n is the polytropic exponent,
+1 slow, 1.4 fast, 0 no gas: constant pull. With n = 0 and preload = stiffness |a - b| the torque is stiffness a b
+sin(q): it balances a pendulum at every angle. Gas compressed below a twentieth of its column keeps its pull;
+friction of the seals is friction.*.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import j0
+
+from robid_core import ConfigurationError, Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core.mechanics import exponential, kernel, natural_logarithm, sine_and_cosine, where
+from robid_effects.deflection import slow_amplitude
+
+FloatArray = npt.NDArray[np.float64]
+
+SMALLEST_COLUMN = 0.05
+N_ANGLE = 1024
+"""Angles of a turn for the torque's Fourier series; its terms fall as (b / a)^m."""
+
+
+@kernel
+def counterbalance_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
+    """Torque against the joint angle and its slope; parameters: see `Counterbalance.arguments`."""
+    squares, product, preload, stiffness = parameters[0], parameters[1], parameters[3], parameters[4]
+    per_length, exponent = parameters[5], parameters[6]
+    s, c = sine_and_cosine(position + parameters[2])
+    length = np.sqrt(squares - 2.0 * product * c)
+    lever = product * s / length
+    extension = length - parameters[7]
+    column = max(1.0 - per_length * extension, SMALLEST_COLUMN)
+    gas = preload * exponential(-exponent * natural_logarithm(column))
+    pull = gas + stiffness * extension
+    springiness = where(column > SMALLEST_COLUMN, exponent * per_length, 0.0)
+    rate = stiffness + springiness * gas / column
+    slope = rate * lever * lever + pull * (product * c - lever * lever) / length
+    return pull * lever, slope, 0.0 * velocity
+
+
+class Counterbalance(ForceEffect):
+    """Spring or gas cylinder that carries part of an arm's weight."""
+
+    source = "Klimchik et al. 2013, IEEE ICRA; Arakelian 2016, Advanced Robotics 30(2)"
+    sides = ("arm",)
+    law = staticmethod(counterbalance_law)
+    parameters = (
+        Parameter(
+            "anchor_distance", "m", 0.6, 1e-3, 10.0, "a, from the joint's axis to the end that is held"
+        ),
+        Parameter("attachment_distance", "m", 0.15, 1e-3, 10.0, "b, from the axis to the end that moves"),
+        Parameter("mounting_angle", "rad", 0.0, -7.0, 7.0, "between a and b at joint angle zero"),
+        Parameter("preload", "N", 5000.0, -1e6, 1e6, "pull at joint angle zero; negative: it pushes"),
+        Parameter("stiffness", "N/m", 0.0, 0.0, 1e7, "of a metal spring"),
+        Parameter("gas_length", "m", 0.6, 1e-3, 1e3, "gas volume over piston area at joint angle zero"),
+        Parameter("polytropic_exponent", "1", 1.2, 0.0, 2.0, "n of the gas; 0: no gas"),
+    )
+    test_values = (
+        TestValue(
+            {"position": np.pi / 6, "preload": 900.0, "stiffness": 2000.0, "polytropic_exponent": 0.0},
+            {"force": 90.0, "slope_position": 180 * np.cos(np.pi / 6), "slope_velocity": 0.0},
+            "spring of zero free length (Arakelian 2016): 2000 * 0.6 * 0.15 * sin(q)",
+        ),
+    )
+
+    @classmethod
+    def arguments(cls, parameters: FloatArray, place: Place) -> FloatArray:
+        """a^2 + b^2, a b, mounting angle, preload, stiffness, gas column lost per extension, exponent, L_0."""
+        a, b, mounting_angle, preload, stiffness, gas_length, exponent = parameters
+        squares, product = a * a + b * b, a * b
+        if abs(a - b) < 1e-3 * max(a, b):
+            raise ConfigurationError(
+                f"effects: {place.label}: anchor_distance and attachment_distance are both {a:g} m; the cylinder would "
+                "shrink to nothing as they pass one another: give two different distances"
+            )
+        per_length = (1.0 if preload >= 0 else -1.0) / gas_length
+        length = np.sqrt(squares - 2 * product * np.cos(mounting_angle))
+        return np.array([squares, product, mounting_angle, preload, stiffness, per_length, exponent, length])
+
+    @classmethod
+    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
+        """Mean slope of the torque's Fourier series: E[exp(i m q)] = exp(i m bias - m^2 rms^2 / 2) J0(m A).
+
+        The error is that of the series cut at N_ANGLE / 2, below 1e-9 for b < 0.95 a.
+        """
+        angle = 2 * np.pi * np.arange(N_ANGLE) / N_ANGLE
+        unit = cls.regressor(angle, angle, angle, parameters, place)
+        torque = parameters[3] * unit["preload"] + parameters[4] * unit["stiffness"]
+        order = np.arange(N_ANGLE // 2)
+        wave = np.fft.rfft(torque)[: len(order)] * 2 / N_ANGLE
+        bias, rms, amplitude = (
+            np.asarray(value, dtype=float)[..., None]
+            for value in (motion.position_bias, motion.position_rms, slow_amplitude(motion))
+        )
+        mean = np.exp(1j * order * bias - 0.5 * (order * rms) ** 2) * j0(order * amplitude)
+        stiffness = np.sum((1j * order * wave * mean).real, axis=-1)
+        return Equivalent(stiffness, np.zeros_like(stiffness))
+
+    @classmethod
+    def regressor(
+        cls,
+        position: FloatArray,
+        velocity: FloatArray,
+        load: FloatArray,
+        parameters: FloatArray,
+        place: Place,
+    ) -> dict[str, FloatArray]:
+        """Torque per unit of preload (of its sign) and of stiffness, at the given geometry and gas."""
+        squares, product, mounting_angle, _, _, per_length, exponent, rest = cls.arguments(parameters, place)
+        angle = np.asarray(position, dtype=float) + mounting_angle
+        length = np.sqrt(squares - 2 * product * np.cos(angle))
+        lever, extension = product * np.sin(angle) / length, length - rest
+        column = np.maximum(1 - per_length * extension, SMALLEST_COLUMN)
+        return {"preload": column**-exponent * lever, "stiffness": extension * lever}

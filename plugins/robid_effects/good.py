@@ -1,0 +1,92 @@
+"""Soft wind-up zone of a gear: soft around zero torque, stiff outside, with friction inside the gear.
+
+Theory: Good, Sweet and Strobel (1985) describe a robot's gear by a stiffening spring with viscous damping beside
+it, and add Coulomb friction and a current limit of the motor (thesis section 2.4); strain wave gears show the soft
+zone and a hysteresis loop around it (Schempf 1990). Here: within half of `zone` the stiffness is `softness` times
+that of the robot file's spring, beyond one and a half times it is the file's, in between it rises linearly; a
+torque hysteresis tanh(v / speed) works against the deflection. The rest of their model stands in the robot file:
+gear.damping, the motor's friction, torque_limit. The loop is one of speed and closes at rest; for one that stays,
+put transmission.maxwell_slip in place of this friction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core.mechanics import equivalent_damping, kernel, smooth_sign, where
+from robid_effects.deflection import SMALLEST_RADIUS, mean_slope_outside, rounded_ramp
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@kernel
+def soft_zone_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
+    """Torque less the linear spring's; parameters: see `SoftZone.arguments`."""
+    corner, radius, softening, hysteresis, speed = (
+        parameters[0],
+        parameters[1],
+        parameters[2],
+        parameters[3],
+        parameters[4],
+    )
+    ramp, share = rounded_ramp(abs(position) - corner, radius)
+    missing = softening * (where(position < 0.0, -1.0, 1.0) * ramp - position)
+    level = smooth_sign(velocity / speed)
+    damping = hysteresis / speed * (1.0 - level * level)
+    return missing + hysteresis * level, softening * (share - 1.0), damping
+
+
+class SoftZone(ForceEffect):
+    """Soft zone around zero torque, with friction in the gear."""
+
+    source = "Good, Sweet and Strobel 1985, J. Dynamic Systems, Measurement, and Control 107(1); Schempf 1990"
+    sides = ("gear",)
+    law = staticmethod(soft_zone_law)
+    parameters = (
+        Parameter("softness", "1", 0.4, 1e-3, 1.0, "stiffness in the zone over that of the robot file"),
+        Parameter("zone", "rad", 5e-4, 0.0, 0.1, "full width of the zone, joint side"),
+        Parameter("hysteresis", "N m", 1.0, 0.0, 1e5, "level of the friction in the gear, joint side"),
+        Parameter("speed", "rad/s", 5e-3, 1e-7, 1e2, "smoothing speed of that friction, of the deflection"),
+    )
+    test_values = (
+        TestValue(
+            {"position": 3e-4, "velocity": 1.0, "hysteresis": 2.5, "speed": 1e-2},
+            {"force": 2.5, "slope_position": 0.0},
+            "friction alone, tanh(100) = 1; where the file's spring is 0",
+        ),
+    )
+
+    @classmethod
+    def arguments(cls, parameters: FloatArray, place: Place) -> FloatArray:
+        """Corner, its radius, missing stiffness inside; hysteresis, its speed."""
+        softness, zone, hysteresis, speed = parameters
+        radius = max(0.25 * zone, SMALLEST_RADIUS)
+        missing = place.stiffness * (1 - softness)
+        return np.array([0.5 * zone, radius, missing, hysteresis, speed])
+
+    @classmethod
+    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
+        """Missing stiffness times the share of deflections inside; mean slope of the friction."""
+        corner, radius, missing, hysteresis, speed = cls.arguments(parameters, place)
+        damping = equivalent_damping(
+            np.asarray(motion.velocity_rms, dtype=float),
+            np.asarray(motion.sine_speed, dtype=float),
+            np.asarray(hysteresis),
+            np.asarray(0.0),
+            np.asarray(speed),
+        )
+        return Equivalent(missing * (mean_slope_outside(corner, radius, motion) - 1), damping)
+
+    @classmethod
+    def regressor(
+        cls,
+        position: FloatArray,
+        velocity: FloatArray,
+        load: FloatArray,
+        parameters: FloatArray,
+        place: Place,
+    ) -> dict[str, FloatArray]:
+        """Torque per unit of hysteresis at the given smoothing speed; the spring is not linear in its parameters."""
+        return {"hysteresis": np.tanh(np.asarray(velocity, dtype=float) / parameters[3])}

@@ -1,0 +1,198 @@
+"""The compiled closed loop: sampled controllers and sensors, the robot between their instants, by blocks of lanes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid_core.mechanics.integrator import act_on_signal, hold_torque
+from robid_core.mechanics.kernel import kernel
+from robid_core.mechanics.lanes import where
+from robid_core.mechanics.recursion import chain_views, work_views
+from robid_core.mechanics.simulation_arrays import (
+    ControlArrays,
+    LaneState,
+    PlantArrays,
+    StepWork,
+    TermArrays,
+)
+from robid_core.mechanics.terms import POSITION, TORQUE_MEASUREMENT
+from robid_core.mechanics.views import lane_view, view_of
+
+DIVERGED = 1e6  # rad, rad/s, m or m/s: no motor is there, a numerical explosion soon is
+
+
+@kernel
+def sample_controller(control, terms, work, state, inputs):  # type: ignore[no-untyped-def]
+    """Measure, and turn speed references into torque commands; `inputs` are the buffers of `run_blocks`."""
+    gains, sample_time = control.gains, control.sample_time
+    wanted, aim, feedforward, noise, reported_noise, measured_out, torque_out, saturated, has = inputs
+    n_axis = gains.shape[0]
+    motor = state.position.shape[0] - n_axis
+    for a in range(n_axis):
+        measured = state.position[motor + a]
+        if terms.signal.shape[0] > 0:
+            measured = act_on_signal(
+                terms,
+                work,
+                state.law_state,
+                POSITION,
+                a,
+                measured,
+                measured,
+                state.speed[motor + a],
+                sample_time,
+                True,
+            )
+        measured = measured + noise[a]
+        if gains[a, 5] > 0.0:
+            measured = np.rint(measured / gains[a, 5]) * gains[a, 5]
+        measured_speed = (measured - state.measured[a]) / sample_time
+        state.measured[a] = measured
+        if has[0]:
+            state.reference[a] = aim[a]
+        error = gains[a, 3] * wanted[a] + gains[a, 2] * (state.reference[a] - measured) - measured_speed
+        state.reference[a] = state.reference[a] + sample_time * wanted[a]
+        state.integral[a] = state.integral[a] + gains[a, 1] * sample_time * error
+        demand = gains[a, 0] * error + state.integral[a] + state.holding_torque[a] + feedforward[a]
+        limit = gains[a, 4]
+        saturated[a] = saturated[a] + where(abs(demand) >= limit, 1.0, 0.0)
+        demand = where(demand > limit, limit, demand)
+        demand = where(demand < -limit, -limit, demand)
+        work.command[a] = demand
+        measured_out[a] = measured
+        reported = demand
+        if terms.signal.shape[0] > 0:
+            reported = act_on_signal(
+                terms,
+                work,
+                state.law_state,
+                TORQUE_MEASUREMENT,
+                a,
+                demand,
+                measured,
+                measured_speed,
+                sample_time,
+                True,
+            )
+        torque_out[a] = reported + reported_noise[a]
+
+
+@kernel
+def gather(buffer, signal, first_lane, sample):  # type: ignore[no-untyped-def]
+    """Copy one sample of a block of lanes into a buffer (n_axis, width); the last lane fills up the block."""
+    if signal.shape[0] == 0:
+        return
+    for a in range(buffer.shape[0]):
+        for lane in range(buffer.shape[1]):
+            buffer[a, lane] = signal[min(first_lane + lane, signal.shape[0] - 1), sample, a]
+
+
+@kernel
+def scatter(signal, buffer, first_lane, sample):  # type: ignore[no-untyped-def]
+    """Copy a buffer (n, width) into one sample of a block of lanes."""
+    if signal.shape[0] == 0:
+        return
+    for a in range(signal.shape[2]):
+        for lane in range(min(buffer.shape[1], signal.shape[0] - first_lane)):
+            signal[first_lane + lane, sample, a] = buffer[a, lane]
+
+
+@kernel
+def note_diverged(signals, position, speed, force, first_lane, sample):  # type: ignore[no-untyped-def]
+    """Note the lanes of a block that left all bounds; return whether one is still inside."""
+    alive = False
+    for lane in range(min(position.shape[1], signals.diverged.shape[0] - first_lane)):
+        total = 0.0
+        for i in range(position.shape[0]):
+            total += abs(position[i, lane]) + abs(speed[i, lane])
+        if signals.diverged[first_lane + lane] >= 0:
+            continue
+        if total < DIVERGED:
+            alive = True
+        else:
+            signals.diverged[first_lane + lane] = sample
+            for t in range(signals.force.shape[1]):
+                signals.force[first_lane + lane, t] = force[t, lane]
+    return alive
+
+
+@kernel
+def run_blocks(arrays, work, control, state, signals, single, first_block, last_block):  # type: ignore[no-untyped-def]
+    """Run blocks first_block to last_block - 1 over all samples; `single` is None where a block is one lane."""
+    chain = chain_views(arrays.chain)
+    plant = plant_views(arrays.plant)
+    terms = term_views(arrays.terms)
+    chain_work, step_work = work_views(work.chain, single), step_views(work.step, single)
+    clock = ControlArrays(view_of(control.gains), control.sample_time, control.n_step, control.runge_kutta)
+    n_axis, width = control.gains.shape[0], state.position.shape[2]
+    step = control.sample_time / control.n_step
+    buffers = np.zeros((8, n_axis, width))
+    has = np.zeros(1, dtype=np.int64)
+    has[0] = signals.position_reference.shape[0]
+    wanted, aim, feedforward, noise = buffers[0], buffers[1], buffers[2], buffers[3]
+    reported_noise, measured, torque, saturated = buffers[4], buffers[5], buffers[6], buffers[7]
+    inputs = (
+        lane_view(wanted, single), lane_view(aim, single), lane_view(feedforward, single), lane_view(noise, single),
+        lane_view(reported_noise, single), lane_view(measured, single), lane_view(torque, single),
+        lane_view(saturated, single), view_of(has),
+    )  # fmt: skip
+    for block in range(first_block, last_block):
+        first_lane = block * width
+        position, speed = state.position[block], state.speed[block]
+        views = LaneState(
+            lane_view(position, single), lane_view(speed, single), lane_view(state.acceleration[block], single),
+            lane_view(state.integral[block], single), lane_view(state.reference[block], single),
+            lane_view(state.measured[block], single), lane_view(state.holding_torque[block], single),
+            lane_view(state.law_state[block], single),
+        )  # fmt: skip
+        saturated[:] = 0.0
+        for sample in range(signals.speed_reference.shape[1]):
+            gather(wanted, signals.speed_reference, first_lane, sample)
+            gather(aim, signals.position_reference, first_lane, sample)
+            gather(feedforward, signals.torque_feedforward, first_lane, sample)
+            gather(noise, signals.position_noise, first_lane, sample)
+            gather(reported_noise, signals.torque_noise, first_lane, sample)
+            sample_controller(clock, terms, step_work, views, inputs)
+            scatter(signals.position, measured, first_lane, sample)
+            scatter(signals.torque, torque, first_lane, sample)
+            scatter(signals.coordinates, position, first_lane, sample)
+            hold_torque(
+                chain, plant, terms, chain_work, step_work, views, step, control.n_step, control.runge_kutta
+            )
+            if not note_diverged(signals, position, speed, work.step.force, first_lane, sample):
+                break
+        for lane in range(min(width, signals.saturated.shape[0] - first_lane)):
+            for a in range(n_axis):
+                signals.saturated[first_lane + lane, a] = int(saturated[a, lane])
+
+
+@kernel
+def plant_views(plant):  # type: ignore[no-untyped-def]
+    """Views of the arrays of a plant."""
+    return PlantArrays(
+        view_of(plant.joint_column), view_of(plant.joint_value), view_of(plant.spring_start),
+        view_of(plant.spring_column), view_of(plant.spring_value), view_of(plant.constant), view_of(plant.fill),
+        view_of(plant.transmission), view_of(plant.gear_spring), view_of(plant.rigid), view_of(plant.rotor_inertia),
+    )  # fmt: skip
+
+
+@kernel
+def term_views(terms):  # type: ignore[no-untyped-def]
+    """Views of the arrays of laws."""
+    return TermArrays(
+        view_of(terms.force), view_of(terms.signal), view_of(terms.column), view_of(terms.value),
+        view_of(terms.argument), view_of(terms.loads),
+    )  # fmt: skip
+
+
+@kernel
+def step_views(work, single):  # type: ignore[no-untyped-def]
+    """Views of the memory of one step."""
+    return StepWork(
+        lane_view(work.joint, single), lane_view(work.joint_speed, single), lane_view(work.middle, single),
+        lane_view(work.middle_speed, single), lane_view(work.spring, single), lane_view(work.start, single),
+        lane_view(work.right, single), lane_view(work.pivot, single), lane_view(work.system, single),
+        lane_view(work.stage, single), lane_view(work.torque, single), lane_view(work.command, single),
+        lane_view(work.load, single), lane_view(work.force, single), lane_view(work.slope, single),
+        lane_view(work.place, single), lane_view(work.next_state, single),
+    )  # fmt: skip

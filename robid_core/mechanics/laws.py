@@ -1,0 +1,266 @@
+"""From a law in Python to addresses of machine code: one entry for a single experiment, one for all lanes.
+
+The simulator calls laws through addresses, so that it is compiled once and never again for another set of effects.
+Each law gets a small module of entries in the cache folder, **named by the hash of everything the law
+reaches**: its own
+file, the files of every compiled function it calls, and the constants it names. Numba looks at the file of the
+outermost function only; under a name of its own an edited law is always compiled anew.
+
+A law that does not compile for lanes (it has branches, or calls a function that knows numbers only) gets an entry that
+runs it lane after lane.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.util
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, Literal
+
+import numba
+import numpy as np
+from numba.core.caching import NullCache
+from numba.core.errors import NumbaError
+from numba.extending import is_jitted
+
+from robid_core.errors import PluginError
+from robid_core.mechanics.lanes import LANES
+from robid_core.mechanics.terms import Law
+
+Kind = Literal["force", "signal"]
+
+N_INPUT = 3  # rows of what goes into a law: position, velocity, load, or signal, angle, speed
+N_OUTPUT = 3  # rows of what comes out: force, slope in position, slope in velocity, or the signal
+
+ENTRY = numba.types.void(*[numba.types.intp] * 4, numba.types.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """A compiled law: void entry(place, state, next_state, arguments, step), all addresses but the step.
+
+    `place` has rows of inputs and outputs, `state` and `next_state` a row a state, each as wide as the lanes.
+    """
+
+    single: int
+    """Address of the entry for one experiment."""
+    lanes: int
+    """Address of the entry for all lanes."""
+    vectorized: bool
+    """Whether the law runs on all lanes at once."""
+    keep: tuple[Any, ...]
+    """What must live as long as the addresses are used."""
+
+
+_compiled: dict[tuple[int, str, int], tuple[Law, Entries]] = {}
+
+
+def entries_of(law: Law, kind: Kind, n_state: int, label: str) -> Entries:
+    """Compile a law, or find it compiled.
+
+    Raises PluginError, in the name of `label`, where the law does not compile at all.
+    """
+    key = (id(law), kind, n_state)
+    if key not in _compiled:
+        try:
+            _compiled[key] = (law, _compile(law, kind, n_state))
+        except NumbaError as error:
+            reason = next((line for line in str(error).splitlines() if line.strip()), "")
+            raise PluginError(
+                f"effect '{label}': its law does not compile: {reason}; a law is one function of numbers, see "
+                f"robid_core.effect\n{error}"
+            ) from error
+    return _compiled[key][1]
+
+
+def _compile(law: Law, kind: Kind, n_state: int) -> Entries:
+    if not is_jitted(law):
+        law = numba.njit(law)
+    for function in reached(law):  # what numba keeps of these may be older than what they call
+        if not function.py_func.__module__.startswith("robid_core."):
+            function._cache = NullCache()
+    name = _importable(law)
+    sources = {way: _source(name, way, kind, n_state) for way in ("single", "lanes", "lane_after_lane")}
+    digest = law_hash(law)
+    try:
+        single, lanes, vectorized = _entry(law, name, sources["single"], digest), None, True
+        lanes = _entry(law, name, sources["lanes"], digest)
+    except NumbaError:
+        single = _entry(law, name, sources["single"], digest)  # an error here is the law's own
+        lanes, vectorized = _entry(law, name, sources["lane_after_lane"], digest), False
+    return Entries(single.address, lanes.address, vectorized, (law, single, lanes))
+
+
+# What a law reaches --------------------------------------------------------------------------------------------
+
+
+def reached(law: Law) -> list[Any]:
+    """Return the law and every compiled function it calls, directly or through others."""
+    found: dict[int, Any] = {}
+    waiting = [law]
+    while waiting:
+        function = waiting.pop()
+        if id(function) in found:
+            continue
+        found[id(function)] = function
+        waiting += [thing for _, thing in _named(function.py_func) if is_jitted(thing)]
+    return list(found.values())
+
+
+def law_hash(law: Law) -> str:
+    """Hash of everything that decides what a law computes: sources, constants, compiler."""
+    digest = hashlib.sha256(f"{numba.__version__} {LANES} {sys.version_info} {platform.machine()}".encode())
+    texts: dict[str, bytes] = {}
+    here = Path(__file__).parent
+    for path in (Path(__file__), here / "lanes.py", here / "views.py"):
+        texts[str(path)] = path.read_bytes()
+    constants: list[str] = []
+    for function in reached(law):
+        python = function.py_func
+        texts.setdefault(*_text(python))
+        for name, thing in _named(python):
+            if isinstance(thing, FunctionType):
+                texts.setdefault(*_text(thing))
+            elif isinstance(thing, np.ndarray):
+                constants.append(
+                    f"{python.__qualname__}.{name} {thing.dtype} {thing.shape} {thing.tobytes().hex()}"
+                )
+            elif isinstance(thing, (bool, int, float, complex, str, tuple)):
+                constants.append(f"{python.__qualname__}.{name} {thing!r}")
+    for _, text in sorted(texts.items()):
+        digest.update(hashlib.sha256(text).digest())
+    digest.update("\n".join(sorted(constants)).encode())
+    return digest.hexdigest()
+
+
+def _text(function: FunctionType) -> tuple[str, bytes]:
+    path = Path(function.__code__.co_filename)
+    try:
+        return str(path), path.read_bytes()
+    except OSError:  # typed at a prompt
+        return f"{path} {function.__qualname__}", function.__code__.co_code
+
+
+def _named(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """Things that a function names: globals, what they hold where they are modules, and what it closes over."""
+    names = set(_names(function.__code__))
+    scope = dict(
+        zip(function.__code__.co_freevars, (c.cell_contents for c in function.__closure__ or ()), strict=True)
+    )
+    scope |= {name: function.__globals__[name] for name in names if name in function.__globals__}
+    for name, thing in scope.items():
+        yield name, thing
+        if isinstance(thing, ModuleType) and thing.__name__.partition(".")[0] not in (
+            "numpy",
+            "math",
+            "numba",
+        ):
+            yield from ((f"{name}.{n}", getattr(thing, n)) for n in names if hasattr(thing, n))
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)
+
+
+# Entries -------------------------------------------------------------------------------------------------------
+
+
+def _importable(law: Law) -> tuple[str, str] | None:
+    """Module and name from which another process gets the same law; None where it stands in none."""
+    module, name = law.py_func.__module__, law.py_func.__qualname__
+    found = sys.modules.get(module)
+    return (module, name) if module != "__main__" and getattr(found, name, None) is law else None
+
+
+def _source(name: tuple[str, str] | None, way: str, kind: Kind, n_state: int) -> str:
+    """Text of the module that holds one entry."""
+    outputs = "io[3], io[4], io[5]" if kind == "force" else "io[3]"
+    view = "lanes_at" if way == "lanes" else "numbers_at"
+    lines = [
+        "import numpy as np",
+        f"from robid_core.mechanics.views import {view}",
+        *([f"from {name[0]} import {name[1]} as law"] if name else []),
+        "",
+        "",
+        "def entry(place, state, next_state, arguments, step):",
+    ]
+    if way != "lane_after_lane":
+        lines += [
+            f"    io = {view}(place)",
+            f"    {outputs} = law(",
+            f"        io[0], io[1], io[2], {view}(state), {view}(next_state), numbers_at(arguments), step",
+            "    )",
+        ]
+        if way == "lanes":
+            lines[1] = "from robid_core.mechanics.views import lanes_at, numbers_at"
+    else:
+        rows = ", ".join(f"io[{row} * {LANES} + lane]" for row in range(N_INPUT))
+        outputs = ", ".join(
+            f"io[{N_INPUT + row} * {LANES} + lane]" for row in range(N_OUTPUT if kind == "force" else 1)
+        )
+        lines += [
+            "    io, before, after = numbers_at(place), numbers_at(state), numbers_at(next_state)",
+            f"    own, following = np.empty({n_state}), np.empty({n_state})",
+            f"    for lane in range({LANES}):",
+            f"        for k in range({n_state}):",
+            f"            own[k] = following[k] = before[k * {LANES} + lane]",
+            f"        {outputs} = law(",
+            f"            {rows}, own, following, numbers_at(arguments), step",
+            "        )",
+            f"        for k in range({n_state}):",
+            f"            after[k * {LANES} + lane] = following[k]",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(law: Law, name: tuple[str, str] | None, source: str, digest: str) -> Any:
+    options: dict[str, Any] = {"error_model": "numpy"}
+    if name is None:  # nobody else can import it: compiled in every process
+        scope: dict[str, Any] = {"law": law}
+        exec(compile(source, "<entry of a law>", "exec"), scope)
+        return numba.cfunc(ENTRY, **options)(scope["entry"])
+    key = hashlib.sha256(f"{digest} {name} {source}".encode()).hexdigest()[:32]
+    path = cache_folder() / f"law_{key}.py"
+    if not path.is_file():
+        _write(path, source)
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module  # where numba looks for it when it loads the machine code
+    spec.loader.exec_module(module)
+    return numba.cfunc(ENTRY, cache=True, **options)(module.entry)
+
+
+@functools.cache
+def cache_folder() -> Path:
+    """Folder for the modules of entries: numba's cache folder where one is set, else the user's."""
+    home = (
+        os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    )
+    for folder in (Path(home) / "robid" / "laws", Path(tempfile.gettempdir()) / f"robid-laws-{os.getuid()}"):
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK) and folder.stat().st_uid == os.getuid():
+            return folder
+    return Path(tempfile.mkdtemp(prefix="robid-laws-"))
+
+
+def _write(path: Path, text: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    with os.fdopen(handle, "w", encoding="utf-8") as stream:
+        stream.write(text)
+    Path(temporary).replace(path)

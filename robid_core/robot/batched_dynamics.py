@@ -1,0 +1,27 @@
+"""What a plugin of `robid.dynamics` offers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from robid_core.mechanics import Equilibrium, ResponseGradient, SecondOrderModel
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+class BatchedDynamics(Protocol):
+    """What is registered under `robid.dynamics`: functions of robid_core.mechanics, computed in another way."""
+
+    @property
+    def solve_equilibrium(self) -> Callable[..., Equilibrium]: ...
+    @property
+    def second_order_model(self) -> Callable[..., SecondOrderModel]: ...
+    @property
+    def response(self) -> Callable[..., ComplexArray]: ...
+    @property
+    def response_with_gradient(self) -> Callable[..., ResponseGradient]: ...
