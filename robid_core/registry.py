@@ -23,7 +23,8 @@ DYNAMICS = "robid.dynamics"
 MODELS = "robid.models"
 RECORDS = "robid.records"
 EXECUTORS = "robid.executors"
-GROUPS = (STAGES, EFFECTS, DRIVES, DYNAMICS, MODELS, RECORDS, EXECUTORS)
+TASKS = "robid.tasks"
+GROUPS = (STAGES, EFFECTS, DRIVES, DYNAMICS, MODELS, RECORDS, EXECUTORS, TASKS)
 
 NOUNS = {
     STAGES: "stage",
@@ -33,6 +34,7 @@ NOUNS = {
     MODELS: "reader of robot models",
     RECORDS: "reader of recordings",
     EXECUTORS: "executor",
+    TASKS: "task",
 }
 
 # What an extra brings, for the hint when its packages are missing.

@@ -32,22 +32,16 @@ def sample_controller(control, terms, work, state, inputs):  # type: ignore[no-u
         measured = state.position[motor + a]
         if terms.signal.shape[0] > 0:
             measured = act_on_signal(
-                terms,
-                work,
-                state.law_state,
-                POSITION,
-                a,
-                measured,
-                measured,
-                state.speed[motor + a],
-                sample_time,
-                True,
-            )
+                terms, work, state.law_state, POSITION, a, measured, measured, state.speed[motor + a], sample_time,
+                sample_time, True,
+            )  # fmt: skip
         measured = measured + noise[a]
         if gains[a, 5] > 0.0:
             measured = np.rint(measured / gains[a, 5]) * gains[a, 5]
-        measured_speed = (measured - state.measured[a]) / sample_time
+        before, reference = state.measured[a], state.reference[a]
+        measured_speed = (measured - where(before == before, before, measured)) / sample_time
         state.measured[a] = measured
+        state.reference[a] = where(reference == reference, reference, measured)
         if has[0]:
             state.reference[a] = aim[a]
         error = gains[a, 3] * wanted[a] + gains[a, 2] * (state.reference[a] - measured) - measured_speed
@@ -63,17 +57,9 @@ def sample_controller(control, terms, work, state, inputs):  # type: ignore[no-u
         reported = demand
         if terms.signal.shape[0] > 0:
             reported = act_on_signal(
-                terms,
-                work,
-                state.law_state,
-                TORQUE_MEASUREMENT,
-                a,
-                demand,
-                measured,
-                measured_speed,
-                sample_time,
-                True,
-            )
+                terms, work, state.law_state, TORQUE_MEASUREMENT, a, demand, measured, measured_speed, sample_time,
+                sample_time, True,
+            )  # fmt: skip
         torque_out[a] = reported + reported_noise[a]
 
 
@@ -181,7 +167,7 @@ def term_views(terms):  # type: ignore[no-untyped-def]
     """Views of the arrays of laws."""
     return TermArrays(
         view_of(terms.force), view_of(terms.signal), view_of(terms.column), view_of(terms.value),
-        view_of(terms.argument), view_of(terms.loads),
+        view_of(terms.argument), view_of(terms.weight), view_of(terms.loads),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.layout import chain_arrays, chain_work
 from robid_core.mechanics.recursion import chain_views, evaluate, work_views
-from robid_core.mechanics.views import lane_view
+from robid_core.mechanics.views import lanes_of
 
 
 @dataclass(frozen=True)
@@ -44,25 +44,23 @@ def dynamics(chain: Chain, position: FloatArray, speed: FloatArray | None = None
     rows, rates = q.reshape(-1, n), v.reshape(-1, n)
     mass, bias = np.zeros((len(rows), n, n)), np.zeros((len(rows), n))
     stiffness = np.zeros((len(rows), n, n))
-    width, single = (1, None) if len(rows) < LANES // 2 else (LANES, LANES)
-    dynamics_rows(chain_arrays(chain), chain_work(n, width), rows, rates, mass, bias, stiffness, single)
+    dynamics_rows(chain_arrays(chain), chain_work(n, LANES), rows, rates, mass, bias, stiffness)
     return Dynamics(mass.reshape(*q.shape, n), bias.reshape(q.shape), stiffness.reshape(*q.shape, n))
 
 
 @kernel
-def dynamics_rows(chain, work, position, speed, masses, biases, stiffnesses, single):  # type: ignore[no-untyped-def]
+def dynamics_rows(chain, work, position, speed, masses, biases, stiffnesses):  # type: ignore[no-untyped-def]
     """Evaluate every row of position and speed into full symmetric matrices."""
     n_row, n = position.shape
-    width = work.bias.shape[1]
-    views, memory = chain_views(chain), work_views(work, single)
-    q, v = np.zeros((n, width)), np.zeros((n, width))
-    for first in range(0, n_row, width):
+    views, memory = chain_views(chain), work_views(work, LANES)
+    q, v = np.zeros((n, LANES)), np.zeros((n, LANES))
+    for first in range(0, n_row, LANES):
         for i in range(n):
-            for lane in range(width):
+            for lane in range(LANES):
                 row = min(first + lane, n_row - 1)
                 q[i, lane], v[i, lane] = position[row, i], speed[row, i]
-        evaluate(views, memory, lane_view(q, single), lane_view(v, single), True)
-        for lane in range(min(width, n_row - first)):
+        evaluate(views, memory, lanes_of(q), lanes_of(v), True)
+        for lane in range(min(LANES, n_row - first)):
             row = first + lane
             for i in range(n):
                 biases[row, i] = work.bias[i, lane]

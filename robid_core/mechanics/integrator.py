@@ -64,8 +64,13 @@ def along(terms, first, last, values):  # type: ignore[no-untyped-def]
 
 
 @fused_kernel
-def act_on_signal(terms, work, law_state, channel, axis, signal, angle, speed, step, keep):  # type: ignore[no-untyped-def]
-    """Send a signal of one axis through the laws on a channel, in their order; where `keep`, their states move on."""
+def act_on_signal(  # type: ignore[no-untyped-def]
+    terms, work, law_state, channel, axis, signal, angle, speed, step, stateless_step, keep
+):
+    """Send a signal of one axis through the laws on a channel, in their order; where `keep`, their states move on.
+
+    Laws without a state are asked for their mean over `stateless_step`: nothing in the stages of Runge-Kutta.
+    """
     place, next_state = work.place, work.next_state
     for t in range(terms.signal.shape[0]):
         if terms.signal[t, 5] != channel or terms.signal[t, 4] != axis:
@@ -74,7 +79,7 @@ def act_on_signal(terms, work, law_state, channel, axis, signal, angle, speed, s
         place[0], place[1], place[2] = signal, angle, speed
         call_law(
             terms.signal[t, 0], address_of(place, 0), address_of(law_state, first), address_of(next_state, 0),
-            address_of(terms.argument, argument), step,
+            address_of(terms.argument, argument), step if n_state > 0 else stateless_step,
         )  # fmt: skip
         if keep:
             for k in range(n_state):
@@ -84,7 +89,9 @@ def act_on_signal(terms, work, law_state, channel, axis, signal, angle, speed, s
 
 
 @fused_kernel
-def pass_torque(plant, terms, work, command, law_state, acceleration, step, keep):  # type: ignore[no-untyped-def]
+def pass_torque(  # type: ignore[no-untyped-def]
+    plant, terms, work, command, law_state, acceleration, step, stateless_step, keep
+):
     """Acting motor torques from the held commands, and the torques that the transmissions pass."""
     n_axis = command.shape[0]
     middle, middle_speed, torque, load = work.middle, work.middle_speed, work.torque, work.load
@@ -93,7 +100,9 @@ def pass_torque(plant, terms, work, command, law_state, acceleration, step, keep
         torque[a] = command[a]
         if terms.signal.shape[0] > 0:
             angle, speed = middle[motor + a], middle_speed[motor + a]
-            torque[a] = act_on_signal(terms, work, law_state, TORQUE, a, command[a], angle, speed, step, keep)
+            torque[a] = act_on_signal(
+                terms, work, law_state, TORQUE, a, command[a], angle, speed, step, stateless_step, keep
+            )
     if terms.loads[0]:
         for a in range(n_axis):
             deflection, rate = 0.0 * middle[0], 0.0 * middle[0]
@@ -114,7 +123,7 @@ def pass_torque(plant, terms, work, command, law_state, acceleration, step, keep
 def add_forces(terms, work, law_state, stage, half, step):  # type: ignore[no-untyped-def]
     """Add the laws' forces to `stage`, linearised about the extrapolated midpoint, and keep what their slopes add.
 
-    ``x_mid = (spring . e) + half^2 e . a`` and ``v_mid = (right . e) + half e . a`` with the acceleration a of
+    ``x_mid = (spring . e) + weight e . a`` and ``v_mid = (right . e) + half e . a`` with the acceleration a of
     the step.
     """
     place, load = work.place, work.load
@@ -134,7 +143,7 @@ def add_forces(terms, work, law_state, stage, half, step):  # type: ignore[no-un
         if terms.force[t, 4] and half > 0.0:
             force = force + place[4] * (along(terms, middle, last, work.spring) - position)
             force = force + place[5] * (along(terms, middle, last, work.right) - velocity)
-            work.slope[t] = half * half * place[4] + half * place[5]
+            work.slope[t] = terms.weight[t] * place[4] + half * place[5]
         else:
             work.slope[t] = 0.0 * force
         if terms.force[t, 5] >= 0 and terms.loads[0]:
@@ -259,8 +268,9 @@ def hold_torque(chain, plant, terms, chain_work, work, state, step, n_step, rung
                 moment = moment - (plant.spring_value[e, 0] * spring[j] + plant.spring_value[e, 1] * right[j])
             force[i] = moment
         pass_torque(
-            plant, terms, work, work.command, law_state, acceleration, step, not runge_kutta or k == 3
-        )
+            plant, terms, work, work.command, law_state, acceleration, step, 0.0 if runge_kutta else step,
+            not runge_kutta or k == 3,
+        )  # fmt: skip
         for a in range(n_axis):
             i = motor + a
             force[i] = force[i] + work.torque[a]

@@ -27,6 +27,7 @@ from robid_core.mechanics.simulation_arrays import (
     motors_last,
     plant_arrays,
     robot_arrays,
+    spring_weights,
     term_arrays,
     work_memory,
 )
@@ -79,9 +80,9 @@ class SimulationState:
     integral: FloatArray
     """Of the speed controllers, N m, (n_lane, n_axis)."""
     reference: FloatArray
-    """Of the position controllers, rad, (n_lane, n_axis)."""
+    """Of the position controllers, rad, (n_lane, n_axis); NaN: what the first sample measures."""
     measured: FloatArray
-    """Measured position at the last instant, rad, (n_lane, n_axis)."""
+    """Measured position at the last instant, rad, (n_lane, n_axis); NaN: nothing was measured yet."""
     holding_torque: FloatArray
     """Constant part of the motor torque, N m, (n_lane, n_axis)."""
     law_state: FloatArray
@@ -125,7 +126,8 @@ def rest_state(
     start = [np.zeros(term.n_state) for term in forces]
     start += [np.zeros(term.n_state) if term.initial is None else term.initial for term in signals]
     laws = np.tile(np.concatenate([np.zeros(0), *start]), (len(angle), 1))
-    return SimulationState(rest.position, still, still, none, angle, angle, rest.torque, laws)
+    unknown = np.full_like(angle, np.nan)
+    return SimulationState(rest.position, still, still, none, unknown, unknown, rest.torque, laws)
 
 
 def simulate(
@@ -229,8 +231,10 @@ def simulate(
     )
     gains = np.column_stack([_axes(controller, field.name, n_axis) for field in fields(controller)])
     control = ControlArrays(np.ascontiguousarray(gains), float(sample_time), n_step, method == "runge_kutta")
-    plant = plant_arrays(mechanism, stiffness, damping, forces, 0.0 if control.runge_kutta else step)
-    terms, entries = term_arrays(mechanism, forces, signals, width == 1)
+    implicit_step = 0.0 if control.runge_kutta else step
+    weight = spring_weights(mechanism, stiffness, implicit_step)
+    plant = plant_arrays(mechanism, stiffness, damping, forces, implicit_step, weight)
+    terms, entries = term_arrays(mechanism, forces, signals, width == 1, implicit_step, weight)
     _run(mechanism, robot_arrays(mechanism, plant, terms), control, lanes, channels, width, n_thread)
     del entries  # machine code of the laws, no longer called
     back = np.argsort(order)

@@ -8,6 +8,7 @@ import numpy as np
 
 from robid_core.mechanics.chain import Chain
 from robid_core.mechanics.equilibrium import solve_equilibrium
+from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.linearize import second_order_model
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.response import response
@@ -39,19 +40,15 @@ def warm_up(note: Callable[[str], None] | None = None) -> None:
     arm, elastic = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
     mechanism = Mechanism(chain, np.eye(1) * 0.1, one * 1e-3, arm, elastic, np.ones(1, dtype=np.bool_))
     spring, damper = one * 1e3, one
-    tell("kernel 1 of 3: chain dynamics")
+    tell("kernel 1 of 4: chain dynamics")
     rest = solve_equilibrium(mechanism, spring, np.zeros((1, 1)))
-    tell("kernel 2 of 3: frequency response")
+    tell("kernel 2 of 4: frequency response")
     response(second_order_model(mechanism, spring, damper, rest.position), one * 10.0)
-    tell("kernel 3 of 3: closed-loop simulation")
-    simulate(
-        mechanism,
-        spring,
-        damper,
-        Controller(one * 0.1, one, one, one, one * 10, one * 0),
-        rest_state(mechanism, spring, np.zeros((1, 1))),
-        np.zeros((1, 2, 1)),
-    )
+    controller = Controller(one * 0.1, one, one, one, one * 10, one * 0)
+    for number, n_lane, experiments in ((3, 1, "one experiment"), (4, LANES, "eight experiments at once")):
+        tell(f"kernel {number} of 4: closed-loop simulation of {experiments}")
+        state = rest_state(mechanism, spring, np.zeros((n_lane, 1)))
+        simulate(mechanism, spring, damper, controller, state, np.zeros((n_lane, 2, 1)))
 
 
 def _say_nothing(_: str) -> None:
