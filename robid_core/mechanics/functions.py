@@ -6,10 +6,14 @@ a time and cost ten times as much. Each is exact to a few units in the last plac
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numba.extending import overload
 
 from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import power_of_two, where
+from robid_core.mechanics.lanes import LANES, lanes, power_of_two, where
+from robid_core.mechanics.views import address_of, lanes_at
 
 _SHIFT = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to a whole number that stands in the low bits
 _LARGEST_EXPONENT = 700.0  # e^700 = 1e304
@@ -89,3 +93,27 @@ def sine(x):  # type: ignore[no-untyped-def]
 def cosine(x):  # type: ignore[no-untyped-def]
     """cos x; see `sine_and_cosine`."""
     return sine_and_cosine(x)[1]
+
+
+def sines_and_cosines(angle: Any, sine: Any, cosine: Any) -> None:
+    """Fill views with the sines and cosines of a view of angles, as many as `sine` has items.
+
+    Where items are numbers, LANES of them go through a register at once: all three views must then reach to the end of
+    their last block of LANES, as `layout.aligned_arrays` makes them. The results are the same to the last bit.
+    """
+    raise NotImplementedError("inside compiled code only")
+
+
+@overload(sines_and_cosines)  # type: ignore[untyped-decorator]
+def _sines_and_cosines(angle, sine, cosine):  # type: ignore[no-untyped-def]
+    def one_by_one(angle, sine, cosine):  # type: ignore[no-untyped-def]
+        for i in range(sine.shape[0]):
+            sine[i], cosine[i] = sine_and_cosine(angle[i])
+
+    def in_blocks(angle, sine, cosine):  # type: ignore[no-untyped-def]
+        angles = lanes_at(address_of(angle, 0))
+        sines, cosines = lanes_at(address_of(sine, 0)), lanes_at(address_of(cosine, 0))
+        for block in range((sine.shape[0] + LANES - 1) // LANES):
+            sines[block], cosines[block] = sine_and_cosine(angles[block])
+
+    return one_by_one if angle.item == lanes else in_blocks

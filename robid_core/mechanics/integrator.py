@@ -181,13 +181,9 @@ def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-unty
     width, motor = plant.joint_value.shape[1], n - n_axis
     if motor == n_joint:  # every gear is elastic: joints are the first coordinates
         memory = ChainWork(
-            chain_work.record,
-            chain_work.screw,
-            chain_work.momentum,
-            system,
-            right,
-            chain_work.gravity_stiffness,
-        )
+            chain_work.record, chain_work.screw, chain_work.momentum, system, right, chain_work.gravity_stiffness,
+            chain_work.sine, chain_work.cosine,
+        )  # fmt: skip
         evaluate(chain, memory, work.middle, work.middle_speed, False)
         for i in range(n_joint):
             right[i] = stage[i] - right[i]

@@ -16,9 +16,9 @@ from numba.extending import is_jitted
 
 _TYPES = [
     (stat.st_mtime, stat.st_size)
-    for stat in (Path(__file__).with_name(name).stat() for name in ("lanes.py", "views.py"))
+    for stat in (Path(__file__).with_name(name).stat() for name in ("lanes.py", "views.py", "functions.py"))
 ]
-"""Stamps of the types that kernels are compiled with: no function names them."""
+"""Stamps of the types and overloads that kernels are compiled with: no function names them."""
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -39,6 +39,8 @@ class ChainWork(NamedTuple):
     mass: FloatArray  # (n, n) lower triangle of the mass matrix
     bias: FloatArray  # (n,) c + g
     gravity_stiffness: FloatArray  # (n, n) lower triangle of dg/dq
+    sine: FloatArray  # (n,) of the joint angles; whole cache lines, see `functions.sines_and_cosines`
+    cosine: FloatArray  # (n,)
 
 
 @functools.lru_cache(maxsize=32)
@@ -104,7 +106,7 @@ def chain_arrays(chain: Chain) -> ChainArrays:
 
 def chain_work(n: int, width: int) -> ChainWork:
     """Allocate the memory of one evaluation for n joints and `width` lanes."""
-    shapes = ((n, 40), (9, n), (14, n), (n, n), (n,), (n, n))
+    shapes = ((n, 40), (9, n), (14, n), (n, n), (n,), (n, n), (n,), (n,))
     return ChainWork(*aligned_arrays(*((*shape, width) for shape in shapes)))
 
 

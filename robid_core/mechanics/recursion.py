@@ -11,7 +11,7 @@ momentum per unit modal rate and its modal mass are constants (`Chain.modal_mome
 
 from __future__ import annotations
 
-from robid_core.mechanics.functions import sine_and_cosine
+from robid_core.mechanics.functions import sine_and_cosine, sines_and_cosines
 from robid_core.mechanics.kernel import fused_kernel
 from robid_core.mechanics.lanes import like
 from robid_core.mechanics.layout import ChainArrays, ChainWork
@@ -33,6 +33,7 @@ def work_views(work, single):  # type: ignore[no-untyped-def]
     return ChainWork(
         lane_view(work.record, single), lane_view(work.screw, single), lane_view(work.momentum, single),
         lane_view(work.mass, single), lane_view(work.bias, single), lane_view(work.gravity_stiffness, single),
+        lane_view(work.sine, single), lane_view(work.cosine, single),
     )  # fmt: skip
 
 
@@ -183,6 +184,7 @@ def evaluate(chain, work, position, speed, stiff):  # type: ignore[no-untyped-de
     tree, body, gravity = chain.tree, chain.body, chain.gravity
     record, screw, momentum, bias = work.record, work.screw, work.momentum, work.bias
     n = tree.shape[0]
+    sines_and_cosines(position, work.sine, work.cosine)
     zero, one = like(position[0], 0.0), like(position[0], 1.0)
     xx = xy = xz = yx = yy = yz = zx = zy = zz = zero  # axes of the parent's frame
     px = py = pz = wx = wy = wz = ux = uy = uz = ax = ay = az = bx = by = bz = zero
@@ -238,7 +240,7 @@ def evaluate(chain, work, position, speed, stiff):  # type: ignore[no-untyped-de
                 c * yx - s * xx, c * yy - s * xy, c * yz - s * xz,
             )  # fmt: skip
         else:
-            s, c = sine_and_cosine(position[j])
+            s, c = work.sine[j], work.cosine[j]
             if local == 0:
                 sx, sy, sz = xx, xy, xz
                 yx, yy, yz, zx, zy, zz = (
