@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
+MANY_TURNS = 100.0  # rad
+
 
 @dataclass(frozen=True, eq=False)
 class BoundEffect:
@@ -204,11 +206,15 @@ def added_terms(
 
 
 def channel_gain(robot: Robot, channel: str, omega: FloatArray) -> ComplexArray:
-    """Product of the complex gains of the signal effects on a channel, shape (n_freq, n_axis)."""
+    """Product of the complex gains of the signal effects on a channel, shape (n_freq, n_axis).
+
+    Waves of the motor angle (ripple, resolver) average out: a slow sine takes the motor over many of them.
+    """
+    motion = Motion(position_rms=MANY_TURNS)
     total = np.ones((len(omega), robot.n_axis), dtype=np.complex128)
     for bound in robot.effects:
         if issubclass(bound.effect, SignalEffect) and bound.place.side == channel:
-            total[:, bound.place.axis] *= bound.effect.gain(bound.parameters, bound.place, omega, Motion())
+            total[:, bound.place.axis] *= bound.effect.gain(bound.parameters, bound.place, omega, motion)
     return total
 
 

@@ -172,3 +172,13 @@ def test_friction_on_the_arm_damps_the_linear_model_under_the_speeds_it_is_told(
     parameters = robot.parameters()
     expected = equivalent_damping(3.0 / ratio, 8.0 / ratio, 40.0, 0.0, parameters["effect.seal.speed"])
     assert joint @ added @ joint == pytest.approx(float(expected), rel=1e-3)
+
+
+def test_ripple_over_many_turns_leaves_the_response_alone(tmp_path: Path) -> None:
+    waves = """\
+  cog: {use: drive.torque_ripple, on: axis_2, with: {relative: 0.02, order: 6, phase: 0.7}}
+  resolver: {use: sensing.resolver_ripple, on: axis_3, with: {amplitude: 1.0e-3, order: 2, phase: 0.3}}
+"""
+    lines = np.array([5.0, 40.0])
+    rippled, plain = _robot(tmp_path, waves).response(POSE, lines), Robot.load("six_axis").response(POSE, lines)
+    np.testing.assert_allclose(rippled, plain, rtol=1e-9)
