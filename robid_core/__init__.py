@@ -23,8 +23,10 @@ _HOME = {
     ),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
+    "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.effect": (
-        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect", "TestValue",
+        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect",
+        "TestValue",
     ),
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
     "robid_core.errors": (
@@ -104,6 +106,12 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot import (
         Robot as Robot,
+    )
+    from robid_core.robot.batch import (
+        BatchPortion as BatchPortion,
+        ExperimentBatch as ExperimentBatch,
+        simulate_over as simulate_over,
+        simulate_portions as simulate_portions,
     )
     from robid_core.settings_types import (
         DataPath as DataPath,

@@ -2,7 +2,8 @@
 
 Kinematics go joint by joint and for all positions together; then everything is a sum over bodies with their
 Jacobians: ``M = sum m Jv^T Jv + Jw^T I Jw``, ``g = -sum m gravity . Jv``. The slope of g has a closed form: a
-joint above turns the momentum that a unit rate of the joint below gives to what hangs on it.
+joint above turns the momentum that a unit rate of the joint below gives to what hangs on it. A flexible body is a
+rigid one of another centre and inertia for every deflection, and its modes add momentum of their own (see `Chain`).
 """
 
 from __future__ import annotations
@@ -12,15 +13,16 @@ from typing import NamedTuple
 import numpy as np
 import torch  # type: ignore[import-not-found, unused-ignore]
 
-from robid_core.mechanics import REVOLUTE, Chain
+from robid_core.mechanics import Chain
+from robid_core.mechanics.chain import spatial_inertia
 
 
 class Tree(NamedTuple):
     """A chain as tensors on one device, float64."""
 
     parent: tuple[int, ...]
-    revolute: tuple[bool, ...]
-    axis: torch.Tensor  # (n, 3)
+    turning: torch.Tensor  # (n, 3) rotation per unit coordinate, in the joint frame
+    sliding: torch.Tensor  # (n, 3) translation per unit coordinate
     rotation: torch.Tensor  # (n, 3, 3)
     translation: torch.Tensor  # (n, 3)
     mass: torch.Tensor  # (n,)
@@ -28,7 +30,14 @@ class Tree(NamedTuple):
     inertia: torch.Tensor  # (n, 3, 3)
     gravity: torch.Tensor  # (3,)
     moves: torch.Tensor  # (n, n) [j, i] is 1 where joint i moves body j
-    turns: torch.Tensor  # (n,) 1 where the joint is revolute
+    modes: tuple[int, ...]  # modal joints
+    roots: tuple[int, ...]  # of the flexible body of each of them
+    angular: torch.Tensor  # (n_mode, 3) momentum of the flexible body about its origin per modal rate
+    linear: torch.Tensor  # (n_mode, 3)
+    modal_mass: torch.Tensor  # (n, n)
+    moment_slope: torch.Tensor  # (n, n, 3) [root, mode] change of mass times centre of mass
+    inertia_slope: torch.Tensor  # (n, n, 3, 3) [root, mode] change of the inertia about the origin
+    about_origin: torch.Tensor  # (n, 3, 3) inertia about the joint frame's origin, undeformed
 
 
 class Frames(NamedTuple):
@@ -36,7 +45,8 @@ class Frames(NamedTuple):
 
     rotation: torch.Tensor  # (n_config, n, 3, 3)
     origin: torch.Tensor  # (n_config, n, 3) of the joint frames
-    axis: torch.Tensor  # (n_config, n, 3) of the joints
+    axis: torch.Tensor  # (n_config, n, 3) rotation per unit coordinate
+    slide: torch.Tensor  # (n_config, n, 3) translation per unit coordinate
 
 
 class Terms(NamedTuple):
@@ -49,16 +59,38 @@ class Terms(NamedTuple):
 
 def tree_of(chain: Chain, device: torch.device) -> Tree:
     """Copy a chain to a device."""
-    moves = np.eye(chain.n_coordinate)
+    n = chain.n_coordinate
+    moves = np.eye(n)
     for j, parent in enumerate(chain.parent):
         if parent >= 0:
             moves[j] += moves[parent]
-    revolute = chain.joint_type == REVOLUTE
-    numbers = (chain.axis, chain.rotation, chain.translation, chain.mass, chain.centre_of_mass, chain.inertia)
+    modes = np.flatnonzero(chain.flexible_root >= 0)
+    roots = chain.flexible_root[modes]
+    moment_slope, inertia_slope = np.zeros((n, n, 3)), np.zeros((n, n, 3, 3))
+    moment_slope[roots, modes] = chain.modal_momentum[modes, 3:]
+    inertia_slope[roots, modes] = chain.modal_inertia[modes]
+    bodies = zip(chain.mass, chain.centre_of_mass, chain.inertia, strict=True)
+    about_origin = np.array([spatial_inertia(float(m), c, inertia)[:3, :3] for m, c, inertia in bodies])
+    arrays = {
+        "turning": chain.turning_axis,
+        "sliding": chain.sliding_axis,
+        "rotation": chain.rotation,
+        "translation": chain.translation,
+        "mass": chain.mass,
+        "centre": chain.centre_of_mass,
+        "inertia": chain.inertia,
+        "gravity": chain.gravity,
+        "moves": moves,
+        "angular": chain.modal_momentum[modes, :3],
+        "linear": chain.modal_momentum[modes, 3:],
+        "modal_mass": chain.modal_mass,
+        "moment_slope": moment_slope,
+        "inertia_slope": inertia_slope,
+        "about_origin": about_origin,
+    }
+    whole = {name: tensor(array, device) for name, array in arrays.items()}
     return Tree(
-        tuple(chain.parent.tolist()),
-        tuple(revolute.tolist()),
-        *(tensor(array, device) for array in (*numbers, chain.gravity, moves, revolute.astype(float))),
+        parent=tuple(chain.parent.tolist()), modes=tuple(modes.tolist()), roots=tuple(roots.tolist()), **whole
     )
 
 
@@ -75,45 +107,79 @@ def frames(tree: Tree, position: torch.Tensor) -> Frames:
     rotations: list[torch.Tensor] = []
     origins: list[torch.Tensor] = []
     axes: list[torch.Tensor] = []
+    slides: list[torch.Tensor] = []
     for j, parent in enumerate(tree.parent):
         above, origin = (rotations[parent], origins[parent]) if parent >= 0 else (base, start)
-        origin = origin + above @ tree.translation[j]
         joint = above @ tree.rotation[j]
-        axis = joint @ tree.axis[j]
-        if tree.revolute[j]:
-            joint = joint @ _turn(tree.axis[j], position[:, j])
-        else:
-            origin = origin + axis * position[:, j, None]
-        rotations.append(joint)
-        origins.append(origin)
-        axes.append(axis)
-    return Frames(torch.stack(rotations, 1), torch.stack(origins, 1), torch.stack(axes, 1))
+        slide = joint @ tree.sliding[j]
+        origins.append(origin + above @ tree.translation[j] + slide * position[:, j, None])
+        axes.append(joint @ tree.turning[j])
+        slides.append(slide)
+        rotations.append(joint @ _turn(tree.turning[j], position[:, j]))
+    return Frames(*(torch.stack(part, 1) for part in (rotations, origins, axes, slides)))
 
 
 def terms_at(tree: Tree, position: torch.Tensor) -> Terms:
     """Mass matrix, gravity torque and its slope at joint coordinates `position`, shape (n_config, n)."""
     place = frames(tree, position)
-    centre = place.origin + (place.rotation @ tree.centre[:, :, None])[..., 0]
-    # velocity of each centre of mass for a unit rate of each joint: (n_config, body, joint, 3)
-    lever = centre[:, :, None] - place.origin[:, None]
-    turned = torch.linalg.cross(place.axis[:, None].expand_as(lever), lever)
-    turns = tree.turns[:, None]
-    moving = (turns * turned + (1 - turns) * place.axis[:, None]) * tree.moves[..., None]
+    from_origin, inertia = _bent(tree, position)
+    centre = place.origin + (place.rotation @ from_origin[..., None])[..., 0]
+    moving = _velocity(tree, place, centre)  # (n_config, body, joint, 3)
     heavy = tree.mass[:, None, None] * moving
     n_config, n = position.shape
     rows = moving.transpose(2, 3).reshape(n_config, 3 * n, n)  # bodies and directions stacked
     weighed = heavy.transpose(2, 3).reshape(n_config, 3 * n, n)
-    turning = place.axis * turns  # angular velocity for a unit rate
-    spin = (turning[:, None] * tree.moves[..., None]).transpose(2, 3)  # (n_config, body, 3, joint)
-    inertia = place.rotation @ tree.inertia @ place.rotation.transpose(-1, -2)
+    turns = place.axis[:, None] * tree.moves[..., None]  # angular velocity of each body for a unit rate
+    spin = turns.transpose(2, 3)  # (n_config, body, 3, joint)
+    inertia = place.rotation @ inertia @ place.rotation.transpose(-1, -2)
     mass = weighed.transpose(1, 2) @ rows
     mass = mass + (spin.transpose(-1, -2) @ (inertia @ spin)).sum(1)
     momentum = heavy.sum(1)  # (n_config, joint, 3)
-    pulled = torch.linalg.cross(tree.gravity.expand_as(turning), turning)
+    pulled = torch.linalg.cross(tree.gravity.expand_as(place.axis), place.axis)
     above = -(momentum @ pulled.transpose(1, 2)) * tree.moves  # [below, above]
+    carried = (tree.mass @ tree.moves)[:, None] * place.slide  # a joint's own sliding turns nothing
+    above = above + torch.diag_embed((carried * pulled).sum(-1))
+    if tree.modes:
+        modes, roots = list(tree.modes), list(tree.roots)
+        axes = place.rotation[:, roots]
+        angular, linear = axes @ tree.angular[..., None], axes @ tree.linear[..., None]
+        velocity = _velocity(tree, place, place.origin)[:, roots]
+        added = torch.zeros_like(mass)
+        added[:, modes] = (velocity @ linear + turns[:, roots] @ angular)[..., 0]
+        linear = linear[..., 0]
+        mass = mass + added + added.transpose(1, 2) + tree.modal_mass
+        momentum = momentum.index_add(1, torch.tensor(modes, device=mass.device), linear)
+        leaning = torch.zeros_like(above)
+        leaning[:, modes] = -(linear @ pulled.transpose(1, 2)) * tree.moves[roots]
+        above = above + leaning
     lower = torch.tril(above)
     stiffness = lower + torch.tril(above, -1).transpose(1, 2)
     return Terms((mass + mass.transpose(1, 2)) / 2, -(momentum @ tree.gravity), stiffness)
+
+
+def _velocity(tree: Tree, place: Frames, point: torch.Tensor) -> torch.Tensor:
+    """Velocity of a point of each body (n_config, n, 3) for a unit rate of each joint, (n_config, body, joint, 3)."""
+    lever = point[:, :, None] - place.origin[:, None]
+    turned = torch.linalg.cross(place.axis[:, None].expand_as(lever), lever)
+    velocity: torch.Tensor = (turned + place.slide[:, None]) * tree.moves[..., None]
+    return velocity
+
+
+def _bent(tree: Tree, position: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Centre of mass of each body and inertia about it, body axes; of flexible ones for their deflection."""
+    if not tree.modes:
+        return tree.centre.expand(len(position), -1, -1), tree.inertia.expand(len(position), -1, -1, -1)
+    roots = sorted(set(tree.roots))
+    mass = tree.mass[roots][:, None]
+    moment = mass * tree.centre[roots] + torch.einsum("cm,rma->cra", position, tree.moment_slope[roots])
+    tensor = tree.about_origin[roots] + torch.einsum("cm,rmab->crab", position, tree.inertia_slope[roots])
+    middle = moment / mass
+    square = (middle * moment).sum(-1)[..., None, None] * torch.eye(3, dtype=mass.dtype, device=mass.device)
+    about = tensor - square + middle[..., :, None] * moment[..., None, :]
+    centre = tree.centre.expand(len(position), -1, -1).clone()
+    inertia = tree.inertia.expand(len(position), -1, -1, -1).clone()
+    centre[:, roots], inertia[:, roots] = middle, about
+    return centre, inertia
 
 
 def bytes_per_position(tree: Tree) -> int:
@@ -121,11 +187,13 @@ def bytes_per_position(tree: Tree) -> int:
     return 10 * 3 * 8 * len(tree.parent) ** 2
 
 
-def _turn(axis: torch.Tensor, angle: torch.Tensor) -> torch.Tensor:
-    """Rotations by `angle` (n_config,) about one axis (Rodrigues), shape (n_config, 3, 3)."""
-    x, y, z = axis
+def _turn(vector: torch.Tensor, amount: torch.Tensor) -> torch.Tensor:
+    """Rotations exp([vector] amount) for one vector and many amounts (n_config,), shape (n_config, 3, 3)."""
+    x, y, z = vector
+    length = torch.sqrt(x * x + y * y + z * z)
     zero = torch.zeros_like(x)
     cross = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero)).reshape(3, 3)
-    sine, cosine = torch.sin(angle)[:, None, None], torch.cos(angle)[:, None, None]
-    one = torch.eye(3, dtype=axis.dtype, device=axis.device)
-    return one + sine * cross + (1 - cosine) * (cross @ cross)
+    cross = cross / torch.where(length > 0, length, 1.0)
+    angle = (length * amount)[:, None, None]
+    one = torch.eye(3, dtype=vector.dtype, device=vector.device)
+    return one + torch.sin(angle) * cross + (1 - torch.cos(angle)) * (cross @ cross)

@@ -58,7 +58,8 @@ def information_matrices(
     Shape (n_config, n_spring, n_spring).
     """
     omega = 2 * np.pi * frequency_hz
-    stiffness, _ = robot.spring_arrays()
+    n_spring = len(robot.stiffness_names)
+    stiffness = robot.spring_arrays()[0][:n_spring]
     damping = np.broadcast_to(motor_damping, angle.shape).copy()
     g = robot.response_with_gradient(angle, frequency_hz, damping)
     speed_response = g.response / (1j * omega[:, None, None])
@@ -72,5 +73,8 @@ def information_matrices(
     weight = np.linalg.inv(output_covariance).astype(np.complex128)
     factors = np.broadcast_to(-stiffness.astype(complex), (len(omega), len(stiffness)))
     return np.stack(
-        [information_of_rank_one(g.spring_vectors[c], factors, gram[c], weight) for c in range(len(angle))]
+        [
+            information_of_rank_one(g.spring_vectors[c, :, :n_spring], factors, gram[c], weight)
+            for c in range(len(angle))
+        ]
     )

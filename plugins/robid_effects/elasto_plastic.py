@@ -1,8 +1,8 @@
-"""Two-state friction with elasto-plasticity: presliding hysteresis, and a level of sliding that lags behind speed.
+"""Two-state friction: presliding hysteresis, and a level of sliding that lags behind speed.
 
-Theory, after the idea of Ruderman and Bertram (2011, 2013): one state follows the path and holds the presliding
-hysteresis, one follows time and holds the frictional lag; both end in the Stribeck curve
-S(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2). The equations are our own form of that idea, not taken from the paper:
+Not the two-state model of Ruderman and Bertram (2011, 2013), which gave it its name here, but a model of ours of the
+same two phenomena: one state follows the path and holds the presliding hysteresis, one follows time and holds the
+frictional lag; both end in the Stribeck curve S(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2). With that curve:
 
     z' = sigma v - sigma |v| z / w        torque of the asperities: presliding hysteresis
     w' = (S(v) - w) / lag                 level at which they flow: frictional lag
@@ -17,8 +17,9 @@ softens with frequency, a source of energy in small motions. As it is, the store
 Small motions meet sigma at any frequency; steady sliding gives S(v) sign(v) + viscous v; a body at rest regains its
 break-away torque within the lag, so break-away falls when force is raised faster or rest is shorter; sliding at
 varying speed runs through a loop about the Stribeck curve. Limits: the memory is one reversal only (z itself), loops
-inside loops drift and do not close at once as Masing's rule asks (`transmission.maxwell_slip` does); no purely
-elastic range; the lag is one time at all speeds. Without lag it is LuGre without sigma1, without Stribeck curve Dahl.
+inside loops drift and do not close at once as Masing's rule asks (`transmission.maxwell_slip` does); no range is purely
+elastic, so that a small load creeps under vibration; the lag is one time at all speeds. Without lag it is LuGre without
+sigma1, without Stribeck curve Dahl.
 """
 
 from __future__ import annotations
@@ -56,11 +57,11 @@ def elasto_plastic_law(position, velocity, load, state, next_state, parameters, 
 
 
 class ElastoPlastic(ForceEffect):
-    """Two-state friction: presliding hysteresis and frictional lag about a Stribeck curve."""
+    """Two-state friction of our own: presliding hysteresis and frictional lag about a Stribeck curve."""
 
     source = (
-        "after M. Ruderman, T. Bertram, Two-state dynamic friction model with elasto-plasticity, "
-        "Mechanical Systems and Signal Processing 39(1-2), 2013; equations and proof of passivity: this file"
+        "this file: equations, and why they are passive; idea of two states after M. Ruderman, T. Bertram, Two-state "
+        "dynamic friction model with elasto-plasticity, Mechanical Systems and Signal Processing 39(1-2), 2013"
     )
     sides = ("motor", "gear", "arm", "bearing")
     parameters = (

@@ -57,6 +57,7 @@ class Quantisation(SignalEffect):
     )
     test_values = (
         TestValue({"signal": 0.74, "resolution": 0.5}, {"signal": 0.5}, "below the threshold at 0.75"),
+        TestValue({"signal": 0.76, "resolution": 0.5}, {"signal": 1.0}, "beyond it"),
         TestValue({"signal": -0.76, "resolution": 0.5}, {"signal": -1.0}, "beyond the threshold at -0.75"),
     )
 

@@ -38,8 +38,8 @@ class Unknowns:
     @classmethod
     def of_robot(cls, robot: Robot) -> Unknowns:
         """All springs and dampers of a robot, and one friction factor per axis."""
-        stiffness, damping = robot.spring_arrays()
-        springs, dampers = robot.stiffness_names, robot.damping_names
+        springs, dampers = robot.stiffness_names, robot.damping_names  # the modes of links are not fitted
+        stiffness, damping = (values[: len(springs)] for values in robot.spring_arrays())
         factors = tuple(f"friction_factor.{axis}" for axis in robot.axis_names)
         return cls(
             names=springs + dampers + factors,
@@ -111,8 +111,9 @@ class LogResponseProblem:
             self.frf.angle, self.frf.frequency_hz, motor_damping, self.frf.torque_hold
         )
         residual = self.whitened(g.response)
-        stiffness, damping = robot.spring_arrays()
-        springs = _vec_of_squares(g.spring_vectors)
+        n_spring = len(robot.stiffness_names)
+        stiffness, damping = (values[:n_spring] for values in robot.spring_arrays())
+        springs = _vec_of_squares(g.spring_vectors[:, :, :n_spring])
         motors = _vec_of_squares(g.motor_vectors)
         s = 1j * self._omega[:, None, None]
         # e = log(measured) - log(model), so de/dlog p = -(p dG/dp) / G, and dG/dk = -x x^T.

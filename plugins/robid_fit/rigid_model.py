@@ -84,8 +84,10 @@ def motion_of(position: FloatArray, sample_time: float, cutoff_hz: float, order:
 
 
 def without_bearings(robot: Robot) -> Robot:
-    """Return the robot with stiff bearings: elastic coordinates stand still, each body is again on its own joint."""
-    return dataclasses.replace(robot, description=robot.description.model_copy(update={"bearings": {}}))
+    """Return the robot with stiff bearings and links: each body is again on its own joint."""
+    bodies = tuple(body.model_copy(update={"flexible": None}) for body in robot.description.bodies)
+    rigid = robot.description.model_copy(update={"bearings": {}, "bodies": bodies})
+    return dataclasses.replace(robot, description=rigid)
 
 
 def random_motion(robot: Robot, n_sample: int) -> Motion:

@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from robid_core import FloatArray, Robot
+from robid_core.mechanics.chain import rotation_by
 
 SIZE = 100.0
 VIEWS = ("side", "top")
@@ -43,22 +44,11 @@ def skeleton(robot: Robot, angle: FloatArray) -> Skeleton:
             turn, origin = (turns[parent], points[c, parent]) if parent >= 0 else (np.eye(3), np.zeros(3))
             placed = turn @ chain.rotation[j]
             points[c, j] = origin + turn @ chain.translation[j]
-            if chain.joint_type[j] == 1:
-                points[c, j] += placed @ chain.axis[j] * joint[c, j]
-                turns.append(placed)
-            else:
-                turns.append(placed @ _rotation(chain.axis[j], joint[c, j]))
+            points[c, j] += placed @ chain.sliding_axis[j] * joint[c, j]
+            turns.append(placed @ rotation_by(chain.turning_axis[j] * joint[c, j]))
         for k, tip in enumerate(tips):
             points[c, chain.n_coordinate + k] = points[c, tip] + turns[tip] @ chain.centre_of_mass[tip]
     return Skeleton(points, (*(int(p) for p in chain.parent), *tips))
-
-
-def _rotation(axis: FloatArray, angle: float) -> FloatArray:
-    """Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    result: FloatArray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-    return result
 
 
 def is_worth_drawing(body: Skeleton) -> bool:

@@ -20,7 +20,7 @@ COMMANDS = {
     "run": "Run a pipeline: what is up to date is kept, the rest is made.",
     "plan": "Show who feeds whom, and how long the robot will move.",
     "validate": "Check a pipeline file and tell all its mistakes.",
-    "stages": "List the plugins, or explain one: settings, meaning, YAML to paste.",
+    "stages": "List the plugins, effects included, or explain one: settings, meaning, YAML to paste.",
     "show": "Show a result readably.",
     "diff": "Compare two runs: settings, versions, results.",
     "init": "Make a new project from a template.",

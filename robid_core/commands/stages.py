@@ -1,4 +1,4 @@
-"""`robid stages`: all plugins with where they come from, or one of them explained."""
+"""`robid stages`: all plugins, effects among them, with where they come from, or one of them explained."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ import typer
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from robid_core.effect import Effect
     from robid_core.registry import Plugin
 
 Row = tuple[str, ...]
 
 
 def command(
-    name: Annotated[str | None, typer.Argument(help="Explain this plugin, as frf.log.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Explain this plugin, as frf.log or friction.lugre.")
+    ] = None,
 ) -> None:
     """List every installed plugin with its package and version, or explain one."""
     from robid_core.errors import ConfigurationError
@@ -69,10 +72,12 @@ def summary(plugin: Any) -> str:
 def explain(plugin: Plugin) -> list[str]:
     """Return everything a user needs to know of a plugin; PluginError where it cannot be imported."""
     from robid_core.pipeline.checking import settings_model
-    from robid_core.registry import DRIVES, EXECUTORS, STAGES
+    from robid_core.registry import DRIVES, EFFECTS, EXECUTORS, STAGES
 
     loaded = plugin.load()
     lines = [f"{plugin.name}: {plugin.group}, {plugin.distribution} {plugin.version}, {plugin.target}"]
+    if plugin.group == EFFECTS:
+        return lines + explain_effect(plugin.name, loaded)
     if plugin.group == STAGES:
         takes = [
             f"{i.name}: {i.artifact.__name__}{' (optional)' if i.optional else ''}" for i in loaded.inputs()
@@ -85,6 +90,16 @@ def explain(plugin: Plugin) -> list[str]:
         lines += ["", "Settings", *(f"  {line}" for line in table(rows))] if rows else ["", "No settings."]
         lines += ["", "To paste", "", *paste(plugin, model)]
     return lines
+
+
+def explain_effect(name: str, effect: type[Effect]) -> list[str]:
+    """Return where an effect acts, its theory and source, its table, and YAML for a robot file."""
+    from robid_core.commands import effect_screen as screen
+
+    rows = screen.parameter_rows(effect)
+    lines = [screen.kind_line(effect), "", *screen.theory(effect)]
+    lines += ["", "Parameters", *(f"  {line}" for line in table(rows))] if rows else ["", "No parameters."]
+    return [*lines, "", "To paste into a robot.yaml", "", *screen.paste(name, effect)]
 
 
 def setting_rows(model: type[BaseModel]) -> list[Row]:

@@ -12,6 +12,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.errors import ConfigurationError
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -30,7 +32,7 @@ class RigidTree(Protocol):
 
     @property
     def joint_type(self) -> IntArray:
-        """0 revolute, 1 prismatic, shape (n,)."""
+        """0 revolute, 1 prismatic, 2 mode of a flexible link, shape (n,)."""
 
     @property
     def axis(self) -> FloatArray:
@@ -86,8 +88,18 @@ def inverse_dynamics_regressor(
     Returns
     -------
     Shape (n_sample, n, 10 n): joint force (N m or N) = regressor @ `inertial_parameters`.ravel().
+
+    Raises
+    ------
+    ConfigurationError
+        For a tree with modes of flexible links, which ten numbers a body do not describe.
     """
     n_sample, n = position.shape
+    if (tree.joint_type > 1).any():
+        mode = int(np.argmax(tree.joint_type > 1))
+        raise ConfigurationError(
+            f"rigid bodies: joint {mode} (counted from 0) is a mode of a flexible link; take the robot with rigid links"
+        )
     orientation, offset = _placement(tree, position)
     spin, spin_rate, pull = _motion(tree, orientation, offset, velocity, acceleration)
     result = np.zeros((n_sample, n, n, 10))

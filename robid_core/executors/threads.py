@@ -1,7 +1,8 @@
 """One thread for linear algebra and compiled kernels: the same bytes whatever the machine is doing.
 
 Sums in another order give another last digit, and libraries choose the order by the number of threads. So a
-run computes with one thread per process, and uses the cores with processes.
+run computes with one thread per process, and uses the cores with processes; or with threads of its own where each
+computes something alone, as the simulated experiments of a batch (`stream_threads`).
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def sines_and_cosines(angle: Any, sine: Any, cosine: Any) -> None:
     raise NotImplementedError("inside compiled code only")
 
 
-@overload(sines_and_cosines)  # type: ignore[untyped-decorator]
+@overload(sines_and_cosines)
 def _sines_and_cosines(angle, sine, cosine):  # type: ignore[no-untyped-def]
     def one_by_one(angle, sine, cosine):  # type: ignore[no-untyped-def]
         for i in range(sine.shape[0]):

@@ -14,6 +14,8 @@ from typing import Any
 import numba
 from numba.extending import is_jitted
 
+from robid_core.mechanics.machine_code import keep_safely
+
 _TYPES = [
     (stat.st_mtime, stat.st_size)
     for stat in (Path(__file__).with_name(name).stat() for name in ("lanes.py", "views.py", "functions.py"))
@@ -44,6 +46,7 @@ def _compiled(function: Callable[..., Any], fastmath: Any) -> Callable[..., Any]
     try:
         caches = [called._cache._cache_file for called in _called_kernels(function)]
         own: Any = compiled._cache._cache_file
+        keep_safely(own)
         own._source_stamp = (own._source_stamp, *_TYPES, *(cache._source_stamp for cache in caches))
     except AttributeError:
         # A numba that keeps its stamps elsewhere: compile anew in every process, slow but right.

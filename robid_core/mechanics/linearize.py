@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import REVOLUTE, FloatArray, rotation_about
+from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import terms_at_rest
+from robid_core.mechanics.tool import pose_of
 
 OUTPUTS = (
     "motor_angle",
@@ -173,24 +174,4 @@ def linear_model(
 
 def origin_jacobian(mechanism: Mechanism, joint: FloatArray, body: str) -> FloatArray:
     """Velocity of the origin of a body's joint frame over joint rates, world axes, shape (3, n_joint)."""
-    chain = mechanism.chain
-    target = chain.index(body)
-    lineage = [target]
-    while chain.parent[lineage[0]] >= 0:
-        lineage.insert(0, int(chain.parent[lineage[0]]))
-    axes, origin = np.eye(3), np.zeros(3)
-    origins, directions = [], []
-    for j in lineage:
-        origin = origin + axes @ chain.translation[j]
-        axes = axes @ chain.rotation[j]
-        directions.append(axes @ chain.axis[j])
-        if chain.joint_type[j] == REVOLUTE:
-            axes = axes @ rotation_about(chain.axis[j], joint[j])
-        else:
-            origin = origin + directions[-1] * joint[j]
-        origins.append(origin)
-    jacobian = np.zeros((3, chain.n_coordinate))
-    for j, start, direction in zip(lineage, origins, directions, strict=True):
-        revolute = chain.joint_type[j] == REVOLUTE
-        jacobian[:, j] = np.cross(direction, origin - start) if revolute else direction
-    return jacobian
+    return pose_of(mechanism.chain, joint, body).jacobian[3:]

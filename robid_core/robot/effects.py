@@ -123,9 +123,9 @@ def place_of(robot: Robot, label: str, on: str | None, side: str) -> Place:
     mechanism, drives, description = robot.mechanism, robot.drives, robot.structure
     where = f"{robot.name}: effects.{label}"
     n, unit = mechanism.n_coordinate, np.eye(mechanism.n_coordinate)
-    springs = dict(zip(robot.stiffness_names, mechanism.spring_directions, strict=True))
+    springs = dict(zip(robot.spring_names, mechanism.spring_directions, strict=True))
     stiffness, damping = robot.spring_arrays()
-    numbers = dict(zip(robot.stiffness_names, zip(stiffness, damping, strict=True), strict=True))
+    numbers = dict(zip(robot.spring_names, zip(stiffness, damping, strict=True), strict=True))
     if on is None and robot.n_axis == 1:
         on = robot.axis_names[0]
     if side == "bearing":

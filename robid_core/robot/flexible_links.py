@@ -61,8 +61,8 @@ def links_written_out(data: dict[str, Any], document: Document, folder: Path) ->
     return {**data, "bodies": written}
 
 
-def reduced_body(link: FlexibleLink, path: Path) -> FlexibleBody:
-    """Read and reduce the finite elements of a link, and place them in the joint's frame.
+def reduced_body(link: FlexibleLink, path: Path) -> tuple[FlexibleBody, float]:
+    """Return the body of a link, read, reduced and placed in the joint's frame, and its length from root to tip in m.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ def reduced_body(link: FlexibleLink, path: Path) -> FlexibleBody:
     body = flexible_body(structure, link.root, link.tip, link.n_fixed_mode, link.damping_ratio)
     if link.keep is not None:
         body = body.truncated(link.keep)
-    turn = np.array(link.rotation)
-    return body.placed(turn, turn @ structure.nodes[link.root] + np.array(link.translation))
+    turn, length = np.array(link.rotation), float(np.linalg.norm(body.tip))
+    return body.placed(turn, turn @ structure.nodes[link.root] + np.array(link.translation)), length
 
 
 def body_of(body: Body) -> FlexibleBody:
@@ -157,11 +157,13 @@ def _written_out(
         document.add(("bodies", index, key), reason)
     path = folder / link.file
     try:
-        found = reduced_body(link, path)
+        found, length = reduced_body(link, path)
     except ConfigurationError as error:
         document.add((*place, "file"), str(error))
         return body
-    _check_tip(found, link, str(body.get("joint")), bodies, document, (*place, "tip"))
+    far = _far_from_joints(found.tip, length, str(body.get("joint")), bodies)
+    if far:
+        document.add((*place, "tip"), f"node {link.tip} stands at {far}")
     document.derive((*place, "reduced"), (*place, "file"))
     for key in _RIGID:
         document.derive(("bodies", index, key), (*place, "file"))
@@ -191,31 +193,22 @@ def _as_written(body: FlexibleBody, sha256: str) -> dict[str, Any]:
     return {"sha256": sha256, "tip": body.tip.tolist(), "modes": modes}
 
 
-def _check_tip(
-    found: FlexibleBody,
-    link: FlexibleLink,
-    joint: str,
-    bodies: list[Any],
-    document: Document,
-    place: tuple[str | int, ...],
-) -> None:
-    """Refuse a tip further from every joint behind it than the link is long: the file's axes are others, then."""
+def _far_from_joints(tip: FloatArray, length: float, joint: str, bodies: list[Any]) -> str:
+    """Say so where every joint behind a link is further from its tip than the link is long; else nothing."""
     behind = [b for b in bodies if isinstance(b, dict) and b.get("parent") == joint]
     try:
         ends = np.array([b.get("translation", (0.0, 0.0, 0.0)) for b in behind], dtype=float).reshape(-1, 3)
     except (TypeError, ValueError):
-        return  # told where it stands
-    distance = np.linalg.norm(ends - found.tip, axis=1)
-    length = float(np.linalg.norm(found.tip - np.array(link.translation)))
-    if len(ends) and distance.min() > length:
-        nearest = behind[int(np.argmin(distance))].get("joint")
-        at = ", ".join(f"{x:.4g}" for x in found.tip)
-        document.add(
-            place,
-            f"node {link.tip} stands at [{at}] m in the frame of joint '{joint}', {distance.min():.3g} m from joint "
-            f"'{nearest}' behind it; is it that node, and are the file's axes those of the joint's frame "
-            "(`rotation`, `translation`)?",
-        )
+        return ""  # told where it stands
+    distance = np.linalg.norm(ends - tip, axis=1)
+    if not len(ends) or distance.min() <= length:
+        return ""
+    nearest = behind[int(np.argmin(distance))].get("joint")
+    at = ", ".join(f"{x:.4g}" for x in tip)
+    return (
+        f"[{at}] m in the frame of joint '{joint}', {distance.min():.3g} m from joint '{nearest}' behind it; is it "
+        "that node, and are the file's axes those of the joint's frame (`rotation`, `translation`)?"
+    )
 
 
 def _sha256(path: Path) -> str:

@@ -60,7 +60,7 @@ class NamedParameter(NamedTuple):
 
     name: str
     group: str
-    """stiffness, damping, inertia, friction, drive or effect."""
+    """stiffness, damping, modal, inertia, friction, drive or effect."""
     unit: str
     path: Path
     value: float
@@ -96,6 +96,13 @@ def named_parameters(description: RobotDescription) -> dict[str, NamedParameter]
                 where = ("bodies", index, "elastic", *path)
                 value = _number(body.elastic, path)
                 found.append(NamedParameter(pattern.format(body.joint), group, unit_here, where, value))
+    for index, body in enumerate(description.bodies):
+        reduced = body.flexible.reduced if body.flexible is not None else None
+        for k, mode in enumerate(reduced.modes if reduced is not None else ()):
+            for kind, unit, value in (("stiffness", "1/s^2", mode.stiffness), ("damping", "1/s", mode.damping)):
+                inside: Path = ("bodies", index, "flexible", "reduced", "modes", k, kind)
+                name = f"modal_{kind}.{body.joint}_mode_{k + 1}"
+                found.append(NamedParameter(name, "modal", unit, inside, value))
     for index, body in enumerate(description.bodies):
         if body.mass > 0:
             where = ("bodies", index, "mass")
@@ -198,7 +205,16 @@ def _replaced(part: Part, numbers: Mapping[Path, float], place: Path) -> Part:
         else:
             own[str(key)] = value
     for key, inside in nested.items():
-        own[key] = _replaced(getattr(part, key), inside, (*place, key))
+        old = getattr(part, key)
+        if isinstance(old, tuple):  # of parts: one more step down
+            own[key] = tuple(
+                _replaced(entry, {p[1:]: v for p, v in inside.items() if p[0] == k}, (*place, key, k))
+                if any(p[0] == k for p in inside)
+                else entry
+                for k, entry in enumerate(old)
+            )
+        else:
+            own[key] = _replaced(old, inside, (*place, key))
     if own.keys() == nested.keys():
         return part.model_copy(update=own)
     fields = {info.alias or name: getattr(part, name) for name, info in type(part).model_fields.items()}

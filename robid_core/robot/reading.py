@@ -15,6 +15,7 @@ from robid_core.errors import ConfigurationError, RobidError
 from robid_core.robot.description import EffectEntry, RobotDescription
 from robid_core.robot.document import Document
 from robid_core.robot.expansion import sheets_written_out
+from robid_core.robot.flexible_links import links_written_out
 from robid_core.robot.model_file import bodies_from_model
 from robid_core.robot.named_parameters import effect_table, misfits, named_parameters, with_values
 from robid_core.robot.part import Identifier, Part, with_tuples
@@ -29,6 +30,7 @@ PACKAGED_FILES = {
     "six_axis_true": "six_axis/truth.yaml",
     "one_axis": "one_axis/robot.yaml",
     "one_axis_true": "one_axis/truth.yaml",
+    "six_axis_flex": "six_axis_flex/robot.yaml",
 }
 
 
@@ -97,6 +99,7 @@ def _whole(data: dict[str, Any], document: Document, folder: Path) -> RobotDescr
     for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
         if isinstance(body, dict) and isinstance(body.get("joint"), str):
             document.names["bodies", index] = f"joint '{body['joint']}'"
+    data = links_written_out(data, document, folder)
     description = checked(RobotDescription, sheets_written_out(data, document), document)
     _check_effects(data.get("effects"), document)
     return description

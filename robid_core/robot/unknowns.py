@@ -48,12 +48,20 @@ class NamedUnknowns:
         """Names of the dampers beside the springs, in the order of `stiffness_names`."""
         return tuple(n for n, p in named_parameters(self.structure).items() if p.group == "damping")
 
+    @functools.cached_property
+    def spring_names(self) -> tuple[str, ...]:
+        """Names of all springs in the order of `spring_arrays`: `stiffness_names`, then the modes of flexible links."""
+        modal = (n for n in named_parameters(self.structure) if n.startswith("modal_stiffness."))
+        return (*self.stiffness_names, *modal)
+
     def spring_arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Return (stiffness, damping), each (n_spring,), in the order of `stiffness_names`."""
+        """Return (stiffness, damping), each (n_spring,), in the order of `spring_names`."""
         known = named_parameters(self.structure)
+        modal = self.spring_names[len(self.stiffness_names) :]
+        dampers = (*self.damping_names, *(name.replace("stiffness", "damping", 1) for name in modal))
         return (
-            np.array([known[name].value for name in self.stiffness_names]),
-            np.array([known[name].value for name in self.damping_names]),
+            np.array([known[name].value for name in self.spring_names]),
+            np.array([known[name].value for name in dampers]),
         )
 
     def to_yaml(self) -> str:

@@ -35,16 +35,12 @@ def robot_to_urdf(robot: Robot) -> str:
 
     Raises ConfigurationError for a robot with flexible links: URDF has none.
     """
-    chain, gears = robot.chain, _gear_joints(robot)
     flexible = [body.joint for body in robot.description.bodies if body.flexible is not None]
-    flexible += [
-        name for name, kind in zip(chain.names, chain.joint_type, strict=True) if kind >= len(_KINDS)
-    ]
     if flexible:
         raise ConfigurationError(
             f"{robot.name}: URDF has no flexible links, joint '{flexible[0]}' carries one; leave `flexible` out"
         )
-    springs = _springs(robot)
+    chain, gears, springs = robot.chain, _gear_joints(robot), _springs(robot)
     root = ElementTree.Element("robot", {"name": robot.name})
     ElementTree.SubElement(root, "robid", {"gravity": _numbers(chain.gravity)})
     ElementTree.SubElement(root, "link", {"name": BASE})

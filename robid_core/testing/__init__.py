@@ -1,10 +1,12 @@
-"""What the author of a plugin tests with: the contract of stages, and example artifacts that fit together.
+"""What the author of a plugin tests with: the contracts of stages and effects, and example artifacts that fit together.
 
-`check_stage(MyStage, some_setting=3)` is all that most tests need; the example factories serve the others.
+`check_stage(MyStage, some_setting=3)` or `check_effect(MyEffect)` is all that most tests need; the example factories
+serve the others.
 """
 
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.contract import check_settings, check_stage
+from robid_core.testing.effects import check_effect
 from robid_core.testing.estimators import (
     check_covers_truth,
     check_recovers_plant,
@@ -21,6 +23,7 @@ from robid_core.testing.inputs import (
     example_truth,
 )
 from robid_core.testing.lending import example_context, example_drives
+from robid_core.testing.places import example_place
 from robid_core.testing.plants import MassSpringPlant, plant_record
 from robid_core.testing.robots import example_robot
 
@@ -28,6 +31,7 @@ __all__ = [
     "ContractBroken",
     "MassSpringPlant",
     "check_covers_truth",
+    "check_effect",
     "check_recovers_plant",
     "check_settings",
     "check_stage",
@@ -40,6 +44,7 @@ __all__ = [
     "example_excitation",
     "example_fit",
     "example_frf",
+    "example_place",
     "example_record",
     "example_robot",
     "example_truth",

@@ -7,6 +7,7 @@ broken is a ContractBroken whose message says which.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -70,6 +71,7 @@ def _check_law_effect(effect: LawEffect, values: FloatArray) -> None:
     for value in effect.test_values:
         _check_test_value(effect, value)
     sides = effect.sides if issubclass(effect, ForceEffect) else effect.channels
+    on_lanes = True
     for side in sides:
         name = f"{effect.__name__} on {side}"
         last: Place | None = None
@@ -80,8 +82,10 @@ def _check_law_effect(effect: LawEffect, values: FloatArray) -> None:
             last = place
         if last is None:
             raise ContractBroken(f"{name}: no example robot has such a place")
-        for term in terms:
-            _check_law(TriedLaw(name, term))
+        laws = [TriedLaw(name, term) for term in terms]
+        for law in laws:
+            _check_law(law)
+        on_lanes = on_lanes and all(law.vectorized for law in laws)
         for parameters in _at_bounds(effect, values):
             _check_at_bound(name, effect, parameters, last)
         _check_regressor(name, effect, values, last)
@@ -95,6 +99,12 @@ def _check_law_effect(effect: LawEffect, values: FloatArray) -> None:
         else:
             check_gain(name, effect, values, last)
             check_noise(name, effect, values, last)
+    if not on_lanes:
+        warnings.warn(
+            f"{effect.__name__}: its law runs lane after lane, slower than it could; with where, min, max, abs and the "
+            "functions of robid_core.mechanics in place of branches and library functions it runs on all at once",
+            stacklevel=3,
+        )
 
 
 # Terms and laws ----------------------------------------------------------------------------------------------
@@ -164,9 +174,10 @@ def _check_test_value(effect: LawEffect, value: TestValue) -> None:
     for key, expected in value.expected.items():
         wanted = np.asarray(expected, dtype=np.float64)
         size = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
-        if np.shape(found[key]) != wanted.shape or not (
-            np.abs(found[key] - wanted) <= value.tolerance * size
-        ).all():
+        if (
+            np.shape(found[key]) != wanted.shape
+            or not (np.abs(found[key] - wanted) <= value.tolerance * size).all()
+        ):
             raise ContractBroken(f"{name}: {key} is {found[key]}, expected {wanted}")
 
 
@@ -203,7 +214,7 @@ def _check_regressor(name: str, effect: LawEffect, values: FloatArray, place: Pl
     law = TriedLaw(name, _terms(name, effect, values, place)[0])
     points = list(random_path(law, 40, STEP))
     columns = np.stack([point.inputs for point in points], axis=-1)
-    unit = effect.regressor(*columns, values, place)
+    unit = effect.regressor(columns[0], columns[1], columns[2], values, place)
     own = [row.name for row in effect.parameters]
     if set(unit) - set(own):
         raise ContractBroken(f"{name}: regressor speaks of {', '.join(sorted(set(unit) - set(own)))}")

@@ -7,7 +7,6 @@ the slopes of its own force, and gives on eight lanes what it gives on one numbe
 from __future__ import annotations
 
 import ctypes
-import warnings
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -57,10 +56,15 @@ class TriedLaw:
                 f"{name}: initial state of shape {self.initial.shape}, n_state is {term.n_state}"
             )
         self._arguments = np.append(np.asarray(term.arguments, dtype=np.float64), np.full(GUARD, np.nan))
+        self._given = self._arguments.copy()
+        self._place, self._state, self._following = (
+            np.full(size, np.nan) for size in (N_INPUT + N_OUTPUT, self.n_state + GUARD, self.n_state + GUARD)
+        )
+        self._addresses = [
+            a.ctypes.data for a in (self._place, self._state, self._following, self._arguments)
+        ]
         try:
-            entries = entries_of(
-                term.law, "force" if self.is_force else "signal", term.n_state, term.label
-            )
+            entries = entries_of(term.law, "force" if self.is_force else "signal", term.n_state, term.label)
         except PluginError as error:
             raise ContractBroken(f"{name}: {error}") from error
         self._entries = entries  # keeps the machine code
@@ -72,32 +76,23 @@ class TriedLaw:
 
         Raises ContractBroken where the law writes what is not its own, leaves a state out or returns no number.
         """
-        state = np.append(point.state, np.full(GUARD, np.nan))
-        following = np.full(self.n_state + GUARD, np.nan)
-        place = np.concatenate((point.inputs, np.full(N_OUTPUT, np.nan)))
-        before, arguments = state.copy(), self._arguments.copy()
-        self._call(self._single, place, state, following, step)
-        if not np.array_equal(state, before, equal_nan=True):
+        n = self.n_state
+        self._place[:] = self._following[:] = self._state[n:] = np.nan
+        self._place[:N_INPUT], self._state[:n] = point.inputs, point.state
+        self._single(*self._addresses, step)
+        if (self._state[:n] != point.state).any() or not np.isnan(self._state[n:]).all():
             raise ContractBroken(f"{self.name}: the law writes `state`; write next_state only")
-        if not np.array_equal(self._arguments, arguments, equal_nan=True):
-            self._arguments[:] = arguments
+        if not np.array_equal(self._arguments, self._given, equal_nan=True):
+            self._arguments[:] = self._given
             raise ContractBroken(f"{self.name}: the law writes `parameters`; they belong to all lanes")
-        if not np.isnan(following[self.n_state :]).all():
-            raise ContractBroken(
-                f"{self.name}: the law writes next_state[{self.n_state}] and n_state is {self.n_state}"
-            )
-        following = following[: self.n_state]
-        outputs = place[N_INPUT : N_INPUT + (N_OUTPUT if self.is_force else 1)]
+        if not np.isnan(self._following[n:]).all():
+            raise ContractBroken(f"{self.name}: the law writes next_state[{n}] and n_state is {n}")
+        following = self._following[:n].copy()
+        outputs = self._place[N_INPUT : N_INPUT + (N_OUTPUT if self.is_force else 1)].copy()
         if not (np.isfinite(outputs).all() and np.isfinite(following).all()):
-            missing = np.flatnonzero(np.isnan(following)).tolist()
-            hint = (
-                f"; next_state{missing} is not written, or not a number: write all {self.n_state}"
-                if missing
-                else "; guard divisions and roots, and read no parameter or state that is not there"
-            )
             raise ContractBroken(
                 f"{self.name}: the law gives {self._told(outputs)}, next_state {following} at "
-                f"{self.where(point, step)}{hint}"
+                f"{self.where(point, step)}; {_hint(following)}"
             )
         return outputs, following
 
@@ -106,19 +101,8 @@ class TriedLaw:
         place = np.concatenate((inputs, np.zeros((N_OUTPUT, LANES))))
         before, following = np.zeros((2, self.n_state + GUARD, LANES))
         before[: self.n_state] = state
-        self._call(self._lanes, place, before, following, step)
+        self._lanes(*(array.ctypes.data for array in (place, before, following, self._arguments)), step)
         return place[N_INPUT : N_INPUT + (N_OUTPUT if self.is_force else 1)], following[: self.n_state]
-
-    def _call(
-        self,
-        entry: Callable[..., None],
-        place: FloatArray,
-        state: FloatArray,
-        following: FloatArray,
-        step: float,
-    ) -> None:
-        arrays = (place, state, following, self._arguments)
-        entry(*(array.ctypes.data for array in arrays), step)
 
     def where(self, point: Point, step: float) -> str:
         """Tell a point in words."""
@@ -130,12 +114,23 @@ class TriedLaw:
         return ", ".join(f"{name} {value:.6g}" for name, value in zip(names, outputs, strict=True))
 
 
+def _hint(following: FloatArray) -> str:
+    missing = np.flatnonzero(np.isnan(following)).tolist()
+    if missing:
+        return f"next_state{missing} is not written, or not a number; a law writes all {len(following)}"
+    if not np.isfinite(following).all():
+        return "advance the state exactly or implicitly, so that it stays finite at any step"
+    return "guard divisions and roots, and read no parameter or state that is not there"
+
+
 def random_inputs(law: TriedLaw, generator: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
     """Return inputs over all sizes that an axis meets, either sign, shape (3, *shape).
 
     From a micrometre's angle to half a turn, from creeping to 100 rad/s, loads from 0.1 to 300 N m.
     """
-    low, high = ((-6.0, -4.0, -1.0), (0.5, 2.0, 2.5)) if law.is_force else ((-3.0, -2.0, -4.0), (1.5, 1.5, 2.0))
+    low, high = (
+        ((-6.0, -4.0, -1.0), (0.5, 2.0, 2.5)) if law.is_force else ((-3.0, -2.0, -4.0), (1.5, 1.5, 2.0))
+    )
     reach = (3, *[1] * len(shape))
     exponent = generator.uniform(np.reshape(low, reach), np.reshape(high, reach), (3, *shape))
     sign: FloatArray = np.where(generator.random((3, *shape)) < 0.5, -1.0, 1.0)
@@ -200,9 +195,7 @@ def check_slopes(law: TriedLaw) -> None:
                 )
 
 
-def compare_slope(
-    function: Callable[[float], float], at: float, slope: float
-) -> tuple[float, float] | None:
+def compare_slope(function: Callable[[float], float], at: float, slope: float) -> tuple[float, float] | None:
     """Return the one-sided differences of a function where a slope lies outside of them; None where it fits.
 
     The slope fits if for one of several distances it lies between the differences to the left and to the right,
@@ -223,12 +216,6 @@ def compare_slope(
 
 def check_lanes(law: TriedLaw, n_step: int = 40) -> None:
     """Check that all lanes give what each gives alone, bit by bit, states included."""
-    if not law.vectorized:
-        warnings.warn(
-            f"{law.name}: its law runs lane after lane, slower than it could; written with where, min, max, abs and "
-            "the functions of robid_core.mechanics in place of branches and library functions it runs on all at once",
-            stacklevel=3,
-        )
     inputs = random_inputs(law, np.random.default_rng(1), (n_step, LANES)).transpose(1, 0, 2)
     state = np.repeat(law.initial[:, None], LANES, axis=1)
     for sample in np.ascontiguousarray(inputs):
@@ -236,9 +223,7 @@ def check_lanes(law: TriedLaw, n_step: int = 40) -> None:
         for lane in range(LANES):
             point = Point(sample[:, lane].copy(), state[:, lane].copy())
             alone, after = law(point, STEP)
-            if not (
-                np.array_equal(together[:, lane], alone) and np.array_equal(following[:, lane], after)
-            ):
+            if not (np.array_equal(together[:, lane], alone) and np.array_equal(following[:, lane], after)):
                 raise ContractBroken(
                     f"{law.name}: on all lanes {together[:, lane]}, next_state {following[:, lane]}; alone {alone}, "
                     f"next_state {after} at {law.where(point, STEP)}; is the law compiled with "

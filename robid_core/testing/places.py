@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -16,7 +17,6 @@ from robid_core.robot.effects import BoundEffect, place_of
 from robid_core.testing.robots import example_robot
 
 LABEL = "tried"
-SIZES = (1, 6)
 SPOTS = ("axis", "body", "base", "gear")
 """What a structure effect may be put on."""
 
@@ -59,10 +59,15 @@ def example_place(side: str, **changes: Any) -> Place:
     return Place(**fields | changes)
 
 
+@functools.cache
+def example_robots() -> tuple[Robot, ...]:
+    """Return the example robots of one and six axes."""
+    return tuple(example_robot(size) for size in (1, 6))
+
+
 def places(side: str) -> Iterator[tuple[Robot, Place]]:
     """Yield one place of that side or channel in each example robot that has one."""
-    for size in SIZES:
-        robot = example_robot(size)
+    for robot in example_robots():
         on: str | None = robot.axis_names[min(1, robot.n_axis - 1)]
         if side == "bearing":
             on = next(iter(robot.description.bearings), None)
@@ -81,10 +86,9 @@ def with_effect(
     return changed
 
 
-def spot(robot: Robot, kind: str) -> str:
-    """Return the name of something that a structure effect may be put on."""
+def spots(robot: Robot, kind: str) -> tuple[str, ...]:
+    """Return names of things that a structure effect may be put on: one in the middle of the arm, and the last."""
     if kind == "base":
-        return "base"
-    if kind == "body":
-        return robot.description.bodies[-1].joint
-    return robot.axis_names[min(1, robot.n_axis - 1)]
+        return ("base",)
+    names = [body.joint for body in robot.description.bodies] if kind == "body" else list(robot.axis_names)
+    return names[min(1, len(names) - 1)], names[-1]

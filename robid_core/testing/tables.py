@@ -29,7 +29,9 @@ def check_table(effect: type[Effect]) -> None:
     name = getattr(effect, "__name__", repr(effect))
     kinds = (ForceEffect, SignalEffect, StructureEffect)
     if not (isinstance(effect, type) and issubclass(effect, kinds)):
-        raise ContractBroken(f"{name} is no effect; derive it from ForceEffect, SignalEffect or StructureEffect")
+        raise ContractBroken(
+            f"{name} is no effect; derive it from ForceEffect, SignalEffect or StructureEffect"
+        )
     if inspect.isabstract(effect):
         raise ContractBroken(f"{name} leaves out {', '.join(sorted(effect.__abstractmethods__))}")
     if not (vars(effect).get("__doc__") or "").strip():
@@ -39,7 +41,9 @@ def check_table(effect: type[Effect]) -> None:
     word, known, reserved = _vocabulary(effect)
     where = getattr(effect, word, ())
     if not where or len(set(where)) < len(where) or not set(where) <= set(known):
-        raise ContractBroken(f"{name}: {word} is {where!r}; give at least one of {', '.join(known)}, none twice")
+        raise ContractBroken(
+            f"{name}: {word} is {where!r}; give at least one of {', '.join(known)}, none twice"
+        )
     rows = getattr(effect, "parameters", None)
     if not isinstance(rows, tuple) or not all(isinstance(row, Parameter) for row in rows):
         raise ContractBroken(f"{name}: parameters is {rows!r}; give a tuple of Parameter, () for none")
@@ -64,7 +68,9 @@ def _check_rows(name: str, rows: tuple[Parameter, ...], reserved: set[str]) -> N
         if not row.name.isidentifier() or keyword.iskeyword(row.name):
             raise ContractBroken(f"{where} is no name; robots call it effect.<label>.<name>")
         if row.name in reserved:
-            raise ContractBroken(f"{where} has the name of an argument of the law; test values take both by name")
+            raise ContractBroken(
+                f"{where} has the name of an argument of the law; test values take both by name"
+            )
         if row.name in seen:
             raise ContractBroken(f"{where} stands in the table twice")
         seen.add(row.name)
@@ -83,7 +89,9 @@ def _check_declared_law(effect: LawEffect, name: str) -> None:
     if not callable(getattr(effect, "law", None)):
         raise ContractBroken(f"{name} has no law; write law = staticmethod(<compiled function>)")
     if inspect.ismethod(effect.law) or not isinstance(inspect.getattr_static(effect, "law"), staticmethod):
-        raise ContractBroken(f"{name}: law is called with itself; write law = staticmethod(<compiled function>)")
+        raise ContractBroken(
+            f"{name}: law is called with itself; write law = staticmethod(<compiled function>)"
+        )
     draws = issubclass(effect, SignalEffect) and overrides(effect, "draw")
     if not effect.test_values and not draws:  # what is drawn beforehand is no law
         raise ContractBroken(f"{name} has no test_values; give one TestValue with where it is known from")
@@ -99,7 +107,9 @@ def _check_declared_law(effect: LawEffect, name: str) -> None:
                 f"state, parameters and numbers of the place, expected are {', '.join(results)}, next_state"
             )
         if not value.expected or not value.origin.strip():
-            raise ContractBroken(f"{name}: a test value expects nothing, or does not say where it is known from")
+            raise ContractBroken(
+                f"{name}: a test value expects nothing, or does not say where it is known from"
+            )
 
 
 def overrides(effect: LawEffect, method: str) -> bool:

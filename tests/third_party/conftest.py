@@ -1,4 +1,4 @@
-"""A stranger's package, installed into a temporary folder as pip would, and an environment that sees it."""
+"""Packages of strangers, installed into a temporary folder as pip would, and an environment that sees them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,28 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parent / "robid_etfe"
-collect_ignore = ["robid_etfe"]  # its own test runs where it is installed
+PACKAGES = ("robid_etfe", "robid_wear")
+collect_ignore = list(PACKAGES)  # their own tests run where they are installed
 
 
 @pytest.fixture(scope="session", name="stranger")
 def stranger_environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Build and install the package; return the environment of a process that finds it."""
-    source = tmp_path_factory.mktemp("source") / "robid_etfe"
+    """Build and install the packages; return the environment of a process that finds them."""
+    source = tmp_path_factory.mktemp("source")
     target = tmp_path_factory.mktemp("installed")
-    shutil.copytree(PACKAGE, source)
-    install = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target"]
-    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *install, str(target), str(source)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=source.parent, check=False)
+    for package in PACKAGES:
+        shutil.copytree(Path(__file__).parent / package, source / package)
+    install = [
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--target",
+        str(target),
+    ]
+    folders = [str(source / package) for package in PACKAGES]
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *install, *folders]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=source, check=False)
     assert done.returncode == 0, done.stderr
     return {**os.environ, "PYTHONPATH": str(target), "PYTHONDONTWRITEBYTECODE": "1"}

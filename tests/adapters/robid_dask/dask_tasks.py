@@ -27,6 +27,19 @@ def process_number(_: int) -> int:
     return os.getpid()
 
 
+def process_or_not(number: int) -> int:
+    """Return at once."""
+    return number
+
+
+def threads(_: int) -> tuple[list[int], int]:
+    """Return with how many threads libraries of linear algebra and numba compute."""
+    import numba
+    from threadpoolctl import threadpool_info
+
+    return [library["num_threads"] for library in threadpool_info()], numba.get_num_threads()
+
+
 def die_once(index: int, folder: str) -> int:
     """Kill the worker in the middle of task 2, the first time it runs."""
     mark = Path(folder) / "died"

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
 from pydantic import Field
 
-from robid_core import FrfEstimator, Settings
+from robid_core import FrfEstimator, Robot, Settings
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
 from robid_core.pipeline.document import read_document
 from robid_core.pipeline.problems import ProblemList
-from robid_core.registry import STAGES, Plugin, Registry, registry
+from robid_core.registry import EFFECTS, STAGES, Plugin, Registry, registry
 
 
 class Inner(Settings):
@@ -86,3 +87,38 @@ def test_the_list_has_every_plugin_once(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_an_unknown_type_is_told_as_anything() -> None:
     assert kind_of({}, {}) == "anything"
+
+
+def test_an_effect_is_explained_with_its_place_its_table_and_its_source(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    command("friction.lugre")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "friction.lugre: robid.effects, robid 0.1.0, robid_effects.lugre:LuGre"
+    assert lines[1] == "a force on side: motor (the default), gear, arm, bearing; its law has 1 state"
+    assert "  stiffness       N m/rad    100   1e-06 to 1e+09  of the bristles, sigma0" in lines
+    assert any(line.startswith("Source: C. Canudas de Wit, H. Olsson") for line in lines)
+    command("sensing.white_noise")
+    out = capsys.readouterr().out
+    assert "a distortion on side: position (the default), torque_measurement; its law has no state" in out
+    command("structure.foundation")
+    assert "a change of the robot itself, on: base" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", registry().names(EFFECTS))
+def test_what_is_to_be_pasted_of_an_effect_is_a_robot_file(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    command(name)
+    text = capsys.readouterr().out.partition("To paste into a robot.yaml\n\n")[2]
+    text = "\n".join(
+        line.replace("# ", "", 1) if line.strip().startswith("#") else line for line in text.splitlines()
+    )
+    base = "one_axis"
+    if name == "transmission.coupled_axes":  # takes two
+        base, text = "six_axis", text.replace("on: axis_1", "on: axis_2")
+    (tmp_path / "robot.yaml").write_text(f"robid_robot: 1\nname: pasted\nbase: {base}\n{text}\n")
+    robot = Robot.load(str(tmp_path / "robot.yaml"))
+    pasted = {key: value for key, value in robot.parameters().items() if key.startswith("effect.cause.")}
+    table = {f"effect.cause.{r.name}": r.default for r in registry().load(EFFECTS, name).parameters}
+    assert pasted == pytest.approx(table, rel=1e-11)

@@ -1,0 +1,106 @@
+"""Kernels on disk survive processes that compile at once and processes that are killed, and are never stale."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+KERNEL = (
+    "from robid_core.mechanics.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + {number}\n"
+)
+# Ends the process at once after so many files of the cache are written: index and machine code of one function.
+KILLED = """
+import contextlib, os, sys
+from numba.core.caching import IndexDataCacheFile
+write, written = IndexDataCacheFile._open_for_write, []
+@contextlib.contextmanager
+def write_and_die(self, path):
+    with write(self, path) as file:
+        yield file
+    written.append(path)
+    if len(written) == int(sys.argv[1]):
+        os._exit(9)
+IndexDataCacheFile._open_for_write = write_and_die
+"""
+CALL = "import edited_kernel; print(edited_kernel.plus(0.0), dict(edited_kernel.plus.stats.cache_hits))"
+# Two processes that add different signatures meet between reading the index and writing it, unless one has to wait.
+MEET = """
+import sys, time
+from pathlib import Path
+from numba.core.caching import IndexDataCacheFile
+load = IndexDataCacheFile._load_index
+import edited_kernel
+def load_and_meet(self):
+    found = load(self)
+    mark = Path(sys.argv[1])
+    (mark / sys.argv[2]).touch()
+    deadline = time.monotonic() + 1.0
+    while len(list(mark.iterdir())) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    return found
+save = edited_kernel.plus._cache._save_overload
+def meeting(signature, data):
+    IndexDataCacheFile._load_index = load_and_meet  # only now: before, the cache is looked at as ever
+    save(signature, data)
+edited_kernel.plus._cache._save_overload = meeting
+print(edited_kernel.plus(float(sys.argv[2]) if "." in sys.argv[2] else int(sys.argv[2])))
+"""
+
+Start = Callable[..., subprocess.Popen[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Start:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
+
+    def start(code: str, *arguments: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True
+        )
+
+    return start
+
+
+def said(process: subprocess.Popen[str]) -> str:
+    return process.communicate(timeout=60)[0].strip()
+
+
+def edit(folder: Path, number: str) -> None:
+    """Write the kernel, with a time stamp of its own."""
+    path = folder / "edited_kernel.py"
+    path.write_text(KERNEL.format(number=number))
+    os.utime(path, (1e9 + float(number), 1e9 + float(number)))
+
+
+@pytest.mark.parametrize("at", [1, 2])
+def test_a_process_killed_while_it_writes_leaves_no_stale_kernel(tmp_path: Path, run: Start, at: int) -> None:
+    edit(tmp_path, "1.0")
+    assert said(run(CALL)).startswith("1.0")
+    edit(tmp_path, "2.0")
+    killed = run(KILLED + CALL, str(at))
+    assert said(killed) == ""
+    assert killed.returncode == 9
+    assert said(run(CALL)).startswith("2.0")
+    assert said(run(CALL)) == "2.0 {(float64,): 1}", "found on disk"
+
+
+def test_two_signatures_compiled_at_once_both_stay_and_keep_their_code(tmp_path: Path, run: Start) -> None:
+    edit(tmp_path, "1.5")
+    (tmp_path / "meeting").mkdir()
+    processes = [run(MEET, str(tmp_path / "meeting"), argument) for argument in ("4", "4.25")]
+    assert [said(process) for process in processes] == ["5.5", "5.75"]
+    again = "import edited_kernel as m; print(m.plus(4), m.plus(4.25), sum(m.plus.stats.cache_hits.values()))"
+    assert said(run(again)) == "5.5 5.75 2"
+
+
+def test_machine_code_of_earlier_sources_is_removed(tmp_path: Path, run: Start) -> None:
+    for number in ("1.0", "2.0", "3.0"):
+        edit(tmp_path, number)
+        assert said(run(CALL)).startswith(number)
+    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1

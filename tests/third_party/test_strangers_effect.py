@@ -1,0 +1,138 @@
+"""Effects that robid has never heard of run inside the simulator, and what is edited is what runs."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robid_core.testing import check_effect
+
+HERE = Path(__file__).parent
+PACKAGE = HERE / "robid_wear"
+ROBID = [sys.executable, "-c", "from robid_core.commands import main; main()"]
+
+ROBOT = """\
+robid_robot: 1
+name: worn
+base: one_axis
+effects:
+  brake: {use: friction.wear, on: axis_1, side: motor, with: {fresh: 0.6, worn: 0.2, path: 4.0}}
+"""
+MOVE = """\
+import sys
+import numpy as np
+from robid_core import Robot
+robot = Robot.load(sys.argv[1])
+wave = np.sin(2 * np.pi * 10 * robot.sample_time_s * np.arange(150))
+reference = 20.0 * (1 + np.arange(9))[:, None, None] * wave[:, None]
+angle = np.full((9, 1), 0.3)
+alone = robot.simulate(reference[:1], angle[:1])
+together = robot.simulate(reference, angle)
+np.savez(sys.argv[2], alone=alone.torque, together=together.torque, path=together.state.law_state)
+"""
+
+
+def robid(*arguments: str, folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*ROBID, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def moved(robot: str, folder: Path, environment: dict[str, str]) -> dict[str, np.ndarray]:
+    """Torques on one lane and on nine, and the paths slid, computed by a new process."""
+    (folder / "robot.yaml").write_text(robot)
+    command = [sys.executable, "-c", MOVE, "robot.yaml", "out.npz"]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with np.load(folder / "out.npz") as values:
+        return dict(values)
+
+
+def test_the_effect_is_explained(stranger: dict[str, str], tmp_path: Path) -> None:
+    done = robid("stages", "friction.wear", folder=tmp_path, environment=stranger)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0] == "friction.wear: robid.effects, robid-wear 0.3, robid_wear:Wear"
+    assert lines[1] == "a force on side: motor (the default), arm; its law has 1 state"
+    assert "  path   rad    2    0.001 to 1e+06  that it slides until then" in lines
+    assert (
+        "Source: J. F. Archard, Contact and rubbing of flat surfaces, Journal of Applied Physics 24, 1953"
+        in lines
+    )
+
+
+def test_a_mistake_in_a_robot_file_is_told_like_any_other(stranger: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text(ROBOT.replace("fresh", "frehs"))
+    code = "from robid_core import Robot; Robot.load('robot.yaml')"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, env=stranger, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "did you mean 'fresh'?" in done.stderr
+
+
+def test_both_laws_run_inside_the_simulator(stranger: dict[str, str], tmp_path: Path) -> None:
+    branches = moved(ROBOT, tmp_path, stranger)
+    lanes = moved(ROBOT.replace("friction.wear", "friction.wear_lanes"), tmp_path, stranger)
+    without = moved(ROBOT[: ROBOT.index("effects")], tmp_path, stranger)
+    # 150 ms of 20 to 180 rad/s, 2 / pi of that in the mean, are 2 to 17 rad: worn in half, and long ago
+    assert branches["path"][0, 0] < 4.0 < branches["path"][8, 0]
+    for key in ("alone", "together", "path"):
+        # one law, rounded in another order; nothing amplifies it in 150 ms
+        np.testing.assert_allclose(branches[key], lanes[key], rtol=0, atol=1e-9)
+    for run in (branches, lanes):
+        np.testing.assert_allclose(
+            run["alone"][0], run["together"][0], rtol=0, atol=1e-12
+        )  # BLAS, at the start
+        assert np.abs(run["alone"] - without["alone"]).max() > 0.3  # of 0.6 N m
+
+
+@pytest.mark.parametrize("name", ["friction.wear", "friction.wear_lanes"])
+def test_an_edited_law_is_what_runs(name: str, stranger: dict[str, str], tmp_path: Path) -> None:
+    """Even if the edit changes neither the length of the file nor its time."""
+    installed, folder = tmp_path / "installed", tmp_path / "project"
+    shutil.copytree(stranger["PYTHONPATH"], installed, ignore=shutil.ignore_patterns("__pycache__"))
+    folder.mkdir()
+    environment = stranger | {"PYTHONPATH": str(installed)}
+    source = installed / "robid_wear" / "__init__.py"
+    time, text = source.stat().st_mtime_ns, source.read_text()
+    robot = ROBOT.replace("friction.wear", name)
+    before = moved(robot, folder, environment)
+    source.write_text(text.replace("slid / path", "slid * path"))
+    os.utime(source, ns=(time, time))
+    edited = moved(robot, folder, environment)
+    for key in ("alone", "together"):
+        assert np.abs(edited[key] - before[key]).max() > 0.05
+    source.write_text(text)
+    again = moved(robot, folder, environment)
+    for key, value in before.items():
+        np.testing.assert_array_equal(again[key], value)
+
+
+def test_its_own_tests_pass(stranger: dict[str, str], tmp_path: Path) -> None:
+    shutil.copy(PACKAGE / "tests" / "test_wear.py", tmp_path)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_wear.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=stranger, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "3 passed" in done.stdout
+
+
+def test_the_effect_of_the_readme_keeps_the_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    readme = (HERE.parent.parent / "README.md").read_text(encoding="utf-8")
+    (text,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "@kernel" in block)
+    path = tmp_path / "robid_churning.py"
+    path.write_text(text)
+    spec = spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, path.stem, module)
+    spec.loader.exec_module(module)
+    check_effect(module.Churning)
