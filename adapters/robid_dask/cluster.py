@@ -23,11 +23,14 @@ DEATHS = 3  # a task that was there when so many workers died is held to be the 
 
 @contextlib.contextmanager
 def own_settings() -> Iterator[None]:
-    """Let large tasks pass without a warning, give a task up after `DEATHS` dead workers, one thread a worker."""
+    """Let large tasks pass without a warning, give a task up after `DEATHS` dead workers.
+
+    Threads are held to one by the task (`task.compute`): a variable for the workers would stand in this process too while
+    they start, and numba refuses another number of threads ever after.
+    """
     settings = {
         "distributed.scheduler.allowed-failures": DEATHS,
         "distributed.admin.large-graph-warning-threshold": "1 PB",
-        "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,  # for linear algebra dask does it
     }
     with dask.config.set(settings):
         yield

@@ -35,7 +35,7 @@ BAND_HZ = 100.0  # a robot's motion has little above 20 Hz, and nobody asks its 
 _DEGREE = 8
 _ROWS = 256  # samples whose mass matrices are held at a time
 _RADIAN = 0.3  # m that one radian of the tool counts, where it cannot be put back in all six directions
-_SINGULAR = 0.01  # of the largest singular value: below it a direction of the tool is not followed
+_SINGULAR = 0.01  # of all singular values together: a direction of the tool that is weaker is followed slowly
 
 
 @dataclass(frozen=True)
@@ -106,10 +106,13 @@ def computed_torque(
     tool
         Point that is put back to where the rigid robot would have it; left out, elastic coordinates bend and nothing
         is done about it. Robots of fewer than six axes put back what they can, 1 rad weighing as much as 0.3 m.
+    band_hz
+        Of the derivatives, see `derivative`; well above what the motion holds.
     periodic
         Whether the motion is one period: derivatives are then spectral.
     iterations
-        Rounds of bending and putting back; each leaves a few percent of what the last one left.
+        Rounds of bending and putting back. The first is quasi-static, each further one adds a power of (frequency of
+        the motion / resonance)^2; three leave micrometres on the packaged robots.
 
     Raises
     ------

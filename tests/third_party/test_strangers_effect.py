@@ -30,14 +30,19 @@ MOVE = """\
 import sys
 import numpy as np
 from robid_core import Robot
-robot = Robot.load(sys.argv[1])
-wave = np.sin(2 * np.pi * 10 * robot.sample_time_s * np.arange(150))
-reference = 20.0 * (1 + np.arange(9))[:, None, None] * wave[:, None]
-angle = np.full((9, 1), 0.3)
-alone = robot.simulate(reference[:1], angle[:1])
-together = robot.simulate(reference, angle)
-np.savez(sys.argv[2], alone=alone.torque, together=together.torque, path=together.state.law_state)
+found = {}
+for path in sys.argv[1:]:
+    robot = Robot.load(path)
+    wave = np.sin(2 * np.pi * 10 * robot.sample_time_s * np.arange(150))
+    reference = 20.0 * (1 + np.arange(9))[:, None, None] * wave[:, None]
+    angle = np.full((9, 1), 0.3)
+    together = robot.simulate(reference, angle)
+    found[f"{path} alone"] = robot.simulate(reference[:1], angle[:1]).torque
+    found[f"{path} together"] = together.torque
+    found[f"{path} path"] = together.state.law_state
+np.savez("out.npz", **found)
 """
+LAWS = ("friction.wear", "friction.wear_lanes")
 
 
 def robid(*arguments: str, folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
@@ -46,10 +51,12 @@ def robid(*arguments: str, folder: Path, environment: dict[str, str]) -> subproc
     )
 
 
-def moved(robot: str, folder: Path, environment: dict[str, str]) -> dict[str, np.ndarray]:
-    """Torques on one lane and on nine, and the paths slid, computed by a new process."""
-    (folder / "robot.yaml").write_text(robot)
-    command = [sys.executable, "-c", MOVE, "robot.yaml", "out.npz"]
+def moved(folder: Path, environment: dict[str, str]) -> dict[str, np.ndarray]:
+    """Torques on one lane and on nine, and the paths slid, with either law and without; by a new process."""
+    for name in LAWS:
+        (folder / name).write_text(ROBOT.replace("friction.wear", name))
+    (folder / "without").write_text(ROBOT[: ROBOT.index("effects")])
+    command = [sys.executable, "-c", MOVE, *LAWS, "without"]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     with np.load(folder / "out.npz") as values:
@@ -79,23 +86,21 @@ def test_a_mistake_in_a_robot_file_is_told_like_any_other(stranger: dict[str, st
 
 
 def test_both_laws_run_inside_the_simulator(stranger: dict[str, str], tmp_path: Path) -> None:
-    branches = moved(ROBOT, tmp_path, stranger)
-    lanes = moved(ROBOT.replace("friction.wear", "friction.wear_lanes"), tmp_path, stranger)
-    without = moved(ROBOT[: ROBOT.index("effects")], tmp_path, stranger)
+    run = moved(tmp_path, stranger)
     # 150 ms of 20 to 180 rad/s, 2 / pi of that in the mean, are 2 to 17 rad: worn in half, and long ago
-    assert branches["path"][0, 0] < 4.0 < branches["path"][8, 0]
+    assert run["friction.wear path"][0, 0] < 4.0 < run["friction.wear path"][8, 0]
     for key in ("alone", "together", "path"):
         # one law, rounded in another order; nothing amplifies it in 150 ms
-        np.testing.assert_allclose(branches[key], lanes[key], rtol=0, atol=1e-9)
-    for run in (branches, lanes):
         np.testing.assert_allclose(
-            run["alone"][0], run["together"][0], rtol=0, atol=1e-12
-        )  # BLAS, at the start
-        assert np.abs(run["alone"] - without["alone"]).max() > 0.3  # of 0.6 N m
+            run[f"friction.wear {key}"], run[f"friction.wear_lanes {key}"], rtol=0, atol=1e-9
+        )
+    for name in LAWS:
+        alone, together = run[f"{name} alone"], run[f"{name} together"]
+        np.testing.assert_allclose(alone[0], together[0], rtol=0, atol=1e-12)  # BLAS, at the start
+        assert np.abs(alone - run["without alone"]).max() > 0.3  # of 0.6 N m
 
 
-@pytest.mark.parametrize("name", ["friction.wear", "friction.wear_lanes"])
-def test_an_edited_law_is_what_runs(name: str, stranger: dict[str, str], tmp_path: Path) -> None:
+def test_an_edited_law_is_what_runs(stranger: dict[str, str], tmp_path: Path) -> None:
     """Even if the edit changes neither the length of the file nor its time."""
     installed, folder = tmp_path / "installed", tmp_path / "project"
     shutil.copytree(stranger["PYTHONPATH"], installed, ignore=shutil.ignore_patterns("__pycache__"))
@@ -103,15 +108,16 @@ def test_an_edited_law_is_what_runs(name: str, stranger: dict[str, str], tmp_pat
     environment = stranger | {"PYTHONPATH": str(installed)}
     source = installed / "robid_wear" / "__init__.py"
     time, text = source.stat().st_mtime_ns, source.read_text()
-    robot = ROBOT.replace("friction.wear", name)
-    before = moved(robot, folder, environment)
+    before = moved(folder, environment)
     source.write_text(text.replace("slid / path", "slid * path"))
     os.utime(source, ns=(time, time))
-    edited = moved(robot, folder, environment)
-    for key in ("alone", "together"):
-        assert np.abs(edited[key] - before[key]).max() > 0.05
+    edited = moved(folder, environment)
+    for name in LAWS:
+        for key in (f"{name} alone", f"{name} together"):
+            assert np.abs(edited[key] - before[key]).max() > 0.05
+    np.testing.assert_array_equal(edited["without together"], before["without together"])
     source.write_text(text)
-    again = moved(robot, folder, environment)
+    again = moved(folder, environment)
     for key, value in before.items():
         np.testing.assert_array_equal(again[key], value)
 
