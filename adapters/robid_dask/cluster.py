@@ -25,8 +25,8 @@ DEATHS = 3  # a task that was there when so many workers died is held to be the 
 def own_settings() -> Iterator[None]:
     """Let large tasks pass without a warning, give a task up after `DEATHS` dead workers.
 
-    Threads are held to one by the task (`task.compute`): a variable for the workers would stand in this process too while
-    they start, and numba refuses another number of threads ever after.
+    Threads are held to one by the task (`task.compute`): a variable for the workers would stand in this
+    process too while they start, and numba refuses another number of threads ever after.
     """
     settings = {
         "distributed.scheduler.allowed-failures": DEATHS,

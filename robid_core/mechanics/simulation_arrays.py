@@ -48,7 +48,9 @@ class PlantArrays(NamedTuple):
 class TermArrays(NamedTuple):
     """Laws that act, as data: nothing is compiled anew for another set of them."""
 
-    force: IntArray  # (n_force, 10) entry of the law; n_state, first state, first argument; acts where it sees
+    force: (
+        IntArray  # (n_force, 10) entry of the law; n_state, first state, first argument; acts where it sees
+    )
     # (implicit);
     # axis of the gear whose torque it is part of, or -1; ends of direction, coordinate and load in `column`
     signal: IntArray  # (n_signal, 6) entry of the law; n_state, first state, first argument; axis; channel

@@ -99,7 +99,10 @@ def named_parameters(description: RobotDescription) -> dict[str, NamedParameter]
     for index, body in enumerate(description.bodies):
         reduced = body.flexible.reduced if body.flexible is not None else None
         for k, mode in enumerate(reduced.modes if reduced is not None else ()):
-            for kind, unit, value in (("stiffness", "1/s^2", mode.stiffness), ("damping", "1/s", mode.damping)):
+            for kind, unit, value in (
+                ("stiffness", "1/s^2", mode.stiffness),
+                ("damping", "1/s", mode.damping),
+            ):
                 inside: Path = ("bodies", index, "flexible", "reduced", "modes", k, kind)
                 name = f"modal_{kind}.{body.joint}_mode_{k + 1}"
                 found.append(NamedParameter(name, "modal", unit, inside, value))

@@ -35,7 +35,7 @@ class NamedUnknowns:
         return named_parameters(self.description)[name].unit
 
     def parameter_group(self, name: str) -> str:
-        """Return the group of a named parameter: stiffness, damping, inertia, friction, drive or effect."""
+        """Return the group of a named parameter: stiffness, damping, modal, inertia, friction, drive or effect."""
         return named_parameters(self.description)[name].group
 
     @functools.cached_property

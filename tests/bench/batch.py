@@ -1,8 +1,8 @@
 """Time, linearity and memory of batches of simulations: `python tests/bench/batch.py`.
 
 Paper B's procedure (24 experiments x 100 configurations x 15 s, six axes, friction, both ripples, sampled control,
-saturation, sensor noise) through `simulate_portions`, a share of it unless `--full`: by threads of this process, by two
-processes, by two workers of dask. Times are on the wall and on a machine that may be shared: processor time stands
+saturation, sensor noise) through `simulate_portions`, a share of it by threads of this process, by two processes and by
+two workers of dask, or with `--full` the whole of it by threads. Times are on the wall and on a machine that may be shared: processor time stands
 beside them. Memory is what a process of its own needs at most above what it needed before.
 """
 
@@ -97,7 +97,7 @@ def whole_procedure(n_configuration: int) -> list[Row]:
         "2 workers of dask": (dask_workers, 0),
     }
     if share >= 1:
-        del ways["1 thread"]
+        ways = {"2 threads of one process": ways["2 threads of one process"]}
     for name, (executor, n_thread) in ways.items():
         with executor() as tasks:
             seconds_of(tasks, few, n_thread)  # workers start and load their kernels: four portions
@@ -210,7 +210,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("benches", nargs="*", choices=["time", "linear", "memory", []], help="default: all")
     parser.add_argument("--configurations", type=int, default=8, help="how many of the 100 are measured")
-    parser.add_argument("--full", action="store_true", help="all 100 configurations")
+    parser.add_argument("--full", action="store_true", help="all 100 configurations, by threads")
     parser.add_argument("--check", action="store_true", help="fail where a target is missed")
     parser.add_argument("--measure-memory", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)

@@ -129,7 +129,7 @@ def test_a_worker_killed_in_the_middle_of_a_batch_costs_time_and_no_byte(
         if done and not killed:
             # Stopped while it has tasks it can no longer finish, then killed: in the middle by construction.
             busy = {w: keys for w, keys in cluster.client.processing().items() if keys}
-            victim = workers[max(busy, key=lambda worker: len(busy[worker]))]
+            victim = workers[max(workers, key=lambda worker: len(busy.get(worker, ())))]
             os.kill(victim, signal.SIGSTOP)
             time.sleep(0.1)
             os.kill(victim, signal.SIGKILL)

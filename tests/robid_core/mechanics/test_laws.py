@@ -31,7 +31,7 @@ def branching_law(position, velocity, load, state, next_state, parameters, step)
     """Friction as a stranger may write it: branches, a library function, a state that counts steps."""
     next_state[0] = state[0] + 1.0
     level = np.tanh(velocity / parameters[2])
-    if parameters[1] > 0.0:
+    if parameters[1] > 0.0:  # noqa: SIM108
         force = parameters[0] * level + parameters[1] * velocity
     else:
         force = parameters[0] * level

@@ -56,7 +56,8 @@ def _run(arm: Any, controller: Any, friction: Any, state: Any, reference: Any, *
 
 
 def test_two_masses_on_a_spring_swing_at_the_frequency_of_the_textbook(two_mass: Any) -> None:
-    # Reduced inertia of rotor and load seen from the arm; the rule keeps the amplitude of a linear oscillation and swings
+    # Reduced inertia of rotor and load seen from the arm; the rule keeps the amplitude of a linear oscillation
+    # and swings
     # at W with cos(W h) = 1 - (w h)^2 / (2 + (w h)^2 / 6), which is w (1 - (w h)^4 / 480).
     rotor, load = 2e-3 * 10**2, 0.3
     omega = np.sqrt(3e3 * (1 / rotor + 1 / load))
@@ -266,7 +267,9 @@ def test_springs_beyond_what_the_step_resolves_go_back_to_the_midpoint_rule(thre
     np.testing.assert_allclose(weak, step**2 / 12)
     stiff = spring_weights(three_axis.mechanism, 1e6 * three_axis.stiffness, step)
     np.testing.assert_allclose(stiff, step**2 / 4, rtol=1e-2)
-    np.testing.assert_array_equal(spring_weights(three_axis.mechanism, three_axis.stiffness, 0.0), np.zeros(4))
+    np.testing.assert_array_equal(
+        spring_weights(three_axis.mechanism, three_axis.stiffness, 0.0), np.zeros(4)
+    )
 
 
 def test_friction_under_a_slow_sine_has_its_equivalent_gain(two_mass: Any) -> None:

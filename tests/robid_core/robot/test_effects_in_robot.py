@@ -180,5 +180,8 @@ def test_ripple_over_many_turns_leaves_the_response_alone(tmp_path: Path) -> Non
   resolver: {use: sensing.resolver_ripple, on: axis_3, with: {amplitude: 1.0e-3, order: 2, phase: 0.3}}
 """
     lines = np.array([5.0, 40.0])
-    rippled, plain = _robot(tmp_path, waves).response(POSE, lines), Robot.load("six_axis").response(POSE, lines)
+    rippled, plain = (
+        _robot(tmp_path, waves).response(POSE, lines),
+        Robot.load("six_axis").response(POSE, lines),
+    )
     np.testing.assert_allclose(rippled, plain, rtol=1e-9)

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robid_effects.backlash import describing_function
 from scipy.optimize import brentq
 
 from robid_core import Robot
+from robid_effects.backlash import describing_function
 
 MOTOR, LOAD, STIFFNESS, GAP = 1e-3, 3e-3, 60.0, 2e-3
 ROBOT = f"""
@@ -65,7 +65,8 @@ def test_the_period_of_free_swinging_is_that_of_flight_and_bounce(tmp_path: Path
         up = np.flatnonzero((d[1:-1] < 0) & (d[2:] >= 0)) + 1
         crossing = up - d[up] / (d[up + 1] - d[up])
         period = 1e-4 * (crossing[-1] - crossing[0]) / (len(crossing) - 1)
-        # corners rounded over a tenth of the gap, and a thousandth of the stiffness inside it: 2 % of the smallest bend,
+        # corners rounded over a tenth of the gap, and a thousandth of the stiffness inside it: 2 % of the
+        # smallest bend,
         # less where the swing is large
         assert period == pytest.approx(2 * np.pi / OMEGA + 2 * GAP / (OMEGA * a), rel=0.01 * (GAP / a) ** 0.5)
         assert abs(d).max() == pytest.approx(GAP / 2 + a, rel=0.02)
