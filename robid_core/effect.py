@@ -7,7 +7,8 @@ and a candidate cause are the same noun.
 A law is one scalar function, compiled by numba (`robid_core.mechanics.kernel`). Written without `if` - with
 `where`, `min`,
 `max`, `abs` and the functions of `robid_core.mechanics.functions` - it runs on eight experiments at once; with branches
-or library functions it still runs, one experiment after the other.
+or library functions it still runs, one experiment after the other. `robid_core.testing.check_effect` tells whether it
+keeps to all of this.
 """
 
 from __future__ import annotations
@@ -47,10 +48,11 @@ class Parameter:
 class TestValue:
     """What a law gives for stated arguments, and where that is known from.
 
-    Arguments are those of the law by name (position, velocity, load, step, signal, angle, speed; state as a
-    tuple) and parameters of the
-    table by name; what is left out is zero, or the parameter's default. Expected: force or signal, slope_position,
-    slope_velocity, next_state (a tuple).
+    Arguments are those of the law by name (position, velocity, load, step, signal, angle, speed; state as a tuple) and
+    parameters of the table by name; what is left out is zero, or the parameter's default. Expected: force or signal,
+    slope_position, slope_velocity, next_state (a tuple). A number of the place (stiffness, damping, gear_ratio,
+    rotor_inertia, torque_constant, torque_limit, sample_time) may be named too, where no parameter has that name; else
+    there is no spring, samples of 1 ms and steps of 0.25 ms.
     """
 
     __test__ = False  # no test class of pytest

@@ -81,6 +81,13 @@ class CanDrives(Drives):
         """False where a simulated plant stands behind the bus."""
         return self.plant is None
 
+    def uses(self) -> list[tuple[str, str]]:
+        """Return the plugins whose code a simulated motion depends on: the plant's effects."""
+        if self.plant is None:
+            return []
+        effects = Robot.load(self.plant).description.effects.values()
+        return sorted({("robid.effects", effect.use) for effect in effects})
+
     def truth(self, robot: Robot) -> Truth | None:
         """Return the parameters of the simulated plant."""
         del robot

@@ -42,6 +42,11 @@ class SimulatedDrives(Drives):
         """Nothing but a simulation moves."""
         return False
 
+    def uses(self) -> list[tuple[str, str]]:
+        """Return the plugins whose code the motion depends on: the plant's effects."""
+        effects = Robot.load(self.plant).description.effects.values()
+        return sorted({("robid.effects", effect.use) for effect in effects})
+
     def truth(self, robot: Robot) -> Truth | None:
         """Return the parameters of the plant."""
         del robot

@@ -16,7 +16,7 @@ from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
-from robid_core.mechanics.rest import terms_at_rest
+from robid_core.mechanics.rest import rows_times, terms_at_rest
 from robid_core.mechanics.static_laws import static_force
 from robid_core.mechanics.terms import ForceTerm
 
@@ -85,13 +85,15 @@ def solve_equilibrium(
     undeformed = np.zeros((mechanism.chain.n_coordinate, n_axis))
     undeformed[mechanism.arm] = mechanism.gear
     free = [mechanism.chain.index(name) for name in mechanism.coordinate_names[n_axis:]]
-    z = np.concatenate((rows, rows @ undeformed[free].T), axis=1)
+    z = np.concatenate((rows, rows_times(rows, undeformed[free].T)), axis=1)
     if n > n_axis:
         _sag(mechanism, spring_matrix, z, bending)
-    torque = terms_at_rest(mechanism, z).bias + z @ spring_matrix + static_force(bending, z).force
+    torque = terms_at_rest(mechanism, z).bias + rows_times(z, spring_matrix) + static_force(bending, z).force
     shape = motor.shape[:-1]
     return Equilibrium(
-        z.reshape(*shape, n), (z @ joints.T).reshape(*shape, -1), torque[:, :n_axis].reshape(*shape, n_axis)
+        z.reshape(*shape, n),
+        rows_times(z, joints.T).reshape(*shape, -1),
+        torque[:, :n_axis].reshape(*shape, n_axis),
     )
 
 
@@ -131,7 +133,7 @@ def _pull(
     """What pulls on the coordinates behind the motors, and its slope."""
     free = slice(mechanism.n_axis, None)
     terms, laws = terms_at_rest(mechanism, z), static_force(forces, z)
-    residual = terms.bias + z @ spring_matrix + laws.force
+    residual = terms.bias + rows_times(z, spring_matrix) + laws.force
     tangent = terms.gravity_stiffness + spring_matrix + laws.stiffness
     return residual[:, free], np.ascontiguousarray(tangent[:, free, free])
 

@@ -116,7 +116,11 @@ def reached(law: Law) -> list[Any]:
 
 
 def law_hash(law: Law) -> str:
-    """Hash of everything that decides what a law computes: sources, constants, compiler."""
+    """Hash of everything that decides what a law computes: sources, code, constants, compiler.
+
+    The code as Python has it counts besides its source: a file may have been edited since it was imported, and what
+    is compiled then is the code.
+    """
     digest = hashlib.sha256(f"{numba.__version__} {LANES} {sys.version_info} {platform.machine()}".encode())
     texts: dict[str, bytes] = {}
     here = Path(__file__).parent
@@ -126,9 +130,11 @@ def law_hash(law: Law) -> str:
     for function in reached(law):
         python = function.py_func
         texts.setdefault(*_text(python))
+        constants.append(f"{python.__qualname__} {_code(python.__code__)}")
         for name, thing in _named(python):
             if isinstance(thing, FunctionType):
                 texts.setdefault(*_text(thing))
+                constants.append(f"{thing.__qualname__} {_code(thing.__code__)}")
             elif isinstance(thing, np.ndarray):
                 constants.append(
                     f"{python.__qualname__}.{name} {thing.dtype} {thing.shape} {thing.tobytes().hex()}"
@@ -147,6 +153,12 @@ def _text(function: FunctionType) -> tuple[str, bytes]:
         return str(path), path.read_bytes()
     except OSError:  # typed at a prompt
         return f"{path} {function.__qualname__}", function.__code__.co_code
+
+
+def _code(code: CodeType) -> str:
+    """Instructions, names and constants of a function, those of functions inside it included."""
+    inner = [_code(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {inner}"
 
 
 def _named(function: FunctionType) -> Iterator[tuple[str, Any]]:

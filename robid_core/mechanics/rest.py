@@ -14,6 +14,12 @@ from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
 
 
+def rows_times(rows: FloatArray, matrix: FloatArray) -> FloatArray:
+    """``rows @ matrix``, each row summed alone: the library's product rounds otherwise for another number of rows."""
+    product: FloatArray = (rows[..., None, :] * matrix.T).sum(axis=-1)
+    return product
+
+
 def terms_at_rest(mechanism: Mechanism, position: FloatArray) -> Dynamics:
     """Mass matrix with rotors, gravity force and gravity stiffness.
 
@@ -33,7 +39,7 @@ def terms_at_rest(mechanism: Mechanism, position: FloatArray) -> Dynamics:
     joint, coordinate = np.nonzero(mechanism.constraint_map)
     value = mechanism.constraint_map[joint, coordinate]
     terms = dynamics(
-        mechanism.chain, (z @ mechanism.constraint_map.T).reshape(-1, mechanism.chain.n_coordinate)
+        mechanism.chain, rows_times(z, mechanism.constraint_map.T).reshape(-1, mechanism.chain.n_coordinate)
     )
     n, n_row, motors = mechanism.n_coordinate, len(terms.bias), np.arange(mechanism.n_axis)
     mass, force, stiffness = np.zeros((n_row, n, n)), np.zeros((n_row, n)), np.zeros((n_row, n, n))

@@ -36,7 +36,7 @@ def static_force(forces: Sequence[ForceTerm], position: FloatArray) -> StaticFor
     n_row, n = position.shape
     total, slope = np.zeros((n_row, n)), np.zeros((n_row, n, n))
     for term in forces:
-        force, stiffness, _ = law_values(term, position @ term.coordinate, 0.0)
+        force, stiffness, _ = law_values(term, (position * term.coordinate).sum(axis=1), 0.0)
         total += force[:, None] * term.direction
         if np.array_equal(term.direction, term.coordinate):
             slope += stiffness[:, None, None] * np.outer(term.direction, term.direction)
@@ -52,7 +52,7 @@ def viscous_damping(forces: Sequence[ForceTerm], position: FloatArray) -> FloatA
     total = np.zeros((n_row, n, n))
     for term in forces:
         if np.array_equal(term.direction, term.coordinate):
-            place = position @ term.coordinate
+            place = (position * term.coordinate).sum(axis=1)
             slopes = [law_values(term, place, speed)[2] for speed in (-FAST, FAST)]
             total += np.mean(slopes, axis=0)[:, None, None] * np.outer(term.direction, term.direction)
     return total

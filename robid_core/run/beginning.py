@@ -12,7 +12,7 @@ from robid_core.executors import process_executor
 from robid_core.pipeline import Pipeline
 from robid_core.run.environment import environment
 from robid_core.run.folder import RunFolder
-from robid_core.run.identity import Surroundings, ingredients_of
+from robid_core.run.identity import Surroundings, effect_plugins, ingredients_of
 from robid_core.run.manifest import Manifest, locked_differences, refuse_unlocked
 from robid_core.run.options import RunOptions
 from robid_core.stage import MapTasks
@@ -41,6 +41,7 @@ def new_manifest(shared: Surroundings, options: RunOptions) -> Manifest:
     pipeline = shared.pipeline
     plugins = [node.plugin for node in pipeline.stages]
     plugins += [choice.plugin for choice in (pipeline.drives, pipeline.executor) if choice is not None]
+    plugins += effect_plugins(shared.robot)
     return Manifest(
         name=pipeline.name,
         status="running",

@@ -2,7 +2,8 @@
 
 The ingredients of a stage: which code it is (distribution, name, version, and a hash of the sources where
 they can change under the same version), its settings, the seed where it draws random numbers, the hashes of
-the artifacts it takes, of the robot and the drives where it is lent them, and of the files its settings name.
+the artifacts it takes, of the robot and the drives where it is lent them (the code of their effects included), and
+of the files its settings name.
 A recording made on hardware does not depend on versions: no update makes a robot move again. Time stamps of
 files take no part.
 """
@@ -22,7 +23,7 @@ from robid_core import __version__
 from robid_core.artifacts import Truth
 from robid_core.drives import Drives
 from robid_core.pipeline import Pipeline, StageNode
-from robid_core.registry import DYNAMICS, Plugin, registry
+from robid_core.registry import DYNAMICS, EFFECTS, Plugin, registry
 from robid_core.robot import Robot
 from robid_core.run.sources import core_hash, sources_hash
 from robid_core.stage import Context, Stage
@@ -89,6 +90,9 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
         found["seed"] = f"{child_seed(shared.pipeline.seed, node.name):032x}"
     if lent & {Robot, Truth}:
         found["robot"] = {"sha256": shared.robot_hash, "dynamics": _dynamics(shared.pipeline, hardware)}
+        effects = effect_plugins(shared.robot)
+        if effects:
+            found["robot"]["effects"] = {p.name: plugin_identity(p, versioned=not hardware) for p in effects}
     if lent & {Drives, Truth} and shared.pipeline.drives is not None:
         choice = shared.pipeline.drives
         found["drives"] = {
@@ -106,6 +110,12 @@ def _dynamics(pipeline: Pipeline, hardware: bool) -> Any:
     if name not in registry().names(DYNAMICS):
         return name
     return plugin_identity(registry().find(DYNAMICS, name), versioned=not hardware)
+
+
+def effect_plugins(robot: Robot) -> list[Plugin]:
+    """Return the plugins of the effects that act in a robot."""
+    names = {effect.use for effect in robot.description.effects.values()}
+    return [registry().find(EFFECTS, name) for name in sorted(names)]
 
 
 def key_of(ingredients: Ingredients) -> str:
@@ -179,6 +189,8 @@ def _change(place: tuple[str, ...], before: Any, after: Any) -> str:
             return f"{noun.removesuffix('s')} {name} {happened}"
         case ("core", "sources"):
             return f"sources of robid_core {happened}"
+        case ("robot", "effects", name, *_):
+            return f"effect {name} of the robot {happened}"
         case (*owner, "sources"):
             return f"sources of the {_owner(owner)} {happened}"
         case ("robot", "dynamics", *_):

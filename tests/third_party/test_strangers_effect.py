@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -43,6 +44,21 @@ for path in sys.argv[1:]:
 np.savez("out.npz", **found)
 """
 LAWS = ("friction.wear", "friction.wear_lanes")
+
+
+PIPELINE = """\
+robid: 1
+name: worn
+seed: 3
+robot: robot.yaml
+drives: {use: simulated, with: {plant: robot.yaml}}
+stages:
+  where: {use: design.candidates, with: {count: 1}}
+  excite:
+    use: excitation.multisine
+    with: {band_hz: [5, 80], lines: 10, period_s: 1, blocks: 1, slow_sine_rad_s: 9, speed_rms_rad_s: 4}
+  acquire: {use: acquisition.drives, with: {periods: 2, settle_periods: 1}}
+"""
 
 
 def robid(*arguments: str, folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
@@ -120,6 +136,27 @@ def test_an_edited_law_is_what_runs(stranger: dict[str, str], tmp_path: Path) ->
     again = moved(folder, environment)
     for key, value in before.items():
         np.testing.assert_array_equal(again[key], value)
+
+
+def test_an_edited_effect_is_recorded_anew(stranger: dict[str, str], tmp_path: Path) -> None:
+    installed, folder = tmp_path / "installed", tmp_path / "project"
+    shutil.copytree(stranger["PYTHONPATH"], installed, ignore=shutil.ignore_patterns("__pycache__"))
+    folder.mkdir()
+    (folder / "robot.yaml").write_text(ROBOT)
+    (folder / "pipeline.yaml").write_text(PIPELINE)
+    source = installed / "robid_wear" / "__init__.py"
+
+    def outcomes() -> dict[str, str]:
+        done = robid("run", folder=folder, environment=stranger | {"PYTHONPATH": str(installed)})
+        assert done.returncode == 0, done.stderr
+        manifest = json.loads((folder / "runs" / "worn" / "manifest.json").read_text())
+        assert manifest["environment"]["versions"]["robid-wear"] == "0.3"
+        return {name: stage["outcome"] for name, stage in manifest["stages"].items()}
+
+    assert outcomes()["acquire"] == "made"
+    assert outcomes()["acquire"] == "kept"
+    source.write_text(source.read_text().replace("level = worn\n", "level = 0.9 * worn\n"))
+    assert outcomes()["acquire"] == "made"
 
 
 def test_its_own_tests_pass(stranger: dict[str, str], tmp_path: Path) -> None:

@@ -195,6 +195,26 @@ def test_an_edited_law_is_never_served_from_a_stale_cache(tmp_path: Path) -> Non
     assert answer(1.0, 1.0) == ["2.0", "2.0", "True"]
 
 
+def test_a_law_that_is_edited_while_it_runs_leaves_no_stale_code_behind(tmp_path: Path) -> None:
+    """A process that imported the old law compiles it after the edit; the next process has the new one."""
+    (tmp_path / "helper.py").write_text(_HELPER.format(slope=1.0, size=1.0))
+    (tmp_path / "law.py").write_text(_LAW)
+    edit = "import pathlib; p = pathlib.Path('helper.py'); p.write_text(p.read_text().replace('1.0 * v', '3.0 * v'))"
+    (tmp_path / "ask.py").write_text(_ASK)
+    (tmp_path / "edit.py").write_text(_ASK.replace("entries = ", f"{edit}\nentries = "))
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def answer(script: str) -> list[str]:
+        command = [sys.executable, script]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    assert answer("edit.py") == ["2.0", "2.0", "True"]
+    assert answer("ask.py") == ["6.0", "6.0", "True"]
+
+
 def test_two_laws_of_one_file_have_different_entries_but_one_law_has_one(tmp_path: Path) -> None:
     assert law_hash(branching_law) == law_hash(branching_law)
     first = entries_of(branching_law, "force", 1, "a")

@@ -185,3 +185,11 @@ def test_ripple_over_many_turns_leaves_the_response_alone(tmp_path: Path) -> Non
         Robot.load("six_axis").response(POSE, lines),
     )
     np.testing.assert_allclose(rippled, plain, rtol=1e-9)
+
+
+def test_a_rest_position_does_not_depend_on_what_is_asked_beside_it(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, SPRINGS)
+    poses = np.concatenate((POSE, np.random.default_rng(2).uniform(-1, 1, (16, 6))))
+    together, alone = robot.equilibrium(poses), robot.equilibrium(POSE)
+    np.testing.assert_array_equal(together.torque[:1], alone.torque)
+    np.testing.assert_array_equal(together.position[:1], alone.position)
