@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from robid_core.errors import ConfigurationError
 from robid_core.robot.description import RobotDescription
 
 if TYPE_CHECKING:
-    from robid_core.mechanics import SimulationState
     from robid_core.robot.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -149,7 +148,7 @@ def simulate_experiments(
     Position, torque and saturation as in `BatchPortion`, what went wrong, if anything did, and in which experiment.
     """
     from robid_core.mechanics import SimulationDiverged, simulate
-    from robid_core.robot.plant import controller_of, sensor_noise
+    from robid_core.robot.plant import controller_of, sensor_noise, standing
 
     plant = robot_of(robot)
     n_sample, n_axis = speed_reference.shape[1:]
@@ -169,7 +168,7 @@ def simulate_experiments(
             stiffness,
             damping,
             controller_of(plant),
-            _standing(plant, motor_angle),
+            standing(plant, motor_angle),
             whole,
             forces=plant.forces,
             signals=plant.signals,
@@ -185,23 +184,6 @@ def simulate_experiments(
         problem = str(error)[named.end() if named else 0 :]
     last = slice((n_period - n_kept) * n_sample, None)
     return _whole(done.position, last), _whole(done.torque, last), done.saturated, problem, lane
-
-
-def _standing(plant: Robot, motor_angle: FloatArray) -> SimulationState:
-    """Return robots at rest, each solved alone: many at once round by how many they are (1e-13 N m).
-
-    Encoder counts and friction make 3e-3 N m out of that within seconds (six_axis_true, 24 s).
-    """
-    from robid_core.mechanics import SimulationState
-    from robid_core.robot.plant import standing
-
-    alone = [standing(plant, angle[None]) for angle in motor_angle]
-    return SimulationState(
-        **{
-            field.name: np.concatenate([getattr(one, field.name) for one in alone])
-            for field in fields(SimulationState)
-        }
-    )
 
 
 def _whole(values: FloatArray, kept: slice) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import Any
 
 from robid_core.artifacts import Artifact, Truth
 from robid_core.drives import Drives
+from robid_core.executors import ProcessMap, process_executor
 from robid_core.mechanics import warm_up
 from robid_core.pipeline import StageNode
 from robid_core.robot import Robot
@@ -55,7 +56,7 @@ class Caller:
                     node.name,
                     self._shared.pipeline.seed,
                     self._shared.pipeline.data_root,
-                    self._tasks,
+                    ProcessMap(1) if _has_drives(node) else self._tasks,
                     self._progress(node),
                     self._raw_folder(node),
                 )
@@ -116,7 +117,11 @@ class Caller:
                 },
                 lent=self._lent(node),
                 context=(context[0], pipeline.seed, pipeline.data_root) if context else None,
-                executor=executor_choice(pipeline, self._options),
+                executor=(
+                    (process_executor, {"jobs": 1})
+                    if _has_drives(node)
+                    else executor_choice(pipeline, self._options)
+                ),
                 result=result,
             )
             run_confined(job, self._options.deadline_s, self._options.memory_mb, self._progress(node))
@@ -127,6 +132,11 @@ class Caller:
             self._listener.progress(node.name, done, total, note)
 
         return progress
+
+
+def _has_drives(node: StageNode) -> bool:
+    """Tell whether a stage may move something: none of its work leaves this process, whatever the executor is."""
+    return any(issubclass(kind, Drives) for kind in node.stage.lends().values())
 
 
 def make_context(

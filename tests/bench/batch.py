@@ -3,7 +3,7 @@
 Paper B's procedure (24 experiments x 100 configurations x 15 s, six axes, friction, both ripples, sampled control,
 saturation, sensor noise) through `simulate_portions`: a share of it by threads of this process, by two processes and by
 two workers of dask, or with `--full` the whole of it by threads. Times are on the wall, on a machine that may be
-shared: processor time stands beside them. Memory is what a process of its own needs at most above what it needed before.
+shared: processor time stands beside them. Memory is what a process of its own needs at most above what it had.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "frf.log": {},
     "report.html": {},
 }
-ELSEWHERE = {"acquisition.recorded"}  # needs a recording: tests/plugins/robid_acquisition/test_recorded.py
+# One needs a recording, the other a plant with as many motors: tests/plugins/robid_acquisition.
+ELSEWHERE = {"acquisition.recorded", "acquisition.simulated"}
 
 
 def test_every_built_in_stage_is_tried() -> None:
