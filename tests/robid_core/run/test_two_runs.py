@@ -20,6 +20,12 @@ from robid_core.run.lock import run_lock
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
 
 
+def heard() -> None:
+    """Let a run hear signals that whoever runs the tests ignores, as a shell does for work in the background."""
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def start(world: Any, **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
         world.command(**options),
@@ -27,6 +33,7 @@ def start(world: Any, **options: Any) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heard,
     )
 
 
