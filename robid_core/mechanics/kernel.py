@@ -33,7 +33,7 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def fused_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """As `kernel`, but a product and a sum may be one operation: a quarter faster where nothing else is done.
+    """As `kernel`, but a product and a sum may be one operation, which is faster.
 
     What the compiler fuses may differ between one lane and eight: each use has a test that it does not.
     """

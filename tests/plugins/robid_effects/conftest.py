@@ -3,36 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 
 from robid_core import Place, SignalEffect
-
-
-def place_at(side: str, **changes: Any) -> Place:
-    row = np.zeros(2)
-    numbers: dict[str, Any] = {
-        "name": "axis_1",
-        "axis": 0,
-        "side": side,
-        "label": "tried",
-        "stiffness": 0.0,
-        "damping": 0.0,
-        "gear_ratio": 100.0,
-        "rotor_inertia": 1e-3,
-        "torque_constant": 1.0,
-        "torque_limit": 20.0,
-        "sample_time": 1e-3,
-        "step": 2.5e-4,
-        "direction": row,
-        "motor": row,
-        "transmission": row,
-        "load": row[:1],
-        "motor_load": row[:1],
-    }
-    return Place(**numbers | changes)
+from robid_core.testing import example_place
 
 
 def pass_through(
@@ -61,7 +37,7 @@ def pass_through(
 @pytest.fixture
 def at() -> Callable[..., Place]:
     """Place on a side or channel; any field can be given another value."""
-    return place_at
+    return example_place
 
 
 @pytest.fixture
