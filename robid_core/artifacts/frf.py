@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -22,7 +22,17 @@ class Frf(Artifact):
     `pooling` says how they were collected. Lines where `valid` is false hold no number worth using.
     `speed_rms` and `slow_sine_speed` say under which motion of the motors the response was measured: a
     nonlinear robot has another response under another motion.
+
+    `covers` says what the stated regions are about: OWN_MEAN, what the estimator would give on average over many
+    repetitions, or BEST_LINEAR_APPROXIMATION, where the estimator's bias is part of the region or known to be
+    negligible. `noise_covariance` is the part of `output_covariance` that differs from period to period, with
+    `noise_degrees_of_freedom`. `odd_distortion` and `even_distortion` are levels of the residual Y - G U of one
+    experiment at detection lines (bins that were not excited), root mean square of the DFT coefficient scaled by
+    1/n_sample, carried over to the lines; noise is in them.
     """
+
+    OWN_MEAN: ClassVar[str] = "own mean"
+    BEST_LINEAR_APPROXIMATION: ClassVar[str] = "best linear approximation"
 
     axis_names: tuple[str, ...]
     estimator: str
@@ -45,9 +55,15 @@ class Frf(Artifact):
         "n_config n_freq n_out n_out", "(rad/s^2)^2", finite=False, optional=True
     )
     degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
+    noise_degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
+    odd_distortion: FloatArray | None = array("n_config n_freq n_out", "rad/s^2", finite=False, optional=True)
+    even_distortion: FloatArray | None = array(
+        "n_config n_freq n_out", "rad/s^2", finite=False, optional=True
+    )
     valid: BoolArray | None = array("n_config n_freq", optional=True)
     speed_rms: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
     slow_sine_speed: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
+    covers: str = OWN_MEAN
 
     @property
     def has_covariance(self) -> bool:

@@ -125,6 +125,21 @@ class Record(Artifact):
         # (config, block, exp, period, freq, axis) -> (config, block, freq, axis, exp, period)
         return np.moveaxis(u, (2, 3), (-2, -1)), np.moveaxis(y, (2, 3), (-2, -1))
 
+    def reference_spectra(self, discard: int = 0) -> ComplexArray:
+        """Spectra of the reference at the excited lines, averaged over periods.
+
+        The speed reference where the record has one, else the position reference; returns shape (n_config, n_block,
+        n_freq, n_axis, n_exp), in rad/s or rad. Raises as `spectra`, and where there is no reference.
+        """
+        present = self.run.channels
+        if SPEED_REFERENCE not in present and POSITION_REFERENCE not in present:
+            raise DataRejected(
+                "A06: the record has no reference channel (speed_reference or position_reference), which joint "
+                f"input-output methods need; it has {', '.join(sorted(present))}"
+            )
+        channel = SPEED_REFERENCE if SPEED_REFERENCE in present else POSITION_REFERENCE
+        return np.moveaxis(self.period_spectra(channel, discard).mean(axis=3), 2, -1)
+
     def speed_levels(self, discard: int = 0) -> tuple[FloatArray, FloatArray]:
         """Root mean square of the motors' speed without the slow sine, and the slow sine's amplitude.
 
@@ -136,8 +151,8 @@ class Record(Artifact):
         levels = [speed_levels(one, self._lines(), step) for one in position]
         return np.stack([rms for rms, _ in levels]), np.stack([sine for _, sine in levels])
 
-    def period_spectra(self, channel: str, discard: int = 0) -> ComplexArray:
-        """DFT of each period of a channel at the excited lines, scaled by 1/n_sample.
+    def period_spectra(self, channel: str, discard: int = 0, line: IntArray | None = None) -> ComplexArray:
+        """DFT of each period of a channel, scaled by 1/n_sample, at the excited lines or at the bins `line`.
 
         Returns shape (n_config, n_block, n_exp, n_period - discard, n_freq, n_axis). Raises as `spectra`.
         """
@@ -161,6 +176,7 @@ class Record(Artifact):
                 f"configuration {c}, block {m}, experiment {e}, period {p + discard}, at {run.time_s[n]:.4f} "
                 "s; mark such samples as missing, or drop the period"
             )
-        spectrum = np.fft.rfft(values, axis=4)[:, :, :, :, self._lines()]
+        wanted = self._lines() if line is None else line
+        spectrum = np.fft.rfft(values, axis=4)[:, :, :, :, wanted]
         result: ComplexArray = spectrum / values.shape[4]
         return result
