@@ -92,13 +92,13 @@ class RecordPlan:
     n_period: int
     n_sample: int
     angle: FloatArray  # (n_config, n_axis) rad, joint side
-    line: npt.NDArray[np.int64]  # (n_freq,)
+    line: npt.NDArray[np.int64]  # (n_freq,); empty where the motion is not for a frequency response
 
 
 def assemble_record(plan: RecordPlan, traces: Mapping[Place, Trace]) -> Record:
     """Record of a plan from the traces of its experiments.
 
-    What was not measured is NaN and not valid, a trace that is not there included.
+    What was not measured is NaN and not valid, a trace that is not there included. Without lines the record has none.
     """
     shape = (len(plan.angle), plan.n_block, plan.n_exp, plan.n_period, plan.n_sample, len(plan.axis_names))
     position, torque, reference = (np.full(shape, np.nan) for _ in range(3))
@@ -112,8 +112,9 @@ def assemble_record(plan: RecordPlan, traces: Mapping[Place, Trace]) -> Record:
         SPEED_REFERENCE: Channel("motor", "rad/s", reference),
     }
     time_s = np.arange(plan.n_sample, dtype=float) * plan.sample_time_s
+    line = plan.line if len(plan.line) else None
     run = DenseRun(plan.sample_time_s, channels, time_s, valid)
-    return Record(plan.axis_names, plan.source, "zero_order_hold", (run,), plan.angle, plan.line)
+    return Record(plan.axis_names, plan.source, "zero_order_hold", (run,), plan.angle, line)
 
 
 class RawLog(Protocol):

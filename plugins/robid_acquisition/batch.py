@@ -66,7 +66,7 @@ def record_of(
     }
     time_s = np.arange(excitation.n_sample, dtype=float) * excitation.sample_time_s
     run = DenseRun(excitation.sample_time_s, channels, time_s, np.ones(position.shape[:-1], dtype=bool))
-    angle, line = configurations.angle, excitation.line
+    angle, line = configurations.angle, excitation.line if len(excitation.line) else None
     return Record(configurations.axis_names, source, "zero_order_hold", (run,), angle, line)
 
 
@@ -93,7 +93,7 @@ class SimulatedAcquisition(Acquisition):
     saturation_limit: float = Field(default=0.01, ge=0, lt=1)
     """Share of samples at the torque limit above which the data are rejected."""
     drift_limit_rad: PositiveFloat = 0.05
-    """Drift of a motor angle from period to period above which the data are rejected, rad at the motor."""
+    """Drift of a motor angle from period to period above which data with lines are rejected, rad at the motor."""
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the plugins whose code the result depends on: the plant's effects."""
@@ -142,9 +142,13 @@ class SimulatedAcquisition(Acquisition):
                 torque[lane] = portion.torque[lane - portion.first].reshape(torque.shape[1:])
                 saturated = (np.abs(torque[lane]) >= level).mean(axis=(0, 1))
                 label = experiments[lane].label
-                for note in reject_saturated(label, saturated, robot.axis_names, self.saturation_limit):
+                notes = reject_saturated(label, saturated, robot.axis_names, self.saturation_limit)
+                has_lines = len(excitation.line) > 0
+                notes += reject_drift(
+                    label, position[lane], robot.axis_names, self.drift_limit_rad, has_lines
+                )
+                for note in notes:
                     context.log.warning("%s", note)
-                reject_drift(label, position[lane], robot.axis_names, self.drift_limit_rad)
         shape = (*places, *position.shape[1:])
         source = f"simulated in batches, plant '{plant.name}'"
         return record_of(source, configurations, excitation, position.reshape(shape), torque.reshape(shape))

@@ -2,7 +2,7 @@
 
 All motions are cleared by the safety gate before the first one begins. What comes back is judged at once:
 torque at its limit, and motor angles that do not close from period to period, make the data useless for a
-frequency response.
+frequency response. Motions without lines (trajectories, sweeps) are for other uses: there a drift is told, no more.
 """
 
 from __future__ import annotations
@@ -131,16 +131,27 @@ def reject_saturated(
     return notes
 
 
-def reject_drift(label: str, position: FloatArray, axis_names: tuple[str, ...], limit_rad: float) -> None:
-    """Raise DataRejected where a motor angle does not close from period to period (see `drift_per_period`)."""
+def reject_drift(
+    label: str, position: FloatArray, axis_names: tuple[str, ...], limit_rad: float, has_lines: bool = True
+) -> list[str]:
+    """Raise DataRejected where a motor angle does not close from period to period (see `drift_per_period`).
+
+    A motion without lines is not analysed by its periods: there it is a note, which is returned.
+    """
     drift = drift_per_period(position)
     axis = int(np.argmax(drift))
-    if not drift[axis] <= limit_rad:
+    if drift[axis] <= limit_rad:
+        return []
+    text = (
+        f"{label}: {axis_names[axis]}: the motor angle drifts by {drift[axis]:.3g} rad per period, more than "
+        f"{limit_rad:.3g} rad"
+    )
+    if has_lines or not np.isfinite(drift[axis]):
         raise DataRejected(
-            f"{label}: {axis_names[axis]}: the motor angle drifts by {drift[axis]:.3g} rad per period, more than "
-            f"{limit_rad:.3g} rad, and what depends on the angle does not repeat; add settle_periods, or give the "
-            "speed loop an integral gain"
+            f"{text}, and what depends on the angle does not repeat; add settle_periods, or give the speed loop an "
+            "integral gain"
         )
+    return [f"{text}; the periods do not repeat"]
 
 
 def check_axes(configurations: Configurations, excitation: Excitation, robot: Robot) -> None:
@@ -178,7 +189,7 @@ class DriveAcquisition(Acquisition):
     saturation_limit: float = Field(default=0.01, ge=0, lt=1)
     """Share of samples at the torque limit above which the data are rejected."""
     drift_limit_rad: PositiveFloat = 0.05
-    """Drift of a motor angle from period to period above which the data are rejected, rad at the motor."""
+    """Drift of a motor angle from period to period above which data with lines are rejected, rad at the motor."""
     raw_log: str | None = "mcap"
     """Format (`robid records`) of the raw log beside the record; null keeps none."""
 
@@ -218,7 +229,9 @@ class DriveAcquisition(Acquisition):
                         trace = motors.perform(experiment)
                         if log is not None:
                             log.trace(place, experiment.label, trace)
-                        self._judge(experiment.label, trace, robot.axis_names, context)
+                        self._judge(
+                            experiment.label, trace, robot.axis_names, len(excitation.line) > 0, context
+                        )
                         traces[place] = trace
             except MotionAborted as error:
                 kept = " in the raw log" if log is not None else " nowhere: there is no raw log"
@@ -228,10 +241,13 @@ class DriveAcquisition(Acquisition):
         context.progress(len(traces), len(experiments), "all experiments are done")
         return assemble_record(plan, traces)
 
-    def _judge(self, label: str, trace: Trace, axis_names: tuple[str, ...], context: Context) -> None:
-        for note in reject_saturated(label, trace.saturated, axis_names, self.saturation_limit):
+    def _judge(
+        self, label: str, trace: Trace, axis_names: tuple[str, ...], has_lines: bool, context: Context
+    ) -> None:
+        notes = reject_saturated(label, trace.saturated, axis_names, self.saturation_limit)
+        notes += reject_drift(label, trace.position, axis_names, self.drift_limit_rad, has_lines)
+        for note in notes:
             context.log.warning("%s", note)
-        reject_drift(label, trace.position, axis_names, self.drift_limit_rad)
 
     @contextmanager
     def _raw_log(self, context: Context, robot: Robot, plan: RecordPlan) -> Iterator[RawLog | None]:

@@ -1,8 +1,7 @@
-"""What an excitation would do to the nominal robot, and how much smaller it has to be where that is too much.
+"""An excitation is held against the limits of the nominal robot before anything moves, and its outcome foretold.
 
-The closed loop is simulated from rest over a start-up and one period; torque, speed, acceleration and position
-of the motors are compared with the limits. Whatever is slower than the excited band (gravity, the slow sine
-and friction under it) is told apart by Fourier transform: reducing the multisine does not reduce it.
+All experiments are simulated where they are few; where they are many, all of some configurations and the highest peaks
+of the others. What breaks a limit is refused with amplitudes that were simulated and fit.
 """
 
 from __future__ import annotations
@@ -10,199 +9,113 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from robid_core import BoolArray, FloatArray, IntArray, MotionRefused, Robot
+from robid_core import FloatArray, IntArray, MotionRefused, Robot
+from robid_core.estimation.predicted import PredictedDeviation, SensorNoise, predicted_deviation
+from robid_excitation.gear_load import load_of_motor
+from robid_excitation.limits import excesses, factors_that_fit
+from robid_excitation.simulated import (
+    Prediction,
+    friction_level,
+    joined,
+    motor_speed as motor_speed,
+    predict,
+    slow_part as slow_part,
+)
 
-START_UP_S = 1.0  # the drives' loops settle in a few tenths of a second; the start itself is simulated too
+QUANTILES = (0.1, 0.5, 0.9, 0.99)
+MOST_EXPERIMENTS = 48  # simulated for the scatter: about 3 s of one core for six axes and periods of 8 s
+MOST_BLOCKS = 16  # tried where not all are simulated
+TOGETHER = 16  # experiments in memory at a time
 
-
-@dataclass(frozen=True)
-class Prediction:
-    """Largest values over the simulated time, motor side, each of shape (n_lane, n_axis).
-
-    `slow_*` is what is left of a peak without the excited band; `upper` and `lower` are motor angles in rad,
-    `travel` the largest distance from the configuration.
-    """
-
-    torque: FloatArray
-    slow_torque: FloatArray
-    speed: FloatArray
-    slow_speed: FloatArray
-    acceleration: FloatArray
-    upper: FloatArray
-    lower: FloatArray
-    travel: FloatArray
-    saturated: FloatArray
-
-
-def slow_part(signal: FloatArray, line: IntArray) -> FloatArray:
-    """Part of one period below the lowest excited bin, shape (..., n_sample, n_axis)."""
-    spectrum = np.fft.rfft(signal, axis=-2)
-    spectrum[..., int(line.min()) :, :] = 0
-    result: FloatArray = np.fft.irfft(spectrum, n=signal.shape[-2], axis=-2)
-    return result
-
-
-def motor_speed(position: FloatArray, line: IntArray, sample_time_s: float) -> FloatArray:
-    """Speed of one period of motor angles, by differentiation in frequency up to twice the highest line."""
-    n_sample = position.shape[-2]
-    spectrum = np.fft.rfft(position, axis=-2)
-    omega = 2 * np.pi * np.fft.rfftfreq(n_sample, sample_time_s)
-    omega[2 * int(line.max()) + 1 :] = 0
-    result: FloatArray = np.fft.irfft(1j * omega[:, None] * spectrum, n=n_sample, axis=-2)
-    return result
-
-
-def predict(robot: Robot, reference: FloatArray, motor_angle: FloatArray, line: IntArray) -> Prediction:
-    """Simulate experiments in closed loop, without sensor noise.
-
-    Parameters
-    ----------
-    robot
-        The nominal robot.
-    reference
-        One period of motor speed, rad/s, shape (n_lane, n_sample, n_axis).
-    motor_angle
-        The configurations, motor side, rad, shape (n_lane, n_axis). The motion starts where its middle is the
-        configuration (`Excitation.start_offset`).
-    line
-        Excited bins.
-    """
-    step, n_sample = robot.sample_time_s, reference.shape[1]
-    travel = np.cumsum(reference, axis=1) * step
-    start = motor_angle - travel.mean(axis=1)
-    n_start = min(n_sample, round(START_UP_S / step))
-    whole = np.concatenate([reference, reference[:, :n_start]], axis=1)
-    simulation = robot.simulate(whole, robot.joint_angle(start))
-    torque, position = simulation.torque, simulation.position
-    period_torque, period_position = torque[:, n_start:], position[:, n_start:]
-    speed = motor_speed(period_position, line, step)
-    path = np.concatenate([position, start[:, None, :] + travel], axis=1)
-    change = np.diff(reference, axis=1, append=reference[:, :1])
-    return Prediction(
-        torque=np.abs(torque).max(axis=1),
-        slow_torque=np.abs(slow_part(period_torque, line)).max(axis=1),
-        speed=np.maximum(np.abs(speed).max(axis=1), np.abs(reference).max(axis=1)),
-        slow_speed=np.abs(slow_part(reference, line)).max(axis=1),
-        acceleration=np.abs(change).max(axis=1) / step,
-        upper=path.max(axis=1),
-        lower=path.min(axis=1),
-        travel=np.abs(path - motor_angle[:, None, :]).max(axis=1),
-        saturated=simulation.saturated,
-    )
-
-
-@dataclass(frozen=True)
-class Excess:
-    """A limit that would be broken, in words, and the factors on both amplitudes that are tried next."""
-
-    lane: int
-    words: str
-    multisine_factor: float
-    sine_factor: float
-
-
-def excesses(prediction: Prediction, robot: Robot, margin: float) -> list[Excess]:
-    """All limits that a prediction breaks, in the worst lane of each axis and quantity.
-
-    `margin` is the share of torque, speed and acceleration limits that may be used; positions may go up to
-    their limits.
-    """
-    limits, p = robot.limits, prediction
-    torque_limit = margin * robot.drives.torque_limit
-    none = np.zeros_like(p.acceleration)
-    return [
-        *_peaks("torque", "N m", p.torque, p.slow_torque, torque_limit, robot, p.saturated > 0),
-        *_peaks("speed", "rad/s", p.speed, p.slow_speed, margin * limits.speed, robot, none > 0),
-        *_peaks(
-            "acceleration", "rad/s^2", p.acceleration, none, margin * limits.acceleration, robot, none > 0
-        ),
-        *_positions("upper", p.upper, limits.upper, p.upper - limits.upper, p.travel, robot),
-        *_positions("lower", p.lower, limits.lower, limits.lower - p.lower, p.travel, robot),
-    ]
-
-
-def _peaks(
-    name: str,
-    unit: str,
-    peak: FloatArray,
-    slow: FloatArray,
-    allowed: FloatArray,
-    robot: Robot,
-    clipped: BoolArray,
-) -> list[Excess]:
-    found = []
-    for axis in np.flatnonzero((peak > allowed).any(axis=0)):
-        lane = int(np.argmax(peak[:, axis]))
-        words = (
-            f"{robot.axis_names[axis]} would reach a motor {name} of {peak[lane, axis]:.4g} {unit}, "
-            f"{allowed[axis]:.4g} {unit} are allowed"
-        )
-        static = min(slow[lane, axis], peak[lane, axis])
-        room = allowed[axis] - static
-        # A torque at its limit does not tell how far it wanted to go: halve and look again.
-        factor = 0.5 if clipped[lane, axis] else room / max(peak[lane, axis] - static, 1e-300)
-        if room < 0.05 * allowed[axis]:  # the slow part alone takes it all
-            found.append(Excess(lane, words, 0.7, 0.7))
-        else:
-            found.append(Excess(lane, words, float(np.clip(0.98 * factor, 0.1, 0.95)), 1.0))
-    return found
-
-
-def _positions(
-    name: str, reached: FloatArray, limit: FloatArray, beyond: FloatArray, travel: FloatArray, robot: Robot
-) -> list[Excess]:
-    found = []
-    for axis in np.flatnonzero((beyond > 0).any(axis=0)):
-        lane = int(np.argmax(beyond[:, axis]))
-        words = (
-            f"{robot.axis_names[axis]} would reach a motor angle of {reached[lane, axis]:.4g} rad, beyond its "
-            f"{name} limit of {limit[axis]:.4g} rad"
-        )
-        factor = float(np.clip(0.98 * (1 - beyond[lane, axis] / travel[lane, axis]), 0.1, 0.95))
-        found.append(Excess(lane, words, factor, factor))
-    return found
-
-
-def factors_that_fit(
-    predict_scaled: Callable[[float, float], Prediction], robot: Robot, margin: float, first: Sequence[Excess]
-) -> tuple[float, float] | None:
-    """Factors on multisine and slow sine with which a prediction breaks no limit; None where none is found.
-
-    Not extrapolated: the factors that are returned have been simulated.
-    """
-    multisine = sine = 1.0
-    broken: Sequence[Excess] = first
-    for _ in range(12):
-        multisine *= min(excess.multisine_factor for excess in broken)
-        sine *= min(excess.sine_factor for excess in broken)
-        broken = excesses(predict_scaled(multisine, sine), robot, margin)
-        if not broken:
-            return multisine, sine
-    return None
+Experiment = tuple[int, int, int]
+"""Configuration, block, experiment."""
 
 
 @dataclass(frozen=True)
 class Cleared:
-    """Largest predicted values in each configuration, motor side, (n_config, n_axis)."""
+    """What the nominal robot will do in each configuration, motor side, (n_config, n_axis) if not said otherwise."""
 
     torque: FloatArray
+    """Largest, as `speed`, `travel` and `gear_load` (joint side)."""
     speed: FloatArray
     travel: FloatArray
+    gear_load: FloatArray
+    torque_rms: FloatArray
+    """Of the excited band."""
+    friction: FloatArray
+    speed_quantile: FloatArray
+    """At QUANTILES, shape (n_config, n_quantile, n_axis)."""
+    standstill: FloatArray
+    """Share of the time below `standstill_speed`."""
+    torque_limit: FloatArray
+    """(n_axis,), as the next two."""
+    motor_gear_load: FloatArray
+    standstill_speed: FloatArray
+    deviation: FloatArray | None
+    """Relative, of the response's diagonal, (n_config, n_freq, n_axis); see `Excitation`."""
+    noise_deviation: FloatArray | None
+    n_simulated: int
+
+    def artifact_fields(self) -> dict[str, Any]:
+        """Return every predicted field of `Excitation` by its name there."""
+        return {
+            "predicted_torque": self.torque,
+            "predicted_speed": self.speed,
+            "predicted_travel": self.travel,
+            "predicted_torque_rms": self.torque_rms,
+            "torque_limit": self.torque_limit,
+            "friction_torque": self.friction,
+            "predicted_gear_load": self.gear_load,
+            "motor_gear_load": self.motor_gear_load,
+            "quantile": np.array(QUANTILES),
+            "predicted_speed_quantile": self.speed_quantile,
+            "standstill_speed": self.standstill_speed,
+            "predicted_standstill": self.standstill,
+            "predicted_deviation": self.deviation,
+            "predicted_noise_deviation": self.noise_deviation,
+            "simulated_experiments": self.n_simulated,
+        }
 
 
-def experiments_to_try(fast: FloatArray, most: int = 16) -> list[tuple[int, int, int]]:
-    """Experiments (configuration, block, experiment) that stand for all: the highest peak in each block.
+def experiments_to_try(fast: FloatArray, most: int = MOST_BLOCKS) -> list[Experiment]:
+    """Experiments that stand for all of their configuration.
 
-    All experiments of a block have the same spectrum. With more than `most` blocks in all, one block of each
-    configuration has to do.
+    Where all of a configuration have the same root mean square on every axis, as multisines do, that is the highest
+    peak of each block (of the first block, with more than `most` blocks in all). Where not, every one counts.
     """
-    n_config, n_block = fast.shape[:2]
+    n_config, n_block, n_exp = fast.shape[:3]
     blocks = range(n_block) if n_config * n_block <= most else range(1)
-    crest = np.abs(fast).max(axis=3) / np.sqrt(np.mean(fast**2, axis=3))
-    return [(i, m, int(np.argmax(crest[i, m].max(axis=-1)))) for i in range(n_config) for m in blocks]
+    rms = np.sqrt(np.mean(fast**2, axis=3))
+    alike = np.ptp(rms, axis=(1, 2)) <= 0.01 * rms.max(axis=(1, 2))
+    crest = np.abs(fast).max(axis=3) / np.where(rms > 0, rms, 1.0)
+    tried: list[Experiment] = []
+    for i in range(n_config):
+        if alike[i].all():
+            tried += [(i, m, int(np.argmax(crest[i, m].max(axis=-1)))) for m in blocks]
+        else:
+            tried += [(i, m, e) for m in range(n_block) for e in range(n_exp)]
+    return tried
+
+
+def experiments_to_simulate(
+    fast: FloatArray, most: int = MOST_EXPERIMENTS
+) -> tuple[list[Experiment], list[int]]:
+    """Every experiment of as many configurations as `most` allows, spread evenly, and those that stand for the others.
+
+    Returns (experiments, configurations of which every experiment is among them).
+    """
+    n_config, n_block, n_exp = fast.shape[:3]
+    count = min(n_config, max(1, most // (n_block * n_exp)))
+    # One configuration alone is the first; two and more include the first and the last.
+    whole = sorted({round(i) for i in np.linspace(0, n_config - 1, count).tolist()})
+    chosen = [(i, m, e) for i in whole for m in range(n_block) for e in range(n_exp)]
+    if len(whole) < n_config:
+        chosen += [t for t in experiments_to_try(fast) if t[0] not in whole]
+    return chosen, whole
 
 
 @dataclass(frozen=True)
@@ -234,48 +147,147 @@ def clear(
     line: IntArray,
     margin: float,
     level: Level,
+    progress: Callable[[float, float, str], None] | None = None,
 ) -> Cleared:
-    """Simulate the nominal robot with the highest peaks of each block and hold the result against its limits.
+    """Simulate the nominal robot, hold the result against its limits and foretell the measurement.
 
     Parameters
     ----------
     fast, slow
         Multisines and slow sines, shapes (n_config, n_block, n_exp, n_sample, n_axis) and (n_config, n_block, 1,
-        n_sample, n_axis).
+        n_sample, n_axis). Any other motion is `fast` with a slow part of zeros.
     angle
         The configurations, joint side, shape (n_config, n_axis).
     robot, line
-        The nominal robot and the excited bins.
+        The nominal robot and the excited bins; without any, nothing is said of a response.
     margin
         Share of the limits that may be used.
     level
         The settings, for the advice.
+    progress
+        Told how many experiments are simulated: `Context.progress`.
 
     Raises
     ------
     MotionRefused
         Where a limit would be broken: axis, value, limit, and amplitudes that were simulated and fit.
     """
-    tried = experiments_to_try(fast)
-    index = np.array(tried)
-    fast_lanes = np.stack([fast[t] for t in tried])
-    slow_lanes = np.stack([slow[i, m, 0] for i, m, _ in tried])
-    motor_angle = robot.motor_angle(angle)[index[:, 0]]
-    prediction = predict(robot, fast_lanes + slow_lanes, motor_angle, line)
+    chosen, whole = experiments_to_simulate(fast)
+    motor_angle = robot.motor_angle(angle)
+    tell = progress or (lambda done, total, note: None)
+
+    def reference(some: Sequence[Experiment], multisine: float = 1.0, sine: float = 1.0) -> FloatArray:
+        return np.stack([multisine * fast[t] + sine * slow[t[0], t[1], 0] for t in some])
+
+    def simulate(some: Sequence[Experiment], mirrored: bool = False) -> Prediction:
+        parts = []
+        for first in range(0, len(some), TOGETHER):
+            tell(first, len(some), "experiments simulated")
+            now = some[first : first + TOGETHER]
+            asked = reference(now)[:, ::-1] if mirrored else reference(now)
+            parts.append(predict(robot, asked, motor_angle[[t[0] for t in now]], line))
+        tell(len(some), len(some), "experiments simulated")
+        return joined(parts)
+
+    prediction = simulate(chosen)
     broken = excesses(prediction, robot, margin)
     if broken:
-        lanes = sorted({excess.lane for excess in broken})
-
-        def predict_scaled(multisine: float, sine: float) -> Prediction:
-            reference = multisine * fast_lanes[lanes] + sine * slow_lanes[lanes]
-            return predict(robot, reference, motor_angle[lanes], line)
-
-        factors = factors_that_fit(predict_scaled, robot, margin, broken)
-        listed = "; ".join(f"in configuration {tried[e.lane][0]} {e.words}" for e in broken)
+        worst = [chosen[lane] for lane in sorted({excess.lane for excess in broken})]
+        there = motor_angle[[t[0] for t in worst]]
+        factors = factors_that_fit(
+            lambda multisine, sine: predict(robot, reference(worst, multisine, sine), there, line),
+            robot,
+            margin,
+            broken,
+        )
+        listed = "; ".join(f"in configuration {chosen[e.lane][0]} {e.words}" for e in broken)
         fits = "no amplitude fits: move the configuration away from the limit"
         raise MotionRefused(f"{listed}; nothing has moved; {level.advice(factors) if factors else fits}")
-    largest = [
-        np.stack([values[index[:, 0] == i].max(axis=0) for i in range(len(angle))])
-        for values in (prediction.torque, prediction.speed, prediction.travel)
-    ]
-    return Cleared(*largest)
+    deviations: list[PredictedDeviation | None] = [None] * len(angle)
+    n_planned = fast.shape[1] * fast.shape[2]
+    if len(line) and n_planned >= robot.n_axis:
+        own = np.array([t[0] for t in chosen])
+        for i in whole:
+            some = [t for t in chosen if t[0] == i]
+            u, y = prediction.u[own == i], prediction.y[own == i]
+            if n_planned < 2 * robot.n_axis:
+                # Too few to spare for a scatter. Backwards in time a multisine has the opposite phases: another
+                # realisation of the same spectrum.
+                other = simulate(some, mirrored=True)
+                u, y = np.concatenate([u, other.u]), np.concatenate([y, other.y])
+            deviations[i] = predicted_deviation(
+                np.moveaxis(u, 0, -1),
+                np.moveaxis(y, 0, -1),
+                n_planned,
+                line / (fast.shape[3] * robot.sample_time_s),
+                sensor_noise(robot),
+                fast.shape[3],
+            )
+    return summary(robot, prediction, [t[0] for t in chosen], deviations, len(line))
+
+
+def sensor_noise(robot: Robot) -> SensorNoise:
+    """Variances of the nominal robot's sensors."""
+    d = robot.drives
+    step = np.where(d.encoder_counts > 0, 2 * np.pi / np.maximum(d.encoder_counts, 1), 0.0)
+    return SensorNoise(d.position_noise**2, d.torque_noise**2, step**2 / 12)
+
+
+def summary(
+    robot: Robot,
+    prediction: Prediction,
+    configuration: Sequence[int],
+    deviations: Sequence[PredictedDeviation | None],
+    n_freq: int,
+) -> Cleared:
+    """What the experiments of each configuration say together.
+
+    Parameters
+    ----------
+    robot
+        What was simulated.
+    prediction
+        Of all simulated experiments.
+    configuration
+        To which configuration each of them belongs, length n_lane; every configuration has one or more.
+    deviations
+        For each configuration, None where there is none.
+    n_freq
+        Number of lines.
+    """
+    own = np.array(configuration)
+    groups = [own == i for i in range(len(deviations))]
+
+    def largest(values: FloatArray) -> FloatArray:
+        return np.stack([values[group].max(axis=0) for group in groups])
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.stack([values[group].mean(axis=0) for group in groups])
+
+    drives, over_time = robot.drives, prediction.speed_over_time
+    speed_rms = np.sqrt(mean(np.mean(over_time.astype(np.float64) ** 2, axis=1)))
+    slow_speed = largest(prediction.slow_speed)
+    sliding = np.where(slow_speed > drives.friction_speed, slow_speed, speed_rms)
+    total = noise = None
+    if any(deviation is not None for deviation in deviations):
+        none = np.full((n_freq, robot.n_axis), np.nan)
+        total = np.stack([none if d is None else d.total for d in deviations])
+        noise = np.stack([none if d is None else d.noise for d in deviations])
+    return Cleared(
+        torque=largest(prediction.torque),
+        speed=largest(prediction.speed),
+        travel=largest(prediction.travel),
+        gear_load=largest(prediction.gear_load),
+        torque_rms=np.sqrt(mean(prediction.torque_rms**2)),
+        friction=friction_level(robot, sliding),
+        speed_quantile=np.stack(
+            [np.quantile(over_time[g].reshape(-1, robot.n_axis), QUANTILES, axis=0) for g in groups]
+        ).astype(np.float64),
+        standstill=mean(np.mean(over_time < drives.friction_speed, axis=1)),
+        torque_limit=drives.torque_limit,
+        motor_gear_load=load_of_motor(robot),
+        standstill_speed=drives.friction_speed,
+        deviation=total,
+        noise_deviation=noise,
+        n_simulated=len(own),
+    )

@@ -7,8 +7,8 @@ the estimate towards smaller responses (Wernholt and Moberg 2008 rank it last on
 from __future__ import annotations
 
 from robid_core import Context, Frf, Record
-from robid_core.estimation.spectra import factor_inputs
-from robid_frf.averaging import Averaging, record_spectra
+from robid_core.estimation.spectra import divide_spectra
+from robid_frf.averaging import Averaging, Estimate, join
 
 
 class H1(Averaging):
@@ -21,10 +21,10 @@ class H1(Averaging):
 
     def run(self, record: Record, context: Context) -> Frf:
         """Estimate the response of each configuration."""
-        spectra = record_spectra(record, self.discard, self.condition_limit)
-        response = spectra.y @ spectra.factors.inverse
-        u, y = spectra.u_by_period.mean(axis=-1), spectra.y_by_period.mean(axis=-1)
-        blocks = None
+        spectra = self.read(record, context)
+        all_blocks = join(spectra, self.condition_limit)
+        u, y, blocks = spectra.block_u, spectra.block_y, None
         if u.shape[-1] >= u.shape[-2]:
-            blocks = y @ factor_inputs(u, self.condition_limit).inverse
-        return self.finish(record, context, spectra, response, spectra.factors.gram_inverse, blocks, "H1")
+            blocks = divide_spectra(u, y, self.condition_limit).value
+        estimate = Estimate("H1", all_blocks.response, all_blocks.gram_inverse, all_blocks.products, blocks)
+        return self.finish(record, context, spectra, estimate)

@@ -13,8 +13,9 @@ import numpy as np
 
 from robid_core import BoolArray, ComplexArray, Context, Frf, Record
 from robid_core.estimation.covariance import gram_inverse_of_mean
-from robid_core.estimation.spectra import factor_inputs, logarithmic_mean_entries, logarithmic_mean_matrix
-from robid_frf.averaging import Averaging, record_spectra, total_covariance
+from robid_core.estimation.means import logarithmic_mean_entries, logarithmic_mean_matrix
+from robid_core.estimation.spectra import divide_spectra
+from robid_frf.averaging import Averaging, Estimate, join, total_covariance
 
 
 def _usable(by_block: ComplexArray) -> BoolArray:
@@ -38,14 +39,17 @@ class LogarithmicMean(Averaging):
 
     def run(self, record: Record, context: Context) -> Frf:
         """Estimate the response of each configuration."""
-        spectra = record_spectra(record, self.discard, self.condition_limit)
-        factors = factor_inputs(spectra.u_by_period.mean(axis=-1), self.condition_limit)
-        blocks = spectra.y_by_period.mean(axis=-1) @ factors.inverse
-        by_block, gram_inverse = np.moveaxis(blocks, 1, 0), np.moveaxis(factors.gram_inverse, 1, 0)
+        spectra = self.read(record, context)
+        each = divide_spectra(spectra.block_u, spectra.block_y, self.condition_limit)
+        by_block, gram_inverse = np.moveaxis(each.value, 1, 0), np.moveaxis(each.gram_inverse, 1, 0)
+        all_blocks = join(spectra, self.condition_limit)
         if self.form == "matrix":
             response = logarithmic_mean_matrix(by_block)
         else:
-            total = total_covariance(spectra, _usable(by_block), self.half_window)
+            valid = _usable(by_block)
+            total = total_covariance(
+                spectra, all_blocks.products, all_blocks.response, valid, self.half_window
+            )
             deviation = None
             if total is not None:
                 output = np.einsum("cfii->cfi", total.covariance).real
@@ -53,4 +57,6 @@ class LogarithmicMean(Averaging):
                 deviation = np.sqrt(output[..., :, None] * inputs[..., None, :])
             response = logarithmic_mean_entries(by_block, deviation)
         gram_inverse = gram_inverse_of_mean(gram_inverse)
-        return self.finish(record, context, spectra, response, gram_inverse, blocks, f"LOG ({self.form})")
+        name = f"LOG ({self.form})"
+        estimate = Estimate(name, response, gram_inverse, all_blocks.products, each.value)
+        return self.finish(record, context, spectra, estimate)

@@ -15,8 +15,25 @@ class Excitation(Artifact):
 
     `reference[c, m, e, n, a]` is the motor speed asked of axis a at sample n in experiment e of block m,
     realisation c; configuration i uses realisation ``i % n_realization``. `line` holds the excited DFT bins
-    of one period (frequency = line * sample_rate / n_sample); `slow_sine_bin` is 0 where no sine is
-    superposed. `predicted_*` come from the simulation that cleared the excitation.
+    of one period (frequency = line * sample_rate / n_sample), and is empty where the motion is not for a frequency
+    response; `slow_sine_bin` is 0 where no sine is superposed.
+
+    `predicted_*` come from the simulation that cleared the excitation: the nominal robot in closed loop, from rest
+    over a start-up and one period, motor side if not said otherwise.
+
+    - `predicted_torque`, `predicted_speed`, `predicted_travel`, `predicted_gear_load`: largest values. The gear load
+      is the torque that a transmission passes, joint side; `motor_gear_load` is what it would pass if the motor gave
+      its `torque_limit` at rest, for comparison: a gear's own limit is in no robot description.
+    - `predicted_torque_rms`: root mean square of the torque in the excited band (without lines: about its mean).
+    - `friction_torque`: friction of the motors at the slow sine's speed; without a sine at the root mean square speed.
+    - `predicted_speed_quantile`: of the size of the speed over time, at the probabilities `quantile`;
+      `predicted_standstill`: share of the time below the speed under which friction is not resolved.
+    - `predicted_deviation`: relative standard deviation of the diagonal of the response that H1 makes of all
+      experiments, one period each; `predicted_noise_deviation` is the part of the sensors, and falls with the square
+      root of the periods. NaN in configurations of which not every experiment was simulated, and at lines where the
+      inputs do not span all axes; absent where the experiments are fewer than the axes.
+
+    `simulated_experiments` counts what these numbers rest on.
     """
 
     axis_names: tuple[str, ...]
@@ -28,6 +45,20 @@ class Excitation(Artifact):
     predicted_torque: FloatArray | None = array("n_config n_axis", "N m", optional=True)
     predicted_speed: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
     predicted_travel: FloatArray | None = array("n_config n_axis", "rad", optional=True)
+    predicted_torque_rms: FloatArray | None = array("n_config n_axis", "N m", optional=True)
+    torque_limit: FloatArray | None = array("n_axis", "N m", optional=True)
+    friction_torque: FloatArray | None = array("n_config n_axis", "N m", optional=True)
+    predicted_gear_load: FloatArray | None = array("n_config n_axis", "N m", optional=True)
+    motor_gear_load: FloatArray | None = array("n_axis", "N m", optional=True)
+    quantile: FloatArray | None = array("n_quantile", optional=True)
+    predicted_speed_quantile: FloatArray | None = array("n_config n_quantile n_axis", "rad/s", optional=True)
+    standstill_speed: FloatArray | None = array("n_axis", "rad/s", optional=True)
+    predicted_standstill: FloatArray | None = array("n_config n_axis", optional=True)
+    predicted_deviation: FloatArray | None = array("n_config n_freq n_axis", finite=False, optional=True)
+    predicted_noise_deviation: FloatArray | None = array(
+        "n_config n_freq n_axis", finite=False, optional=True
+    )
+    simulated_experiments: int = 0
 
     @property
     def n_sample(self) -> int:
@@ -43,6 +74,18 @@ class Excitation(Artifact):
     def frequency_hz(self) -> FloatArray:
         """Excited frequencies in Hz, shape (n_freq,)."""
         return self.line / self.period_s
+
+    @property
+    def n_config(self) -> int:
+        """Configurations that it was made for."""
+        made_for = self.reference if self.predicted_torque is None else self.predicted_torque
+        return int(made_for.shape[0])
+
+    @property
+    def experiment_time_s(self) -> float:
+        """Duration of all experiments in seconds, one period each, without settling."""
+        n_block, n_exp = self.reference.shape[1:3]
+        return float(self.n_config * n_block * n_exp * self.period_s)
 
     def realization(self, configuration: int) -> FloatArray:
         """Return the reference of a configuration, shape (n_block, n_exp, n_sample, n_axis)."""

@@ -1,12 +1,18 @@
-"""`robid plan`: the wiring of a pipeline, as text or Mermaid, and the time it takes of the robot."""
+"""`robid plan`: the wiring of a pipeline, as text or Mermaid, the time it takes of the robot, and advice.
+
+The advice comes from a simulated run: the excitations are made and cleared as a run would, and what they foretell is
+printed below them. One that breaks a limit is refused here already.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, Overrides, PipelineFile, load_pipeline
+from robid_core.errors import RobidError
 
 if TYPE_CHECKING:
     from robid_core.pipeline import Pipeline, StageNode
@@ -17,15 +23,49 @@ def command(
     file: PipelineFile = DEFAULT_PIPELINE,
     overrides: Overrides = None,
     data: DataRoot = None,
-    mermaid: Annotated[bool, typer.Option("--mermaid", help="As a Mermaid diagram.")] = False,
+    mermaid: Annotated[bool, typer.Option("--mermaid", help="As a Mermaid diagram, without advice.")] = False,
+    dry: Annotated[bool, typer.Option("--dry", help="The wiring only: simulate nothing.")] = False,
 ) -> None:
-    """Show the stages in the order in which they run, what feeds each, and how long the robot will move."""
+    """Show the stages in the order in which they run, what feeds each, how long the robot will move, and advice.
+
+    The excitations are simulated with the nominal robot; nothing moves and nothing is written.
+    """
     pipeline = load_pipeline(file, overrides, data)
-    typer.echo("\n".join(mermaid_lines(pipeline) if mermaid else text_lines(pipeline)))
+    if mermaid:
+        typer.echo("\n".join(mermaid_lines(pipeline)))
+        return
+    try:
+        advice = {} if dry else foretold(pipeline)
+    except RobidError:
+        typer.echo("\n".join(text_lines(pipeline)))
+        raise
+    typer.echo("\n".join(text_lines(pipeline, advice)))
 
 
-def text_lines(pipeline: Pipeline) -> list[str]:
-    """Return the wiring as text, with what the stages themselves foresee below each."""
+def foretold(pipeline: Pipeline) -> dict[str, list[str]]:
+    """Make the excitations of a pipeline and return what each foretells, by stage; warnings begin with '!'."""
+    from robid_core.artifacts import Excitation
+    from robid_core.commands.excitation_screen import advice_lines
+    from robid_core.commands.run_screen import listening
+    from robid_core.run.rehearsal import rehearse
+    from robid_core.stage import ExcitationDesign
+
+    with listening(quiet=False, verbose=False) as listener:
+        made = rehearse(pipeline, listener)
+    advice: dict[str, list[str]] = {}
+    for name, rehearsed in made.items():
+        lines = advice_lines(rehearsed.artifact) if isinstance(rehearsed.artifact, Excitation) else []
+        advice[name] = [*lines, *(f"! {warning}" for warning in rehearsed.warnings)]
+    for node in pipeline.stages:
+        if isinstance(node.stage, ExcitationDesign) and node.name not in made:
+            advice[node.name] = [
+                f"not simulated: it needs what only a run finds out; robid show {node.name} tells afterwards"
+            ]
+    return advice
+
+
+def text_lines(pipeline: Pipeline, advice: Mapping[str, list[str]] | None = None) -> list[str]:
+    """Return the wiring as text, with what the stages themselves foresee, and `advice` by stage, below each."""
     drives = f"drives {pipeline.drives.plugin.name}" if pipeline.drives else "no drives"
     lines = [f"{pipeline.name}: robot {pipeline.robot.written}, {drives}, seed {pipeline.seed}", ""]
     wide_name = max(len(node.name) for node in pipeline.stages)
@@ -33,7 +73,8 @@ def text_lines(pipeline: Pipeline) -> list[str]:
     for node in pipeline.stages:
         sources = ", ".join(f"{parameter}: {source}" for parameter, source in node.inputs.items())
         lines.append(f"{node.name:{wide_name}}  {node.plugin.name:{wide_use}}  {sources}".rstrip())
-        lines += [f"{'':{wide_name}}  {foreseen}" for foreseen in foresee(node, pipeline)]
+        below = [*foresee(node, pipeline), *(advice or {}).get(node.name, [])]
+        lines += [f"{'':{wide_name}}  {line}" for line in below]
     return lines
 
 

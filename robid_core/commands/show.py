@@ -106,7 +106,8 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
 
 def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     """Return an artifact as text: what is special about its kind first, then every field."""
-    from robid_core.artifacts import Design, Diagnosis, Fit, Frf, Report
+    from robid_core.artifacts import Design, Diagnosis, Excitation, Fit, Frf, Report
+    from robid_core.commands.excitation_screen import advice_lines
     from robid_core.commands.run_screen import fit_line, fit_table
 
     lines = [type(artifact).__name__ + (f" in {path}" if path is not None else "")]
@@ -121,6 +122,8 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
         ]
     elif isinstance(artifact, Frf):
         lines += _frf_lines(artifact)
+    elif isinstance(artifact, Excitation):
+        lines += [*(f"  {line}" for line in advice_lines(artifact)), ""]
     elif isinstance(artifact, Design):
         lines += _design_lines(artifact)
     elif isinstance(artifact, Diagnosis):

@@ -94,9 +94,17 @@ def period_products(u: ComplexArray, y: ComplexArray, response: ComplexArray) ->
     response
         G, shape (..., n_freq, n_out, n_in).
     """
-    error = y - np.einsum("...ij,...jep->...iep", response, u)
+    return difference_products(y - np.einsum("...ij,...jep->...iep", response, u))
+
+
+def difference_products(error: ComplexArray) -> ComplexArray:
+    """Products of the differences between periods of any signals, as `period_products` counts them.
+
+    Takes shape (..., n_signal, n_exp, n_period), returns (..., n_signal, n_signal).
+    """
     error = error - error.mean(axis=-1, keepdims=True)
-    result: ComplexArray = np.einsum("...iep,...jep->...ij", error, error.conj()) / error.shape[-1]
+    flat = error.reshape(*error.shape[:-2], -1)
+    result: ComplexArray = flat @ flat.conj().swapaxes(-1, -2) / error.shape[-1]
     return result
 
 

@@ -1,8 +1,9 @@
-"""Periodic excitation: odd logarithmic lines, orthogonal random-phase multisines, a slow sine beside them.
+"""Periodic excitation: orthogonal random-phase multisines, and a slow sine beside them.
 
-Method: thesis section 4.2 (eq. 4.1-4.3); orthogonal multisines after Dobrowiecki and Schoukens (2007), odd
-lines after Schoukens et al. (2005). Eq. (4.3) as printed has `j` both as index and as imaginary unit; here it
-is ``T[e, c] = exp(2 pi i e c / n)`` with e, c counted from zero.
+Method: thesis section 4.2 (eq. 4.1-4.3); orthogonal multisines after Dobrowiecki and Schoukens (2007). Eq. (4.3)
+as printed has `j` both as index and as imaginary unit; here it is ``T[e, c] = exp(2 pi i e c / n)`` with e, c
+counted from zero. One experiment more than axes leaves column 0 free: what is the same in all experiments falls
+there and nowhere else. Which bins are excited: `grids`; phases searched for a low crest factor: `crest`.
 """
 
 from __future__ import annotations
@@ -11,96 +12,26 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
+from robid_core.estimation.grids import (
+    logarithmic_odd_lines as logarithmic_odd_lines,
+    odd_bins as odd_bins,
+    spacing_hz as spacing_hz,
+)
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 IntArray = npt.NDArray[np.int64]
 
 
-def odd_bins(band_hz: tuple[float, float], period_s: float) -> IntArray:
-    """All odd DFT bins of a period whose frequency lies in the band, both ends included."""
-    low, high = band_hz
-    # 4 Hz * 8 s must count as bin 32 although the product may come out an ulp away.
-    first = int(np.ceil(low * period_s - 1e-9))
-    last = int(np.floor(high * period_s + 1e-9))
-    return np.arange(first | 1, last + 1, 2, dtype=np.int64)
-
-
-def logarithmic_odd_lines(band_hz: tuple[float, float], count: int, period_s: float) -> IntArray:
-    """Exactly `count` distinct odd bins of the band, at a constant ratio wherever bins are dense enough.
-
-    Rounding a plain logarithmic grid to odd bins hits some bins twice at its low end, where the ratio step is
-    less than the two bins between odd neighbours; dropping the doubles leaves fewer lines than were asked
-    for. Here consecutive odd bins are taken from the low end up to the first bin `b` from which the remaining
-    lines, at a constant ratio r up to the top, are at least two bins apart, ``b (r - 1) >= 2``. From there on
-    the distance only grows, so that rounding cannot make two lines meet.
-
-    Parameters
-    ----------
-    band_hz
-        Lowest and highest frequency.
-    count
-        Number of lines.
-    period_s
-        Length of one period; bin k is k / period_s.
-
-    Returns
-    -------
-    Bins in increasing order, shape (count,). The lowest and the highest odd bin of the band are among them
-    (for count = 1, the bin next to the geometric mean).
-
-    Raises
-    ------
-    ConfigurationError
-        If the band has fewer than `count` odd bins; the message gives the period that would have enough.
-    """
-    bins = odd_bins(band_hz, period_s)
-    if len(bins) < count:
-        needed = 2.0 * count / (band_hz[1] - band_hz[0])
-        raise ConfigurationError(
-            f"{count} lines do not fit: a period of {period_s:g} s has {len(bins)} odd bins from "
-            f"{band_hz[0]:g} to {band_hz[1]:g} Hz; ask for at most {len(bins)} lines, or for a period of "
-            f"about {needed:.3g} s"
-        )
-    if len(bins) == count:
-        return bins
-    first, last = int(bins[0]), int(bins[-1])
-    if count == 1:
-        middle = int(np.argmin(np.abs(np.log(bins / np.sqrt(first * last)))))
-        return bins[middle : middle + 1]
-    for consecutive in range(1, count):
-        start, steps = first + 2 * (consecutive - 1), count - consecutive
-        ratio = (last / start) ** (1.0 / steps)
-        if start * (ratio - 1.0) >= 2.0:
-            break
-    grid = start * ratio ** np.arange(steps + 1)
-    # Halves always upward: rounding them to even would let two targets meet.
-    upper = np.floor((grid - first) / 2.0 + 0.5).astype(np.int64)
-    result: IntArray = bins[np.concatenate([np.arange(consecutive - 1), upper])]
-    return result
-
-
-def spacing_hz(line: IntArray, period_s: float) -> FloatArray:
-    """Distance from each line to its farther neighbour in Hz, shape (n_freq,).
-
-    A resonance of frequency f and relative damping zeta has the half-power width ``2 zeta f``; where the
-    spacing is wider, its peak can fall between two lines.
-    """
-    gap = np.diff(line).astype(np.float64) / period_s
-    if len(gap) == 0:
-        return np.full(len(line), np.inf)
-    result: FloatArray = np.maximum(np.append(gap, 0.0), np.insert(gap, 0, 0.0))
-    return result
-
-
-def orthogonal_matrix(n_exp: int, n_axis: int | None = None) -> ComplexArray:
-    """Phase factors of an orthogonal set of experiments, ``T[e, c] = exp(2 pi i e c / n_exp)`` (4.3).
+def orthogonal_matrix(n_exp: int, n_axis: int | None = None, first: int = 0) -> ComplexArray:
+    """Phase factors of an orthogonal set of experiments, ``T[e, c] = exp(2 pi i e (c + first) / n_exp)`` (4.3).
 
     Returns shape (n_exp, n_axis), n_axis = n_exp by default. With n_exp >= n_axis the columns are orthogonal,
-    ``T^H T = n_exp I``.
+    ``T^H T = n_exp I``. With n_exp = n_axis + 1 and first = 1 the column of ones is left out: each column sums
+    to zero over the experiments.
     """
     experiment = np.arange(n_exp)[:, None]
-    channel = np.arange(n_exp if n_axis is None else n_axis)[None, :]
+    channel = first + np.arange(n_exp if n_axis is None else n_axis)[None, :]
     # Reduced before the exponential: the angle stays below one turn and the factors exact to an ulp.
     turn = (experiment * channel) % n_exp
     result: ComplexArray = np.exp(2j * np.pi * turn / n_exp)
@@ -136,6 +67,11 @@ def flat_torque_amplitude(
     return result
 
 
+def experiment_factors(n_exp: int, n_axis: int) -> ComplexArray:
+    """Columns of T that belong to the axes: 0..n-1 of n experiments, 1..n of n + 1; shape (n_exp, n_axis)."""
+    return orthogonal_matrix(n_exp, n_axis, first=1 if n_exp > n_axis else 0)
+
+
 def multisine(
     amplitude: FloatArray, phase: FloatArray, experiment_phase: FloatArray, line: IntArray, n_sample: int
 ) -> FloatArray:
@@ -148,12 +84,16 @@ def multisine(
     is a new random-phase multisine, the distortion averages over experiments as noise does, and so does what
     does not depend on the phases at all (ripple, harmonics of the slow sine).
 
+    psi = 0 (common phases) is what n_axis + 1 experiments are for: with columns 1..n_axis of T what does not
+    depend on the phases is orthogonal to all inputs and rejected exactly, not on average
+    (`phase_independent_part`), at the price above.
+
     Parameters
     ----------
     amplitude, phase
         Amplitude, and phase in rad, of each line and axis, shape (n_freq, n_axis).
     experiment_phase
-        Phase psi of each line and experiment, rad, shape (n_freq, n_exp), n_exp = n_axis.
+        Phase psi of each line and experiment, rad, shape (n_freq, n_exp), n_exp = n_axis or n_axis + 1.
     line
         Bins, shape (n_freq,), each below n_sample / 2.
     n_sample
@@ -162,14 +102,35 @@ def multisine(
     Returns
     -------
     Shape (n_exp, n_sample, n_axis), in the unit of `amplitude`. With the DFT scaled by 1 / n_sample the input
-    matrix at a line has ``U U^H = n_axis diag(A_k^2 / 4)``.
+    matrix at a line has ``U U^H = n_exp diag(A_k^2 / 4)``.
     """
-    n_axis = amplitude.shape[1]
-    spectrum = np.zeros((n_axis, n_sample // 2 + 1, n_axis), dtype=np.complex128)
+    n_axis, n_exp = amplitude.shape[1], experiment_phase.shape[1]
+    spectrum = np.zeros((n_exp, n_sample // 2 + 1, n_axis), dtype=np.complex128)
     half = 0.5 * amplitude * np.exp(1j * phase)
     turn = np.exp(1j * experiment_phase.T)
-    spectrum[:, line, :] = half * orthogonal_matrix(n_axis)[:, None, :] * turn[:, :, None]
+    spectrum[:, line, :] = half * experiment_factors(n_exp, n_axis)[:, None, :] * turn[:, :, None]
     result: FloatArray = np.fft.irfft(spectrum * n_sample, n=n_sample, axis=1)
+    return result
+
+
+def phase_independent_part(spectra: ComplexArray) -> ComplexArray:
+    """What is the same in all experiments of a block: column 0 of T, free where n_axis + 1 share their phases.
+
+    With references ``diag(R_c) T``, T from columns 1..n_axis of n_axis + 1 experiments, any signal linear in
+    the references sums to zero over the experiments; the mean is what does not depend on the multisine's phases
+    (ripple under the slow sine, harmonics of friction under it), plus 1 / (n_axis + 1) of the noise power.
+
+    Parameters
+    ----------
+    spectra
+        Of any channel at any bins, shape (..., n_axis, n_exp); `columns.column_is_free` tells whether this applies,
+        and `columns.other_columns` gives the rest.
+
+    Returns
+    -------
+    Shape (..., n_axis). Over blocks its phase follows the phase of the slow sine.
+    """
+    result: ComplexArray = spectra.mean(axis=-1)
     return result
 
 
@@ -177,7 +138,8 @@ def sine(amplitude: FloatArray, phase: FloatArray, sine_bin: int, n_sample: int)
     """One period of ``A cos(2 pi bin t / period + phi)`` for each axis, shape (n_sample, n_axis).
 
     The bin is to be even: the harmonics of an even bin, odd and even alike, fall on even bins, where no odd
-    multisine line stands; friction turns an odd bin's third harmonic into an error of the response.
+    multisine line stands; friction turns an odd bin's third harmonic into an error of the response, unless its
+    odd multiples are no lines (`grids.without_multiples`).
     """
     turn = (sine_bin * np.arange(n_sample) % n_sample) / n_sample
     result: FloatArray = amplitude * np.cos(2 * np.pi * turn[:, None] + phase)
@@ -190,20 +152,51 @@ def crest_factor(signal: FloatArray) -> float:
     return float(np.max(np.abs(signal).max(axis=1) / rms))
 
 
+def draw_phases(
+    n_freq: int, n_axis: int, n_exp: int, common: bool, generator: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Uniform phases of the axes (n_freq, n_axis) and of the experiments (n_freq, n_exp); zeros where common."""
+    phase = generator.uniform(0.0, 2 * np.pi, (n_freq, n_axis))
+    shape = (n_freq, n_exp)
+    return phase, np.zeros(shape) if common else generator.uniform(0.0, 2 * np.pi, shape)
+
+
 def low_crest_multisine(
-    amplitude: FloatArray, line: IntArray, n_sample: int, draws: int, generator: np.random.Generator
+    amplitude: FloatArray,
+    line: IntArray,
+    n_sample: int,
+    draws: int,
+    generator: np.random.Generator,
+    n_exp: int | None = None,
+    common: bool = False,
 ) -> FloatArray:
     """Best of several draws of uniform phases: the set of experiments with the lowest crest factor.
 
     Each draw is a random-phase multisine, so that the best linear approximation stays what it is; a search
-    over the phases themselves would lower the crest factor further and give that up.
+    over the phases themselves (`crest`) lowers the crest factor further and gives that up.
 
-    Returns shape (n_axis experiments, n_sample, n_axis), as `multisine`.
+    Parameters
+    ----------
+    amplitude, line, n_sample
+        As in `multisine`.
+    draws
+        Sets of phases tried.
+    generator
+        Draws the phases.
+    n_exp
+        Experiments, n_axis (by default) or n_axis + 1.
+    common
+        No phases of the experiments' own.
+
+    Returns
+    -------
+    Shape (n_exp, n_sample, n_axis), as `multisine`.
     """
+    n_freq, n_axis = amplitude.shape
     best, best_crest = None, np.inf
     for _ in range(draws):
-        phase, experiment_phase = generator.uniform(0.0, 2 * np.pi, (2, *amplitude.shape))
-        candidate = multisine(amplitude, phase, experiment_phase, line, n_sample)
+        phases = draw_phases(n_freq, n_axis, n_axis if n_exp is None else n_exp, common, generator)
+        candidate = multisine(amplitude, *phases, line, n_sample)
         crest = crest_factor(candidate)
         if best is None or crest < best_crest:
             best, best_crest = candidate, crest

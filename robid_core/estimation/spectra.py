@@ -1,8 +1,8 @@
-"""From spectra to the response matrix, line by line: averaging methods of thesis section 3.2.3.
+"""From spectra to the response matrix, line by line: what the estimators of thesis section 3.2.3 share.
 
-H1 after (3.10), the logarithmic mean after (3.12) and (3.13) and, simpler, entry by entry relative to the
-first block. A line is a frequency; column e of U and Y is experiment e. Everything is batched: leading axes
-(configurations, blocks) are free.
+Least squares on the inputs (3.7), (3.10), and projection on the references (3.14), each as a right inverse of
+the inputs; means of several responses are in `means`. A line is a frequency; column e of U and Y is experiment
+e. Everything is batched: leading axes (configurations, blocks) are free.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import DataRejected, PoorExcitation
+from robid_core.estimation.division import Quotient, divide, divide_jointly
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -25,9 +26,10 @@ CONDITION_LIMIT = 1e6  # half of the digits of a double are gone; measured spect
 class InputFactors:
     """What the input matrices of all lines yield once and for all.
 
-    `condition` has shape (..., n_freq) and is infinite where an input matrix has no full rank; there the
-    other two are NaN. `inverse` is ``U^+ = U^H (U U^H)^-1``, shape (..., n_freq, n_exp, n_in);
-    `gram_inverse` is ``(U U^H)^-1``, shape (..., n_freq, n_in, n_in).
+    `condition` has shape (..., n_freq) (see `robid_core.estimation.division.Quotient`) and is infinite where an
+    input matrix has no full rank; where it exceeds the limit the other two are NaN. `inverse` is
+    ``U^+ = U^H (U U^H)^-1``, shape (..., n_freq, n_exp, n_in); `gram_inverse` is ``(U U^H)^-1``, shape
+    (..., n_freq, n_in, n_in).
     """
 
     condition: FloatArray
@@ -36,7 +38,7 @@ class InputFactors:
 
 
 def factor_inputs(u: ComplexArray, condition_limit: float = CONDITION_LIMIT) -> InputFactors:
-    """Condition, pseudo-inverse and inverse Gram matrix of the inputs by one singular value decomposition.
+    """Condition, pseudo-inverse and inverse Gram matrix of the inputs.
 
     The rows of U are first divided by each axis' root mean square over all lines, so that the condition
     number does not depend on the units or sizes of the axes, down to 1e-9 of the largest: an axis below that
@@ -49,30 +51,54 @@ def factor_inputs(u: ComplexArray, condition_limit: float = CONDITION_LIMIT) -> 
     condition_limit
         Lines above it get NaN instead of an inverse.
     """
+    quotient = divide_spectra(u, None, condition_limit)
+    return InputFactors(quotient.condition, quotient.value, quotient.gram_inverse)
+
+
+def divide_spectra(
+    u: ComplexArray,
+    y: ComplexArray | None,
+    condition_limit: float = CONDITION_LIMIT,
+    *,
+    joined: bool = False,
+) -> Quotient:
+    """Response ``Y U^+`` of each line, or ``U^+`` where y is None, with ``(U U^H)^-1``.
+
+    As ``y @ factor_inputs(u).inverse``, in one go. With `joined` the experiments of all blocks stand side by
+    side (3.10): u and y have shape (..., n_block, n_freq, n, n_exp), the results (..., n_freq, n, n).
+    """
     n_in, n_exp = u.shape[-2:]
-    _refuse_nan("input", u)
-    if n_exp < n_in:
-        raise PoorExcitation(
-            f"{n_exp} experiments cannot separate {n_in} inputs at any line (condition number infinite); "
-            f"measure at least {n_in} experiments a block"
-        )
-    scale = np.sqrt(np.mean(np.abs(u) ** 2, axis=(-3, -1), keepdims=True))
-    largest = scale.max(axis=-2, keepdims=True)
-    scale = np.maximum(scale, np.where(largest > 0, 1e-9 * largest, 1.0))
-    left: ComplexArray
-    singular: FloatArray
-    right: ComplexArray
-    left, singular, right = np.linalg.svd(u / scale, full_matrices=False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.where(singular[..., -1] > 0, singular[..., 0] / singular[..., -1], np.inf)
-        usable = (condition <= condition_limit)[..., None]
-        reciprocal = np.where(usable, 1.0 / singular, np.nan)
-    # U = scale A S B^H, hence U^+ = B S^-1 A^H / scale and (U U^H)^-1 = (A S^-1 / scale) (A S^-1 / scale)^H.
-    # A row at a time: `scale` belongs to the rows of A, which are the columns of A^H.
-    unscaled = left * reciprocal[..., None, :] / scale
-    inverse: ComplexArray = right.conj().swapaxes(-1, -2) @ unscaled.conj().swapaxes(-1, -2)
-    gram_inverse: ComplexArray = unscaled @ unscaled.conj().swapaxes(-1, -2)
-    return InputFactors(condition, inverse, gram_inverse)
+    _refuse_few(n_exp * (u.shape[-4] if joined else 1), n_in)
+    quotient = divide(u, y, condition_limit, parts=joined)
+    _refuse_spread(quotient, input=u, output=y)
+    return quotient
+
+
+def divide_by_reference(
+    u: ComplexArray, y: ComplexArray, r: ComplexArray, condition_limit: float = CONDITION_LIMIT
+) -> Quotient:
+    """Joint input-output response ``Y R^H (U R^H)^-1`` of the experiments of all blocks (3.14).
+
+    It is ``Y A`` with the right inverse ``A = R^H (U R^H)^-1`` of U, orthogonal to all that the references do not
+    cause: of a residual ``V = Y - G U`` it passes on ``V A``. Where V is independent of R, as noise in a feedback
+    loop is, the mean of that is zero, however much V and U have in common; with independent experiments of
+    covariance C_V its covariance is ``(A^H A)^T (x) C_V``.
+
+    Parameters
+    ----------
+    u, y, r
+        Spectra of inputs, outputs and references, shape (..., n_block, n_freq, n_axis, n_exp), n_block n_exp >= n_axis.
+    condition_limit
+        Largest condition number, of U with A as its inverse (`robid_core.estimation.division.divide_jointly`).
+
+    Returns
+    -------
+    `value` the response, `gram_inverse` ``A^H A``, shape (..., n_freq, n_axis, n_axis), NaN where a line is refused.
+    """
+    _refuse_few(r.shape[-1] * r.shape[-4], r.shape[-2])
+    quotient = divide_jointly(u, y, r, condition_limit)
+    _refuse_spread(quotient, input=u, output=y, reference=r)
+    return quotient
 
 
 def response_from_spectra(
@@ -106,17 +132,16 @@ def response_from_spectra(
     PoorExcitation
         If cond(U) exceeds the limit at some line; the message gives the line in Hz and its condition number.
     """
-    _refuse_nan("output", y)
-    factors = factor_inputs(u, condition_limit)
-    poor = np.argwhere(~(factors.condition <= condition_limit))
+    quotient = divide_spectra(u, y, condition_limit)
+    poor = np.argwhere(~(quotient.condition <= condition_limit))
     if len(poor):
         line = int(poor[0, -1])
         where = f"line {line}" if frequency_hz is None else f"{frequency_hz[line]:.4g} Hz"
         raise PoorExcitation(
-            f"the input matrix at {where} has condition number {factors.condition[tuple(poor[0])]:.3g}, "
+            f"the input matrix at {where} has condition number {quotient.condition[tuple(poor[0])]:.3g}, "
             f"above {condition_limit:.3g}; {len(poor)} such lines: excite every axis there, or leave them out"
         )
-    return y @ factors.inverse
+    return quotient.value
 
 
 def refuse_masked(valid: BoolArray, frequency_hz: FloatArray, share: float = 0.1) -> None:
@@ -132,6 +157,23 @@ def refuse_masked(valid: BoolArray, frequency_hz: FloatArray, share: float = 0.1
                 f"{masked.min():.4g} to {masked.max():.4g} Hz: the inputs do not span all axes; excite every "
                 "axis at these lines, or look for an axis that did not move"
             )
+
+
+def _refuse_spread(quotient: Quotient, **spectra: ComplexArray | None) -> None:
+    """Look for what is not a number where there is one that no refused line explains."""
+    if np.isfinite(quotient.value).all() and np.isfinite(quotient.condition).all():
+        return
+    for name, values in spectra.items():
+        if values is not None:
+            _refuse_nan(name, values)
+
+
+def _refuse_few(n_exp: int, n_in: int) -> None:
+    if n_exp < n_in:
+        raise PoorExcitation(
+            f"{n_exp} experiments cannot separate {n_in} inputs at any line (condition number infinite); "
+            f"measure at least {n_in} experiments a block"
+        )
 
 
 def _refuse_nan(name: str, spectra: ComplexArray) -> None:
@@ -150,77 +192,3 @@ def side_by_side(spectra: ComplexArray) -> ComplexArray:
     """
     moved = np.moveaxis(spectra, -4, -2)
     return moved.reshape(*moved.shape[:-2], -1)
-
-
-def logarithmic_mean_matrix(blocks: ComplexArray) -> ComplexArray:
-    """Mean of response matrices by their matrix logarithm, ``P^-1 exp(mean_m log(P G_m))`` (3.12).
-
-    ``P = V diag(exp(-i arg lambda)) V^-1`` from the eigenvalues and eigenvectors of the first block (3.13):
-    the eigenvalues of ``P G_1`` are real and positive, so that those of the other blocks stay away from the
-    cut of the logarithm. The entries of ``P G_1`` are not real; the logarithm entry by entry would be wrong.
-
-    Parameters
-    ----------
-    blocks
-        One response matrix per block, square, shape (n_block, ..., n, n); NaN comes out where one is NaN.
-    """
-    usable = np.isfinite(blocks).all(axis=(0, -2, -1))
-    result = np.full(blocks.shape[1:], np.nan + 0j)
-    matrices = blocks[:, usable].astype(np.complex128)
-    rotation = _rotation(matrices[0])
-    logarithm = _matrix_function(rotation @ matrices, np.log).mean(axis=0)
-    result[usable] = np.linalg.solve(rotation, _matrix_function(logarithm, np.exp))
-    return result
-
-
-def _rotation(matrices: ComplexArray) -> ComplexArray:
-    """P of (3.13); any P will do that is invertible, so a matrix without eigenvectors gets a scalar one."""
-    value, vector = np.linalg.eig(matrices)
-    dependent = ~(np.linalg.cond(vector) < 1e8)
-    vector[dependent] = np.eye(matrices.shape[-1])
-    value[dependent] = value[dependent].sum(axis=-1, keepdims=True)
-    turn = np.exp(-1j * np.angle(value))
-    result: ComplexArray = (vector * turn[..., None, :]) @ np.linalg.inv(vector)
-    return result
-
-
-def _matrix_function(matrices: ComplexArray, function: np.ufunc) -> ComplexArray:
-    """Primary function (log or exp) of matrices by eigenvectors, or by SciPy where these are dependent."""
-    value, vector = np.linalg.eig(matrices)
-    # Eigenvectors of condition kappa cost log10(kappa) digits; measured responses rarely come near this.
-    dependent = ~(np.linalg.cond(vector) < 1e5)
-    vector[dependent] = np.eye(matrices.shape[-1])
-    with np.errstate(divide="ignore", invalid="ignore"):  # log 0 of a singular response: NaN comes out
-        result: ComplexArray = (vector * function(value)[..., None, :]) @ np.linalg.inv(vector)
-    if dependent.any():
-        from scipy.linalg import expm, logm
-
-        for where in map(tuple, np.argwhere(dependent)):
-            result[where] = logm(matrices[where]) if function is np.log else expm(matrices[where])
-    return result
-
-
-def logarithmic_mean_entries(blocks: ComplexArray, deviation: FloatArray | None = None) -> ComplexArray:
-    """Mean of responses by the logarithm of each entry relative to the first block.
-
-    ``g = g_1 exp(mean_m log(g_m / g_1))``: the mean of the logarithmic amplitudes and of the phases, which
-    are counted from the first block's and so need no unwrapping over frequency. In noise of signal-to-noise
-    ratio S (power) the logarithm of the amplitude is too large by ``E1(S) / 2``: 0.2 % at 6 dB, 11 % at 0 dB,
-    and an entry that is zero by symmetry comes out as the size of its noise with any phase. Entries below
-    6 dB in a block therefore take the arithmetic mean, which is unbiased.
-
-    Parameters
-    ----------
-    blocks
-        One response per block, shape (n_block, ...).
-    deviation
-        Standard deviation of each entry of *one block* (complex: of real and imaginary part together), shape
-        of one block; None where it is not known, and then only entries with an exact zero are treated so.
-    """
-    arithmetic: ComplexArray = blocks.mean(axis=0)
-    noisy = (~np.isfinite(blocks) | (blocks == 0)).any(axis=0)
-    if deviation is not None:
-        noisy |= np.abs(arithmetic) < 2.0 * deviation  # 6 dB
-    safe = np.where(noisy, 1.0, blocks)
-    mean: ComplexArray = safe[0] * np.exp(np.log(safe / safe[0]).mean(axis=0))
-    return np.where(noisy, arithmetic, mean)

@@ -25,6 +25,7 @@ from robid_core.robot import Robot
 from robid_core.stage import KINDS, Context, FrfEstimator, Stage
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.estimators import (
+    EXACT,
     check_covers_truth,
     check_recovers_plant,
     note_missing_uncertainty,
@@ -42,6 +43,7 @@ def check_stage(
     for_axes: Sequence[int] = (1, 2, 6),
     data_root: Path = Path(),
     artifacts: Examples | None = None,
+    recovery_tolerance: float = EXACT,
     **settings: Any,
 ) -> None:
     """Check that a stage keeps the contract.
@@ -56,6 +58,9 @@ def check_stage(
         Where it finds measured data, if it reads any.
     artifacts
         Inputs for a robot by type, in place of `example_artifacts`, for a stage that needs better ones.
+    recovery_tolerance
+        By how much an estimator may miss a closed-form plant without noise, relative to the largest entry at the
+        line: for local models, which are only nearly right on 30 lines.
     settings
         Its settings, as they stand under `with:`.
 
@@ -75,7 +80,7 @@ def check_stage(
         _check_run(stage, needed, robot, data_root)
     if isinstance(stage, FrfEstimator) and issubclass(cls.output, Frf):
         for n_axis in for_axes:
-            check_recovers_plant(stage, n_axis)
+            check_recovers_plant(stage, n_axis, recovery_tolerance)
         if not check_covers_truth(stage):
             note_missing_uncertainty(stage)
 
@@ -207,5 +212,6 @@ def _check_excitation(name: str, excitation: Excitation, robot: Robot) -> None:
     drift = np.abs(excitation.reference.mean(axis=3)).max()
     if drift > 1e-9 * speed.max():
         raise ContractBroken(f"{name}: one period of the reference does not come back to where it began")
-    if excitation.line.min() < 1 or 2 * excitation.line.max() >= excitation.n_sample:
+    line = excitation.line  # none where the motion is not for a frequency response
+    if len(line) and (line.min() < 1 or 2 * line.max() >= excitation.n_sample):
         raise ContractBroken(f"{name}: excited bins must lie between 1 and half of n_sample")

@@ -1,8 +1,9 @@
 """A plant known in closed form, and records of it that are exact but for the noise that is asked for.
 
 Masses, springs and dampers: ``M a + D v + K x = B torque``, so ``G = (i w)^2 (K + i w D - w^2 M)^-1 B`` from torque
-to acceleration, which is not symmetric. A record is made in the frequency domain at the excited lines and turned
-into samples: it is periodic, in steady state, and has energy at no other line.
+to acceleration, which is not symmetric. It is measured under control, ``u = d(r) - F y`` with the noise of y in the
+loop, by a controller of speed or by that of a robot. A record is made in the frequency domain at the excited lines
+and turned into samples: it is periodic, in steady state, and has energy at no other line.
 """
 
 from __future__ import annotations
@@ -12,11 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.artifacts import ComplexArray, FloatArray, Record
-from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, Channel, DenseRun
+from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE, Channel, DenseRun
+from robid_core.estimation.controller import controller_response, feedback_from_acceleration
+from robid_core.robot import Robot
 
 N_SAMPLE = 1000
 SAMPLE_TIME_S = 0.001
 LINES = np.arange(21, 80, 2, dtype=np.int64)  # odd bins of one second: 21 to 79 Hz
+LOOP_GAIN = 0.5  # of the controller of speed where the plant answers most: noise comes back at most doubled
 
 
 @dataclass(frozen=True)
@@ -61,8 +65,9 @@ def plant_record(
     n_period: int = 3,
     noise: float = 0.0,
     seed: int = 0,
+    robot: Robot | None = None,
 ) -> Record:
-    """Return a record of a plant under full random orthogonal excitation.
+    """Return a record of a plant in closed loop, its torque a full random orthogonal multisine but for the noise.
 
     Parameters
     ----------
@@ -71,11 +76,14 @@ def plant_record(
     n_config, n_block, n_period
         Size of the record; every block has as many experiments as axes.
     noise
-        Standard deviation (complex: of real plus imaginary part) of the acceleration's DFT coefficient of a
-        block, per line and axis, relative to the root mean square of all of them. White over lines and axes,
-        independent over periods (each has sqrt(n_period) times as much).
+        Standard deviation (complex: of real plus imaginary part) of the disturbance of the acceleration's DFT
+        coefficient of a block, per line and axis, relative to the root mean square of all of them; what the
+        controller answers to it comes on top. White over lines and axes, independent over periods (each has
+        sqrt(n_period) times as much).
     seed
         Of phases and noise.
+    robot
+        Whose controller is in the loop; None: a proportional one, the same for all axes.
     """
     generator = np.random.default_rng(seed)
     n_axis, n_freq = plant.n_axis, len(LINES)
@@ -86,21 +94,46 @@ def plant_record(
     u = (
         np.exp(1j * phase) * turn[:, None, :]
     )  # (n_config, n_block, n_exp, n_freq, n_axis), axis a of experiment e
-    y = (plant.response(frequency_hz) @ u[..., None])[..., 0]
+    response = plant.response(frequency_hz)
+    y = (response @ u[..., None])[..., 0]
     size = noise * np.sqrt(np.mean(np.abs(y) ** 2) * n_period / 2)
     parts = generator.normal(size=(2, n_config, n_block, n_axis, n_period, n_freq, n_axis))
-    disturbed = y[:, :, :, None] + size * (parts[0] + 1j * parts[1])
-    position = _samples(-disturbed / omega[:, None] ** 2)
-    torque = _samples(np.broadcast_to(u[:, :, :, None], disturbed.shape))
+    disturbance = size * (parts[0] + 1j * parts[1])
+    from_reference, feedback = _controller(plant, frequency_hz, robot)
+    # u' = u - F (G (u' - u) + n): what the noise n adds to the torque is -(I + F G)^-1 F n.
+    answer = np.linalg.solve(np.eye(n_axis) + feedback[:, :, None] * response, np.eye(n_axis) + 0j)
+    added = -(answer @ (feedback * disturbance)[..., None])[..., 0]
+    disturbed = y[:, :, :, None] + (response @ added[..., None])[..., 0] + disturbance
+    torque = u[:, :, :, None] + added
+    reference = np.broadcast_to(((u + feedback * y) / from_reference)[:, :, :, None], disturbed.shape)
     channels = {
-        MOTOR_POSITION: Channel("motor", "rad", position),
-        MOTOR_TORQUE: Channel("motor", "N m", torque),
+        MOTOR_POSITION: Channel("motor", "rad", _samples(-disturbed / omega[:, None] ** 2)),
+        MOTOR_TORQUE: Channel("motor", "N m", _samples(torque)),
+        SPEED_REFERENCE: Channel("motor", "rad/s", _samples(reference)),
     }
-    valid = np.ones(position.shape[:-1], dtype=bool)
+    valid = np.ones((n_config, n_block, n_axis, n_period, N_SAMPLE), dtype=bool)
     run = DenseRun(SAMPLE_TIME_S, channels, np.arange(N_SAMPLE, dtype=np.float64) * SAMPLE_TIME_S, valid)
     names = tuple(f"axis_{number}" for number in range(1, n_axis + 1))
     angle = np.zeros((n_config, n_axis))
     return Record(names, "closed form", "zero_order_hold", (run,), angle, LINES)
+
+
+def _controller(
+    plant: MassSpringPlant, frequency_hz: FloatArray, robot: Robot | None
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return torque over speed reference, and F of ``u = ... - F y``, each (n_freq, n_axis)."""
+    if robot is not None:
+        if robot.sample_time_s != SAMPLE_TIME_S:
+            raise ValueError(
+                f"{robot.name} samples every {robot.sample_time_s} s, the record {SAMPLE_TIME_S} s"
+            )
+        controller = controller_response(robot.drives, SAMPLE_TIME_S, frequency_hz)
+        return controller.from_speed_alone, feedback_from_acceleration(controller, frequency_hz)
+    omega = 2 * np.pi * frequency_hz
+    speed = plant.response(frequency_hz) / (1j * omega[:, None, None])
+    gain = LOOP_GAIN / np.linalg.norm(speed, 2, axis=(1, 2)).max()
+    shape = (len(omega), plant.n_axis)
+    return np.full(shape, gain + 0j), np.broadcast_to(gain / (1j * omega[:, None]), shape).copy()
 
 
 def _samples(coefficient: ComplexArray) -> FloatArray:

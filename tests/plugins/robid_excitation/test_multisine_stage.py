@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from robid_core import ConfigurationError, Configurations, Context, MotionRefused, Robot, clear_motion
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
-from robid_excitation.multisine import Multisine, missed_resonances, speed_of_torque
+from robid_excitation.multisine import Multisine, missed_resonances
 from robid_excitation.prediction import motor_speed, slow_part
 
 SETTINGS: dict[str, Any] = {
@@ -144,7 +144,7 @@ def test_what_breaks_a_limit_is_refused_with_an_amplitude_that_does_not(
 
 def test_advice_holds_for_the_default_amplitude_too(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     standing = Configurations(robot.axis_names, np.array([[0.0]]))
-    monkeypatch.setattr("robid_excitation.multisine.CREST", 1.0)  # as if peaks came out three times as high
+    monkeypatch.setattr("robid_excitation.amplitudes.CREST", 1.0)  # as if peaks came out three times as high
     with pytest.raises(
         MotionRefused, match="motor torque of .* allowed.*torque_share: [0-9.]+ would fit"
     ) as refusal:
@@ -200,6 +200,21 @@ def test_resonances_between_the_lines_are_told(
         ({"slow_sine_hz": 5.0}, "slow sine at 5 Hz is not below the lowest line"),
         ({"slow_sine_hz": 0.2}, "0.2 Hz is not an even bin of 2 s.* 1 Hz is"),
         ({"lines": 0}, "greater than 0"),
+        ({"lines": None}, "grid: logarithmic needs lines: how many"),
+        ({"grid": "full"}, "grid: full is every odd bin: leave lines out"),
+        ({"detection_group": 3, "lines": 52}, "at most 51 lines"),
+        ({"detection_group": 1}, "greater than or equal to 2"),
+        (
+            {"slow_sine_parity": "odd", "slow_sine_hz": 1.0},
+            "1 Hz is not an odd bin of 2 s from 3 on.* 1.5 Hz is",
+        ),
+        (
+            {"slow_sine_parity": "odd", "slow_sine_hz": 0.5},
+            "0.5 Hz is not an odd bin of 2 s from 3 on.* 1.5 Hz is",
+        ),
+        ({"slow_sine_parity": "odd", "lines": 52}, "leaves 50 odd bins .* at most 50 lines"),
+        ({"weights": {"axis_1": ()}}, r"weights.axis_1: a table of \(Hz, factor\)"),
+        ({"weights": {"axis_1": ((4.0, 1.0), (4.0, 2.0))}}, "every frequency once"),
         ({"axis_scales": (1.0,)}, "Extra inputs"),
     ],
 )
@@ -212,7 +227,9 @@ def test_settings_that_do_not_suit_the_robot_are_refused(robot: Robot, standing:
     cases: list[tuple[dict[str, Any], str]] = [
         ({"period_s": 2.0003}, "period_s: 2.0003 s is not an even number .* 2 s is"),
         ({"band_hz": (4.0, 600.0)}, "600 Hz is not below half the sampling rate of one_axis, 500 Hz"),
-        ({"axis_scale": (1.0, 2.0)}, "2 factors for the 1 axes of one_axis"),
+        ({"axis_scale": (1.0, 2.0)}, "axis_scale: 2 factors for the 1 axes of one_axis"),
+        ({"exponents": (1.0, 2.0)}, "exponents: 2 factors for the 1 axes of one_axis"),
+        ({"weights": {"axis_9": ((4.0, 1.0),)}}, "one_axis has no axis 'axis_9'; it has axis_1"),
     ]
     for changes, message in cases:
         with pytest.raises(ConfigurationError, match=message):
@@ -244,15 +261,27 @@ def test_plan_tells_lines_experiments_and_level() -> None:
         "30 odd lines from 4.5 to 79.5 Hz, 1 to 7 Hz apart",
         "4 configurations x 2 blocks x one experiment per axis, period 2 s",
         "multisine at 50% of the torque limits, slow sine 9 rad/s at 1 Hz",
+        "harmonics of the slow sine fall on even bins, where no line stands",
+        "ripple spread by the multisine can reach: order 1 to 1.43 Hz (no lines), order 2 to 2.86 Hz (no lines), "
+        "order 6 to 8.59 Hz (5 lines), order 12 to 17.2 Hz (12 lines)",
     ]
-
-
-def test_speed_of_a_given_torque_peak() -> None:
-    frequency = np.array([5.0, 10.0, 20.0])
-    rms = speed_of_torque(np.array([3.2]), np.array([0.01]), frequency)
-    # Three cosines of 3.2 / 3.2 / sqrt(1.5) N m on 0.01 kg m^2.
-    amplitude = 1 / np.sqrt(1.5) / 0.01 / (2 * np.pi * frequency)
-    assert rms == pytest.approx([np.sqrt(0.5 * (amplitude**2).sum())])
+    special = {
+        "detection_group": 4,
+        "experiments_per_block": "n_plus_1",
+        "slow_sine_parity": "odd",
+        "ripple_orders": (),
+        "speed_rms_rad_s": 2.0,
+    }
+    lines = Multisine(**{**SETTINGS, **special, "period_s": 4.0}).plan_lines({})
+    # Thirty lines and ten to be left out of them; odd multiples of bin 3 are no lines.
+    assert lines[0].startswith("40 odd lines from 4.25 to 79.75 Hz")
+    assert lines[0].endswith("apart, one of every 4 left out at random")
+    assert lines[1:] == [
+        "2 blocks x one experiment per axis and one more, period 4 s",
+        "multisine at 2 rad/s rms of motor speed, slow sine 9 rad/s at 0.75 Hz",
+        "harmonics of the slow sine fall on even bins and on odd ones that are left out of the lines",
+    ]
+    assert len(Multisine(**{**SETTINGS, "slow_sine_rad_s": 0.0}).plan_lines({})) == 3
 
 
 def test_slow_and_fast_parts_are_told_apart() -> None:
@@ -264,8 +293,26 @@ def test_slow_and_fast_parts_are_told_apart() -> None:
     assert speed[:, 0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_contract_of_stages_is_kept() -> None:
-    check_stage(Multisine, band_hz=(4.0, 40.0), lines=12, period_s=2.0, blocks=2, slow_sine_rad_s=9.0)
+@pytest.mark.parametrize(
+    ("axes", "changes"),
+    [
+        ((1, 2, 6), {}),
+        (
+            (1, 2),
+            {
+                "grid": "linear",
+                "detection_group": 3,
+                "experiments_per_block": "n_plus_1",
+                "crest": "minimise",
+                "spectrum": "flat_speed",
+                "slow_sine_parity": "odd",
+            },
+        ),
+    ],
+)
+def test_the_contract_of_stages_is_kept(axes: tuple[int, ...], changes: dict[str, Any]) -> None:
+    settings = {"band_hz": (4.0, 40.0), "lines": 12, "period_s": 2.0, "blocks": 2, "slow_sine_rad_s": 9.0}
+    check_stage(Multisine, for_axes=axes, **{**settings, **changes})
 
 
 def test_six_axes_are_asked_for_orthogonal_torques_within_their_limits() -> None:

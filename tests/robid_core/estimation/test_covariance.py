@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from robid_core import BoolArray, ComplexArray, FloatArray
-from robid_core.estimation import covariance as cv, spectra as sp
+from robid_core.estimation import covariance as cv, means, spectra as sp
 from robid_core.estimation.multisine import orthogonal_matrix
 
 
@@ -86,7 +86,7 @@ def test_stated_regions_cover_the_truth(estimator: Any, n: int, n_block: int) ->
     else:
         by_block = sp.factor_inputs(np.moveaxis(u, 1, 0))
         blocks = np.moveaxis(y, 1, 0) @ by_block.inverse
-        response = sp.logarithmic_mean_matrix(blocks)
+        response = means.logarithmic_mean_matrix(blocks)
         gram_inverse = cv.gram_inverse_of_mean(by_block.gram_inverse)
     noise = np.einsum("tfii->tfi", pooled.covariance).real
     inputs = np.einsum("tfjj->tfj", gram_inverse).real

@@ -1,64 +1,13 @@
-"""Lines, phases and signals of the excitation against their definitions."""
+"""Phases and signals of the excitation against their definitions."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
 
 from robid_core import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.estimation import multisine as ms
-
-
-@given(low=st.floats(0.5, 20), ratio=st.floats(1.5, 60), period=st.floats(1, 25), share=st.floats(0, 1))
-@settings(max_examples=200, deadline=None)
-def test_lines_are_exactly_as_many_as_asked_distinct_odd_and_in_the_band(
-    low: float, ratio: float, period: float, share: float
-) -> None:
-    band = (low, low * ratio)
-    room = len(ms.odd_bins(band, period))
-    count = int(share * room)
-    if count < 2:
-        return
-    line = ms.logarithmic_odd_lines(band, count, period)
-    assert len(line) == count
-    assert (np.diff(line) > 0).all()
-    assert (line % 2 == 1).all()
-    assert line[0] >= band[0] * period - 1e-6
-    assert line[-1] <= band[1] * period + 1e-6
-    # The ends of the band are used: no further odd bin would fit outside.
-    assert line[0] - 2 < band[0] * period
-    assert line[-1] + 2 > band[1] * period
-    # Logarithmic: spacing never falls from one pair to the next by more than the rounding to odd bins.
-    assert (np.diff(np.diff(line)) >= -2).all()
-
-
-def test_the_worked_example_gets_its_hundred_lines() -> None:
-    line = ms.logarithmic_odd_lines((4.0, 80.0), 100, 8.0)
-    assert len(np.unique(line)) == 100
-    # Rounding a plain logarithmic grid loses lines, which is why the function is not that.
-    plain = 2 * np.round((np.geomspace(33, 639, 100) - 1) / 2) + 1
-    assert len(np.unique(plain)) < 100
-
-
-def test_a_wide_grid_is_logarithmic_up_to_its_rounding() -> None:
-    line = ms.logarithmic_odd_lines((4.0, 80.0), 20, 40.0)
-    # Odd bins are two apart, so that rounding moves a line by at most one bin.
-    assert np.abs(line - np.geomspace(161, 3199, 20)).max() <= 1.0
-
-
-def test_a_band_without_enough_bins_is_refused_with_what_would_do() -> None:
-    with pytest.raises(ConfigurationError, match="at most 152 lines, or for a period of about 5.2"):
-        ms.logarithmic_odd_lines((4.0, 80.0), 200, 4.0)
-    assert len(ms.logarithmic_odd_lines((4.0, 80.0), 200, 5.3)) == 200
-    assert len(ms.logarithmic_odd_lines((4.0, 80.0), 152, 4.0)) == 152
-    assert ms.logarithmic_odd_lines((4.0, 80.0), 1, 8.0).tolist() == [145]  # sqrt(33 * 639) = 145.2
-
-
-def test_spacing_is_the_distance_to_the_farther_neighbour() -> None:
-    assert ms.spacing_hz(np.array([5, 7, 13, 15]), 2.0).tolist() == [1.0, 3.0, 3.0, 1.0]
-    assert ms.spacing_hz(np.array([5]), 2.0).tolist() == [np.inf]
 
 
 @pytest.mark.parametrize(("n_exp", "n_axis"), [(1, 1), (2, 2), (6, 6), (7, 6), (7, 7)])
@@ -74,15 +23,17 @@ def test_columns_of_the_orthogonal_matrix_are_orthogonal(n_exp: int, n_axis: int
             )
 
 
-def test_inputs_of_a_block_are_orthogonal_at_every_line() -> None:
-    generator = np.random.default_rng(1)
+@pytest.mark.parametrize("n_exp", [6, 7])
+@pytest.mark.parametrize("common", [False, True])
+def test_inputs_of_a_block_are_orthogonal_at_every_line(n_exp: int, common: bool) -> None:
     line = ms.logarithmic_odd_lines((4.0, 80.0), 30, 2.0)
-    amplitude = np.full((30, 6), 1.7)
-    phase, experiment_phase = generator.uniform(0, 2 * np.pi, (2, 30, 6))
-    signal = ms.multisine(amplitude, phase, experiment_phase, line, 2000)
+    size = np.linspace(0.3, 1.7, 6)  # each axis its own
+    amplitude = np.broadcast_to(size, (30, 6))
+    phases = ms.draw_phases(30, 6, n_exp, common, np.random.default_rng(1))
+    signal = ms.multisine(amplitude, *phases, line, 2000)
     u = np.moveaxis(np.fft.fft(signal, axis=1)[:, line, :] / 2000, 0, -1)  # (n_freq, n_axis, n_exp)
     gram = u @ u.conj().swapaxes(-1, -2)
-    assert np.abs(gram - 6 * 1.7**2 / 4 * np.eye(6)).max() < 1e-13
+    assert np.abs(gram - n_exp * np.diag(size**2) / 4).max() < 1e-13
     # Nothing between the lines.
     rest = np.delete(np.fft.rfft(signal, axis=1) / 2000, line, axis=1)
     assert np.abs(rest).max() < 1e-13
@@ -102,6 +53,41 @@ def test_phases_follow_the_sign_of_the_fourier_transform() -> None:
             # X(k) = sum x exp(-i w t): the phase of a cosine is the phase of its line, not the opposite.
             line = np.fft.fft(signal[experiment, :, axis])[5] / 64
             assert line == pytest.approx(amplitude[0, axis] / 2 * np.exp(1j * shifted))
+
+
+def test_columns_beside_the_free_one_sum_to_zero() -> None:
+    # 7 roundings of numbers of size 1.
+    assert np.abs(ms.experiment_factors(7, 6).sum(axis=0)).max() < 7 * np.finfo(float).eps
+    assert np.array_equal(ms.experiment_factors(7, 6), ms.orthogonal_matrix(7)[:, 1:])
+    assert np.array_equal(ms.experiment_factors(6, 6), ms.orthogonal_matrix(6))
+    # More experiments than axes by more than one leave it free too; fewer take the first columns.
+    assert np.array_equal(ms.experiment_factors(5, 2), ms.orthogonal_matrix(5)[:, 1:3])
+    assert np.array_equal(ms.experiment_factors(1, 2), ms.orthogonal_matrix(1, 2))
+
+
+def test_one_experiment_more_rejects_what_does_not_depend_on_the_phases_exactly() -> None:
+    # A known plant with a ripple that is the same in every experiment, as strong as the response itself.
+    generator = np.random.default_rng(2)
+    line, n = ms.logarithmic_odd_lines((4.0, 80.0), 20, 2.0), 3
+    plant, ripple = (
+        generator.normal(size=(20, n, m)) + 1j * generator.normal(size=(20, n, m)) for m in (n, 1)
+    )
+
+    def response(n_exp: int, common: bool) -> tuple[ms.ComplexArray, ms.ComplexArray]:
+        phases = ms.draw_phases(20, n, n_exp, common, generator)
+        signal = ms.multisine(np.ones((20, n)), *phases, line, 2000)
+        u = np.moveaxis(np.fft.rfft(signal, axis=1)[:, line] / 2000, 0, -1)
+        y = plant @ u + ripple
+        h1 = y @ u.conj().swapaxes(-1, -2) @ np.linalg.inv(u @ u.conj().swapaxes(-1, -2))
+        return h1, y
+
+    h1, y = response(n + 1, common=True)
+    # Sums of 4 terms of size 4 over an input of 1/2 squared: tens of roundings.
+    assert np.abs(h1 - plant).max() < 1e-13
+    assert np.abs(ms.phase_independent_part(y) - ripple[..., 0]).max() < 1e-13
+    # Without the free column, or with phases of the experiments' own, it stays: 1 / sqrt(n_exp) of it over 1/2.
+    assert np.abs(response(n, common=True)[0] - plant).max() > 0.5
+    assert np.abs(response(n + 1, common=False)[0] - plant).max() > 0.5
 
 
 def friction(speed: FloatArray) -> FloatArray:
@@ -142,6 +128,13 @@ def test_more_draws_lower_the_crest_factor_and_keep_the_spectrum() -> None:
     assert ms.crest_factor(np.cos(2 * np.pi * np.arange(400) / 400)[None, :, None]) == pytest.approx(
         np.sqrt(2)
     )
+
+
+def test_draws_of_a_plain_block_keep_their_order() -> None:
+    # Results of earlier versions stay what they were: phases of axes first, then of experiments, from one stream.
+    both = np.random.default_rng(5).uniform(0, 2 * np.pi, (2, 7, 3))
+    phase, experiment_phase = ms.draw_phases(7, 3, 3, False, np.random.default_rng(5))
+    assert np.array_equal(np.stack([phase, experiment_phase]), both)
 
 
 def test_no_draw_at_all_is_refused() -> None:

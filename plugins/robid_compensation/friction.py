@@ -1,0 +1,66 @@
+"""Friction's distortion taken off the measured torque, so that responses need fewer experiments.
+
+On a robot that moves well most of what scatters a response from experiment to experiment is no noise: friction answers
+each realisation of the multisine differently. That part follows from the measured speed (`friction_distortion`)
+and is removed here; the equivalent damping, part of the response that is looked for, stays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from robid_compensation.periods import less, reference_at_lines, spectra, with_channels
+from robid_core import Context, Preprocessing, Record, Robot
+from robid_core.estimation.friction_distortion import friction_distortion
+
+
+class FrictionCompensation(Preprocessing):
+    """Take the distortion of friction off the torque of a periodic record.
+
+    Per motor a sum of few functions of its speed is fitted, in each configuration, to what of the torque is not
+    linear in the motion, mostly at lines that were not excited. Its part that is linear in the speed is put back: the
+    best linear approximation, with friction's equivalent damping, stays what it was. Where a law is not
+    significant the torque is left alone. Friction of the arm's side, and its memory below the breakaway
+    displacement, are not followed and stay in the scatter.
+
+    A configuration with fewer experiments than axes has no measured response of its own; there the nominal robot's
+    tells what is linear. A wrong nominal model makes the compensation weaker, not biased.
+
+        smooth: {use: compensate.friction}
+    """
+
+    significance: float = Field(default=1e-3, gt=0, lt=1)
+    """A law that as good a fit would come by chance with a larger probability than this is not used."""
+
+    def run(self, record: Record, robot: Robot, context: Context) -> Record:
+        """Compensate each configuration."""
+        record.spectra()  # refuses samples that are missing or no numbers
+        reference, run, line = reference_at_lines(record), record.run, np.asarray(record.line, dtype=np.int64)
+        torque, position = run.values("motor_torque").copy(), run.values("motor_position")
+        n_sample, n_axis = torque.shape[4:]
+        few = torque.shape[1] * torque.shape[2] < n_axis
+        bins_hz = np.arange(line[0], line[-1] + 1) / (n_sample * run.sample_time_s)
+        for c in context.track(range(len(torque)), len(torque), "friction"):
+            inverse = np.linalg.inv(robot.response(record.angle[c : c + 1], bins_hz)[0]) if few else None
+            found = friction_distortion(
+                spectra(torque[c]),
+                spectra(position[c]),
+                reference[c],
+                line,
+                run.sample_time_s,
+                n_sample,
+                inverse,
+                self.significance,
+                record.torque_hold == "zero_order_hold",
+            )
+            torque[c] = less(torque[c], found.spectrum, int(line[0]))
+            for name, law in zip(record.axis_names, found.laws, strict=True):
+                context.log.info(
+                    "configuration %d: %s: friction explains %.0f %% of what is not linear in the motion; %s",
+                    c,
+                    name,
+                    100 * law.explained,
+                    "removed" if law.significance < self.significance else "not significant, left alone",
+                )
+        return with_channels(record, "friction's distortion removed", motor_torque=torque)

@@ -1,0 +1,207 @@
+"""What the robot's own nonlinear mechanics scatters, computed with the model and taken off the record.
+
+While the slow sine carries the arm to and fro its inertia changes, and with it the resonances: each line leaks into
+the lines at a distance of the sine's frequency, differently in each experiment. This is deterministic: a simulation of
+the model under the recorded references shows it, the model's own response to the reference is taken away, and what
+is left is subtracted from the record (a control variate: its mean over random phases is zero). So a wrong model leaves
+more scatter, and no bias towards the model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import PositiveInt
+
+from robid_compensation.periods import all_experiments, less, reference_at_lines, spectra, with_channels
+from robid_core import (
+    ComplexArray,
+    Context,
+    Fit,
+    FloatArray,
+    IntArray,
+    Preprocessing,
+    Record,
+    Robot,
+    simulate_over,
+)
+from robid_core.estimation.spectra import response_from_spectra
+
+
+def without_friction(robot: Robot, damping: FloatArray) -> Robot:
+    """The robot with a viscous damping of its motors, N m s/rad, (n_axis,), in place of all friction."""
+    effects = {
+        label: effect
+        for label, effect in robot.description.effects.items()
+        if not effect.use.startswith("friction.")
+    }
+    bare = Robot(robot.description.model_copy(update={"effects": effects}))
+    rubbing: dict[str, float] = {}
+    for name, viscous in zip(robot.axis_names, damping.tolist(), strict=True):
+        rubbing |= {f"friction.{name}.coulomb": 0.0, f"friction.{name}.offset": 0.0}
+        rubbing[f"friction.{name}.viscous"] = viscous
+    return bare.with_parameters(rubbing)
+
+
+def other_realisations(
+    reference: FloatArray, line: IntArray, count: int, generator: np.random.Generator
+) -> FloatArray:
+    """References with the amplitudes of measured ones and random phases at every bin up to the highest line.
+
+    Takes and returns (n_exp, n_sample, n_axis); `count` experiments, each drawn after one of the given ones.
+    """
+    n_exp, n_sample, n_axis = reference.shape
+    last = int(line[-1]) + 1
+    size = np.abs(np.fft.rfft(reference, axis=1)[:, :last])
+    size[:, 0] = 0.0
+    phase = generator.uniform(0.0, 2 * np.pi, (count, last, n_axis))
+    spectrum = np.zeros((count, n_sample // 2 + 1, n_axis), dtype=np.complex128)
+    spectrum[:, :last] = size[np.arange(count) % n_exp] * np.exp(1j * phase)
+    result: FloatArray = np.fft.irfft(spectrum, n=n_sample, axis=1)
+    return result
+
+
+def simulated_period(
+    robot: Robot, reference: FloatArray, middle: FloatArray, context: Context
+) -> tuple[ComplexArray, ComplexArray]:
+    """Spectra of torque and position in the second of two periods, without noise, scaled by 1/n_sample.
+
+    Takes references (n_exp, n_sample, n_axis) and the motor angles that the motion goes about, (n_exp, n_axis).
+    """
+    travel = np.cumsum(reference, axis=1) * robot.sample_time_s
+    start = robot.joint_angle(middle - travel.mean(axis=1))
+    result = simulate_over(context.map, robot, reference, start, n_period=2, n_kept=1)
+    torque, position = (
+        np.fft.rfft(signal.reshape(reference.shape), axis=1) / reference.shape[1]
+        for signal in (result.torque, result.position)
+    )
+    return torque, position
+
+
+def at_lines(signal: FloatArray, line: IntArray) -> ComplexArray:
+    """Spectra at the lines, experiments last, (n_freq, n_axis, n_exp), of samples (n_exp, n_sample, n_axis)."""
+    spectrum: ComplexArray = np.fft.rfft(signal, axis=1)[:, line] / signal.shape[1]
+    return spectrum.transpose(1, 2, 0)
+
+
+def not_linear(
+    signal: ComplexArray, own: ComplexArray, drawn: ComplexArray, others: ComplexArray, line: IntArray
+) -> ComplexArray:
+    """Part of simulated signals that is not linear in the reference, at all bins from the lowest to the highest line.
+
+    Parameters
+    ----------
+    signal
+        Spectra under the measurement's references, all bins, shape (n_exp, n_bin, n_axis).
+    own
+        These references at the lines, shape (n_exp, n_freq, n_axis).
+    drawn, others
+        Signals under other references, all bins, (n_drawn, n_bin, n_axis), and those, (n_freq, n_axis, n_drawn): they
+        tell the response to the reference.
+    """
+    response = response_from_spectra(others, drawn[:, line].transpose(1, 2, 0))
+    rest = signal[:, int(line[0]) : int(line[-1]) + 1].copy()
+    rest[:, line - line[0]] -= (response @ own[..., None])[..., 0]
+    return rest
+
+
+def agreement(
+    measured: ComplexArray, simulated: ComplexArray, reference: ComplexArray, line: IntArray
+) -> float:
+    """Share of the simulated distortion that the measurement shows, 0 to 1.
+
+    The coefficient of a control variate that leaves least: ``Re sum S* M / sum |S|^2`` over bins, M the measured and S
+    the simulated distortion. M is what was measured at lines that were not excited and, with more experiments than
+    axes, what no response to the reference explains at those that were. (One share for the band: near the lower end
+    all odd bins are excited, and the even ones between show another, smaller part of the distortion.)
+
+    Parameters
+    ----------
+    measured, simulated
+        Spectra from the lowest to the highest line, each signal in a unit in which all count alike, shape (n_exp,
+        n_bin, n_signal).
+    reference
+        At the lines, shape (n_exp, n_freq, n_axis).
+    line
+        Excited bins, shape (n_freq,).
+    """
+    at = line - line[0]
+    m, s = measured.copy(), simulated.copy()
+    r = reference.transpose(1, 0, 2)  # (n_freq, n_exp, n_axis)
+    for signal in (m, s):
+        own = signal[:, at].transpose(1, 0, 2)
+        signal[:, at] = (own - r @ (np.linalg.pinv(r) @ own)).transpose(1, 0, 2)
+    if reference.shape[0] <= reference.shape[2]:
+        m[:, at] = s[:, at] = 0.0  # a response explains anything
+    power = float(np.sum(np.abs(s) ** 2))
+    return float(np.clip(np.sum((m * s.conj()).real) / power, 0.0, 1.0)) if power > 0 else 0.0
+
+
+class SimulationCompensation(Preprocessing):
+    """Take off the record what a simulation of the model says is not linear in the reference.
+
+    The model is the nominal robot, or with a fit the fitted one; its friction is replaced by the equivalent damping
+    under the measured motion, as `compensate.friction` removes what friction distorts better than a model can:
+    run that first. Each configuration is simulated with its own references and with others of the same amplitudes and
+    random phases, which tell the model's response to the reference. As much is taken off as the lines that were not
+    excited confirm: a model that is far off does no harm.
+
+        smooth: {use: compensate.friction}
+        still:  {use: compensate.simulation, inputs: {record: smooth}}
+        frf:    {use: frf.h1, inputs: {record: still}}
+    """
+
+    realizations: PositiveInt = 8
+    """Drawn references tell the model's response to the reference: so many times as many as axes."""
+
+    def run(self, record: Record, robot: Robot, context: Context, fit: Fit | None = None) -> Record:
+        """Compensate each configuration."""
+        record.spectra()  # refuses samples that are missing or no numbers
+        own, run, line = reference_at_lines(record), record.run, np.asarray(record.line, dtype=np.int64)
+        model = robot if fit is None else robot.with_parameters(known_parameters(robot, fit))
+        torque, position = run.values("motor_torque").copy(), run.values("motor_position").copy()
+        references = run.values("speed_reference")
+        damping = robot.equivalent_motor_damping(*record.speed_levels())
+        for c in context.track(range(len(torque)), len(torque), "simulated mechanics"):
+            plant = without_friction(model, damping[c])
+            asked, middle = all_experiments(references[c]), all_experiments(position[c]).mean(axis=1)
+            number = self.realizations * robot.n_axis
+            drawn = other_realisations(asked, line, number, context.generator)
+            own_signals = simulated_period(plant, asked, middle, context)
+            about = np.tile(robot.motor_angle(record.angle[c]), (number, 1))
+            drawn_signals = simulated_period(plant, drawn, about, context)
+            rest = [
+                not_linear(signal, own[c], other, at_lines(drawn, line), line)
+                for signal, other in zip(own_signals, drawn_signals, strict=True)
+            ]
+            share = confirmed([spectra(torque[c]), spectra(position[c])], rest, own[c], line)
+            context.log.info(
+                "configuration %d: %.0f %% of the simulated distortion are confirmed, and taken off",
+                c,
+                100 * share,
+            )
+            torque[c] = less(torque[c], share * rest[0], int(line[0]))
+            position[c] = less(position[c], share * rest[1], int(line[0]))
+        words = "simulated distortion of the mechanics removed"
+        return with_channels(record, words, motor_torque=torque, motor_position=position)
+
+
+def known_parameters(robot: Robot, fit: Fit) -> dict[str, float]:
+    """Estimates of a fit that the robot has a parameter for."""
+    known = robot.parameters()
+    return {name: value for name, value in fit.parameters.as_mapping().items() if name in known}
+
+
+def confirmed(
+    measured: list[ComplexArray], simulated: list[ComplexArray], reference: ComplexArray, line: IntArray
+) -> float:
+    """`agreement` of torques and positions together, each scaled to the power that is simulated of it."""
+    inside = slice(int(line[0]), int(line[-1]) + 1)
+    omega = np.arange(line[0], line[-1] + 1)[:, None].astype(np.float64)
+    weight = [np.ones_like(omega), omega**2]  # torque and acceleration are about white, the position is not
+    scaled_m, scaled_s = [], []
+    for m, s, w in zip(measured, simulated, weight, strict=True):
+        size = np.sqrt(np.mean(np.abs(s * w) ** 2, axis=(0, 1)))
+        scale = w / np.where(size > 0, size, 1.0)
+        scaled_m.append(m[:, inside] * scale)
+        scaled_s.append(s * scale)
+    return agreement(np.concatenate(scaled_m, axis=-1), np.concatenate(scaled_s, axis=-1), reference, line)

@@ -1,0 +1,140 @@
+"""The study as one command, from the repository's root: `python -m studies.frf_methods.run PART`.
+
+Each part writes its table beside this file; work is kept in the folder of the reference bench and goes on where it was
+interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness
+from studies.frf_methods.methods import METHODS
+from studies.frf_methods.page import study_page
+from studies.frf_methods.scenes import POSES, Scene, scenes
+from studies.frf_methods.tables import write_table
+
+from reference.cache import default_folder  # isort: skip
+
+COMMAND = "python -m studies.frf_methods.run"
+
+
+def tell(what: str) -> estimates.Callable[[int, int], None]:
+    """Progress on one line of the terminal."""
+    return lambda done, total: print(f"\r{what}: {done} of {total}   ", end="", file=sys.stderr, flush=True)
+
+
+def jobs_of(scene: Scene, seeds: range, folder: Path) -> list[estimates.Job]:
+    """Measurements of one scene, with all methods."""
+    return [
+        estimates.Job(
+            folder / estimates.code_hash() / f"plant_{scene.plant:02d}_pose_{scene.pose}_seed_{seed:04d}.npz",
+            scene.robot,
+            scene.nominal,
+            scene.angle,
+            scene.excitation,
+            (scene.plant, scene.pose, seed),
+            METHODS,
+        )
+        for seed in seeds
+    ]
+
+
+def run_accuracy(arguments: argparse.Namespace) -> None:
+    """Table of errors of all methods."""
+    poses = POSES[: arguments.poses]
+    places = list(scenes(poses, arguments.cache))
+    seeds = range(1, arguments.seeds + 1)
+    jobs = [job for scene in places for job in jobs_of(scene, seeds, arguments.cache / "frf_methods")]
+    paths = iter(estimates.work_all(jobs, arguments.jobs, tell("measurements")))
+    by_variant: dict[estimates.Variant, list[accuracy.PoseErrors]] = {}
+    for scene in places:
+        found = [estimates.read(next(paths)) for _ in seeds]
+        for variant in found[0]:
+            kept = accuracy.pose_errors(scene, [one[variant] for one in found])
+            by_variant.setdefault(variant, []).append(kept)
+    complete = {variant: poses for variant, poses in by_variant.items() if len(poses) == len(places)}
+    titles = {key: method.title for key, method in METHODS.items()}
+    rows = accuracy.table(complete, titles, np.random.default_rng(0))
+    command = f"{COMMAND} accuracy --poses {len(places)} --seeds {arguments.seeds}"
+    print(f"\n{write_table('accuracy', rows, command)}")
+
+
+def run_coverage(arguments: argparse.Namespace) -> None:
+    """Table of coverage on one pose: own means over all seeds, regions of the first hundred."""
+    scene = next(scenes(POSES[:1], arguments.cache))
+    methods = {key: replace(one, counts=(24,)) for key, one in METHODS.items() if 24 in one.counts}
+    chosen = coverage.lines(len(scene.truth.frequency_hz))
+    folder = arguments.cache / "frf_methods" / "coverage"
+    jobs = [
+        replace(job, methods=methods, lines=chosen)
+        for job in jobs_of(scene, range(1001, 1001 + arguments.seeds), folder)
+    ]
+    paths = estimates.work_all(jobs, arguments.jobs, tell("measurements"))
+    runs = [estimates.read(path) for path in paths]
+    rows = [
+        coverage.row(scene, METHODS[key].title, [one[key, 24] for one in runs], min(100, len(runs)))
+        for key in methods
+        if all((key, 24) in one for one in runs)
+    ]
+    print(f"\n{write_table('coverage', rows, f'{COMMAND} coverage --seeds {arguments.seeds}')}")
+
+
+def run_stiffness(arguments: argparse.Namespace) -> None:
+    """Table of stiffness errors over plants."""
+    numbers = range(1, arguments.plants + 1)
+    with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool:
+        found = []
+        for done, errors in enumerate(pool.map(stiffness.plant_errors, numbers)):
+            found.append(errors)
+            tell("plants")(done + 1, len(numbers))
+    bounds = [stiffness.bounds(number, arguments.cache) for number in numbers]
+    rows = stiffness.table(found, bounds, np.random.default_rng(0))
+    print(f"\n{write_table('stiffness', rows, f'{COMMAND} stiffness --plants {arguments.plants}')}")
+
+
+def run_amplitude(arguments: argparse.Namespace) -> None:
+    """Table of resonances over the amplitude."""
+    del arguments
+    print(write_table("amplitude", amplitude.rows(), f"{COMMAND} amplitude"))
+
+
+def run_page(arguments: argparse.Namespace) -> None:
+    """The page, from one measurement and the tables that are there."""
+    scene = next(scenes(POSES[:1], arguments.cache))
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    print(study_page(arguments.out / "page.html", scene))
+
+
+PARTS = {
+    "accuracy": run_accuracy,
+    "coverage": run_coverage,
+    "stiffness": run_stiffness,
+    "amplitude": run_amplitude,
+    "page": run_page,
+}
+
+
+def main() -> None:
+    """Run one part."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("--cache", type=Path, default=default_folder(), help="folder of the reference bench")
+    parser.add_argument("--poses", type=int, default=len(POSES), help="so many of the poses")
+    parser.add_argument("--seeds", type=int, default=4, help="measurements of each pose")
+    parser.add_argument("--plants", type=int, default=20, help="plants of the stiffness part")
+    parser.add_argument("--out", type=Path, default=Path("runs/frf_methods"), help="folder of the page")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    arguments = parser.parse_args()
+    PARTS[arguments.part](arguments)
+
+
+if __name__ == "__main__":
+    main()
