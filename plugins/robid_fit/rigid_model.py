@@ -17,12 +17,8 @@ import numpy as np
 
 from robid_core import DataRejected, DenseRun, FloatArray, Robot
 from robid_core.estimation.regression import differentiate, smooth
-from robid_core.estimation.rigid_body import (
-    PARAMETERS,
-    UNITS,
-    inertial_parameters,
-    inverse_dynamics_regressor,
-)
+from robid_core.estimation.rigid_body import PARAMETERS, UNITS
+from robid_core.estimation.rigid_torque import RigidDrives, motor_torque_regressor
 
 Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset"]
 KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")
@@ -108,34 +104,33 @@ def torque_columns(robot: Robot, motion: Motion, friction_speed: FloatArray) -> 
     friction_speed
         v_s of tanh(v / v_s) for Coulomb friction, shape (n_axis,); 0 for plain sign(v).
     """
-    chain, gear, drives = robot.chain, robot.drives.gear, robot.drives
-    arm = robot.mechanism.arm
-    state = []
-    for values in (motion.position, motion.velocity, motion.acceleration):
-        joints = np.empty((len(values), chain.n_coordinate))
-        joints[:, arm] = robot.joint_angle(values)
-        state.append(joints)
-    bodies = np.einsum("ja,sjp->sap", gear, inverse_dynamics_regressor(chain, *state)[:, arm])
-    steep = np.where(friction_speed > 0, friction_speed, 1.0)
-    direction = np.where(friction_speed > 0, np.tanh(motion.velocity / steep), np.sign(motion.velocity))
+    chain, d = robot.chain, robot.drives
+    drives = RigidDrives(
+        tree=chain,
+        arm=robot.mechanism.arm,
+        gear=d.gear,
+        rotor_inertia=d.rotor_inertia,
+        viscous=d.viscous,
+        coulomb=d.coulomb,
+        offset=d.friction_offset,
+        friction_speed=friction_speed,
+    )
+    # In the order of the regressor's columns.
     per_motor = {
-        "rotor_inertia": ("rotor_inertia.{}", motion.acceleration, drives.rotor_inertia),
-        "viscous": ("friction.{}.viscous", motion.velocity, drives.viscous),
-        "coulomb": ("friction.{}.coulomb", direction, drives.coulomb),
-        "offset": ("friction.{}.offset", np.ones_like(motion.velocity), drives.friction_offset),
+        "rotor_inertia": "rotor_inertia.{}",
+        "viscous": "friction.{}.viscous",
+        "coulomb": "friction.{}.coulomb",
+        "offset": "friction.{}.offset",
     }
-    motors = [pattern.format(axis) for pattern, _, _ in per_motor.values() for axis in robot.axis_names]
-    diagonal = [signal[:, :, None] * np.eye(robot.n_axis) for _, signal, _ in per_motor.values()]
+    motors = [pattern.format(axis) for pattern in per_motor.values() for axis in robot.axis_names]
     n_body = 10 * chain.n_coordinate
     return Columns(
         names=(*(_name(part, body) for body in chain.names for part in PARAMETERS), *motors),
         units=(*(UNITS * chain.n_coordinate), *(robot.parameter_unit(name) for name in motors)),
         groups=(*("inertia",) * n_body, *(robot.parameter_group(name) for name in motors)),
         kinds=(*("inertia",) * n_body, *(kind for kind in per_motor for _ in robot.axis_names)),
-        value=np.concatenate(
-            [inertial_parameters(chain).ravel(), *(value for _, _, value in per_motor.values())]
-        ),
-        regressor=np.concatenate([bodies, *diagonal], axis=2),
+        value=drives.parameters,
+        regressor=motor_torque_regressor(drives, motion.position, motion.velocity, motion.acceleration),
     )
 
 

@@ -45,7 +45,7 @@ class Solution:
     pull: ComplexArray | None = None
 
 
-QUIET = 0.2
+QUIET = 0.1
 """Part of the noise of its terms below which a combination of outputs counts as free of noise; see `solve`."""
 
 
@@ -154,12 +154,10 @@ def _left_inverse(
     of it then is taken as zero, and so is what has less than QUIET of the columns' `noise`, both (n, column).
     """
     unit = np.where(size > 0, size, 1.0)
-    if noise is not None:
-        unit = np.maximum(noise, 1e-13 * unit)
-    rounding = 1e-13 * np.sqrt(columns.shape[1]) * np.max(np.where(size > 0, size, 0.0) / unit, axis=1)
-    floor = rounding if noise is None else np.maximum(rounding, QUIET)
     left, singular, right = np.linalg.svd(columns / unit[:, None, :], full_matrices=False)
-    usable = singular > floor[:, None]
+    usable = singular > 1e-13 * np.sqrt(columns.shape[1])
+    if noise is not None:
+        usable &= singular > QUIET * np.linalg.norm(right * (noise / unit)[:, None, :], axis=2)
     reciprocal = np.where(usable, 1.0 / np.where(usable, singular, 1.0), 0.0)
     way = right.conj().swapaxes(-1, -2) / unit[:, :, None]
     if np.array_equal(against, columns):
