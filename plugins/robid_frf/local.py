@@ -40,8 +40,9 @@ class LocalMethod(FrfEstimator):
     window_hz: float | None = Field(default=None, gt=0)
     """Width of a window in hertz, instead of in lines."""
     choose: Literal["none", "window", "order", "both"] = "none"
-    """What the data choose for each configuration: the size of the windows, the orders (equal above and below), or both; by
-    how well lines are predicted from their neighbours alone. What is chosen is not looked at otherwise."""
+    """What the data choose for each configuration: the size of the windows, the orders (equal above and
+    below), or both; by how well lines are predicted from their neighbours alone. What is chosen is not looked
+    at otherwise."""
     discard: NonNegativeInt | None = 0
     """Leading periods dropped as transient, beyond those that were not recorded; null: those that differ from the
     last ones by more than noise does."""

@@ -1,7 +1,7 @@
 """Local polynomial method, thesis eq. (3.15)-(3.22): a polynomial through the lines around each line.
 
-After Pintelon, Schoukens, Vandersteen and Barbe (2010). Linear in all unknowns, hence without the bias and the scatter
-that a denominator brings; near a resonance the window must be narrower than the resonance.
+After Pintelon, Schoukens, Vandersteen and Barbe (2010). Linear in all unknowns, hence without the bias and the
+scatter that a denominator brings; near a resonance the window must be narrower than the resonance.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Local rational method, thesis eq. (3.23)-(3.33): a rational function through the lines around each line.
 
 One experiment per configuration is enough, because neighbouring lines take the place of further experiments (McKelvey
-and Guerin 2012; parametrisations of Voorhoeve, van der Maas and Oomen 2018). The denominator follows resonances that a
-polynomial over the same window misses. A full matrix fraction is exact for any plant whose order does not exceed what
-fits into it, such as coupled masses: ``D = K + i w C - w^2 M``.
+and Guerin 2012; parametrisations of Voorhoeve, van der Maas and Oomen 2018). The denominator follows
+resonances that a polynomial over the same window misses. A full matrix fraction is exact for any plant whose
+order does not exceed what fits into it, such as coupled masses: ``D = K + i w C - w^2 M``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def nominal_poles(record: Record, robot: Robot, discard: int) -> list[ComplexArr
         )
     damping = robot.equivalent_motor_damping(*record.speed_levels(discard))
     return [
-        pole_frequencies(np.linalg.eigvals(robot.linearize(angle, motor_damping=own).a))
+        pole_frequencies(np.linalg.eigvals(robot.linearize(angle, motor_damping=own).a).astype(np.complex128))
         for angle, own in zip(record.angle, damping, strict=True)
     ]
 
@@ -40,8 +40,8 @@ class LocalRational(LocalMethod):
 
     The full matrix fraction (`mimo`) has most unknowns and the least model error: with 6 axes and second order 30 per
     output, 42 in the joint approach, so that one experiment needs a window of as many lines. The covariance is that
-    of the estimator about its own mean; the bias of the linearised equations, which iterations take away, and of the local
-    model is not in it.
+    of the estimator about its own mean; the bias of the linearised equations, which iterations take away, and
+    of the local model is not in it.
 
         frf: {use: frf.lrm, with: {parametrization: mimo, approach: direct, window_lines: 41}}
     """

@@ -90,9 +90,11 @@ def run_coverage(arguments: argparse.Namespace) -> None:
 def run_stiffness(arguments: argparse.Namespace) -> None:
     """Table of stiffness errors over plants."""
     numbers = range(1, arguments.plants + 1)
+    folder = arguments.cache / "frf_methods" / "stiffness" / estimates.code_hash()
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
     with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context("spawn")) as pool:
-        found = []
-        for done, errors in enumerate(pool.map(stiffness.plant_errors, numbers)):
+        for done, errors in enumerate(pool.map(stiffness.kept, numbers, [folder] * len(numbers))):
             found.append(errors)
             tell("plants")(done + 1, len(numbers))
     bounds = [stiffness.bounds(number, arguments.cache) for number in numbers]

@@ -85,6 +85,18 @@ def plant_errors(number: int) -> dict[str, FloatArray]:
     return errors
 
 
+def kept(number: int, folder: Path) -> dict[str, FloatArray]:
+    """`plant_errors`, computed once and kept."""
+    path = folder / f"plant_{number:02d}.npz"
+    if not path.exists():
+        partial = path.with_suffix(".partial")
+        with partial.open("wb") as file:
+            np.savez(file, **plant_errors(number))
+        partial.replace(path)
+    with np.load(path) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
 def estimates(record: Record, nominal: Robot) -> dict[tuple[str, int], Frf]:
     """Response of every variant in one pose."""
     result = {}

@@ -2,13 +2,14 @@
 
     python tests/bench/local_rational.py [--rounds 9] [--noise 1e-3]
 
-Six inputs, six outputs, a full matrix fraction of second order, windows of 41 lines (30 unknowns per output), with 1, 6 and
-24 experiments. Contestants take turns in this process on one thread; figures are medians over rounds, per line. Both
-start from spectra; the loop forms the regressors of each window by numpy and calls lstsq, ours is
-`estimation.local.kernel.solve_lines`, moments included. Data are the responses of `six_axis` in one configuration to random
-inputs, with white noise relative to each output's root mean square. Then differences to the loop on *every* line, with
-noise and without, on an even, a logarithmic and a random grid, ends of the band included; the
-time of 20 000 lines x 24 experiments on two threads; and the cost per line over the number of lines.
+Six inputs, six outputs, a full matrix fraction of second order, windows of 41 lines (30 unknowns per output),
+with 1, 6 and 24 experiments. Contestants take turns in this process on one thread; figures are medians over
+rounds, per line. Both start from spectra; the loop forms the regressors of each window by numpy and calls
+lstsq, ours is `estimation.local.kernel.solve_lines`, moments included. Data are the responses of `six_axis` in one
+configuration to random inputs, with white noise relative to each output's root mean square. Then differences
+to the loop on *every* line, with noise and without, on an even, a logarithmic and a random grid, ends of the
+band included; the time of 20 000 lines x 24 experiments on two threads; and the cost per line over the number
+of lines.
 """
 
 from __future__ import annotations
@@ -139,7 +140,9 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1e-3)
     parser.add_argument("--lines", type=int, default=300, help="lines of each comparison")
     given = parser.parse_args()
-    print(f"six_axis, 41 lines a window, 30 unknowns, noise {given.noise:g}, {given.rounds} rounds, one thread")
+    print(
+        f"six_axis, 41 lines a window, 30 unknowns, noise {given.noise:g}, {given.rounds} rounds, one thread"
+    )
     race(given.rounds, given.noise)
     print(f"largest difference to the loop {largest_differences(given.lines):.1e} (wanted: 1e-9)")
     for n_freq in (2500, 5000, 10_000, 20_000):
@@ -152,8 +155,8 @@ def main() -> None:
             solve_lines(u, y, windows, MODEL, threads=2)
             taken.append(time.perf_counter() - start)
         print(
-            f"{n_freq} lines x 24 experiments on two threads: {min(taken):.2f} s, {1e6 * min(taken) / n_freq:.1f} us a line"
-            + (" (wanted: 2 s)" if n_freq == 20_000 else "")
+            f"{n_freq} lines x 24 experiments on two threads: {min(taken):.2f} s, "
+            f"{1e6 * min(taken) / n_freq:.1f} us a line" + (" (wanted: 2 s)" if n_freq == 20_000 else "")
         )
 
 

@@ -1,11 +1,12 @@
 """Order and window chosen by the data: the fit that best predicts each line from its neighbours alone.
 
-A line that is left out of its own window is predicted by what remains, and for linear least squares that prediction needs no
-second fit: its error is ``(I - H)^-1 (y - G u)`` with H the part of the hat matrix that belongs to the line, ``u^T Cov(G) u*`` for
-errors of variance one, since at the line itself the denominator's regressors are zero. Its square holds the variance of the
-prediction and the error of the local model alike; what is compared is the mean of its logarithm over lines and outputs, so that
-each counts by the factor by which it is better or worse. One choice serves all lines of a configuration: line by line the
-criterion has an uncertainty of a factor, and a choice that jumps makes a response that does.
+A line that is left out of its own window is predicted by what remains, and for linear least squares that
+prediction needs no second fit: its error is ``(I - H)^-1 (y - G u)`` with H the part of the hat matrix that
+belongs to the line, ``u^T Cov(G) u*`` for errors of variance one, since at the line itself the denominator's
+regressors are zero. Its square holds the variance of the prediction and the error of the local model alike;
+what is compared is the mean of its logarithm over lines and outputs, so that each counts by the factor by
+which it is better or worse. One choice serves all lines of a configuration: line by line the criterion has an
+uncertainty of a factor, and a choice that jumps makes a response that does.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ def prediction_error(
     response
         Fitted with the lines themselves, (n_freq, n_out, n_in).
     own_gram
-        Variance of each row of the response for errors of variance one, (n_freq, n_out, n_in, n_in), such that ``U^H gram U``
-        is the conjugate of H.
+        Variance of each row of the response for errors of variance one, (n_freq, n_out, n_in, n_in), such that
+        ``U^H gram U`` is the conjugate of H.
     """
     n_exp = u.shape[2]
     error = y - response @ u
@@ -77,10 +78,10 @@ def candidates(
     n_stated: int,
     window_lines: int | None,
 ) -> list[Candidate]:
-    """What is tried: windows from the smallest that leaves a line to spare, and orders that are equal above and below.
+    """What is tried: windows from the smallest with a line to spare, orders equal above and below.
 
-    Polynomials (denominators of order zero) are tried from order zero. A window that is given, or else the default one of
-    each order, is kept when only the order is chosen.
+    Polynomials (denominators of order zero) are tried from order zero. A window that is given, or else the
+    default one of each order, is kept when only the order is chosen.
     """
     models = [model]
     if choose in ("order", "both"):
@@ -89,10 +90,10 @@ def candidates(
             replace(model, numerator_order=order, denominator_order=order if rational else 0)
             for order in (ORDERS if rational else (0, *ORDERS))
         ]
-    result = []
+    result: list[Candidate] = []
     for one in models:
         smallest = one.smallest_window(n_in, n_out, n_exp, 0, n_stated) + 1
-        sizes = [window_lines or one.comfortable_window(n_in, n_out, n_exp, n_stated)]
+        sizes: list[int] = [window_lines or one.comfortable_window(n_in, n_out, n_exp, n_stated)]
         if choose in ("window", "both"):
             sizes, size = [], float(smallest)
             while size <= n_freq:

@@ -1,8 +1,9 @@
 """Covariance where all outputs have the same regressors: the full matrix fraction and the polynomial.
 
-Then ``dG[i, j] = sum_r a_r[j] e_r[i]``, and the expected course of the errors is a polynomial in the local variable, so
-that moments of the a_r are all that is needed: nothing of the size of the data. As `covariance` otherwise, but for
-this: the Kronecker product is fitted to each output's own part, and the outputs' correlation is that of the residuals.
+Then ``dG[i, j] = sum_r a_r[j] e_r[i]``, and the expected course of the errors is a polynomial in the local
+variable, so that moments of the a_r are all that is needed: nothing of the size of the data. As `covariance`
+otherwise, but for this: the Kronecker product is fitted to each output's own part, and the outputs'
+correlation is that of the residuals.
 """
 
 from __future__ import annotations
@@ -69,7 +70,9 @@ def common_factors(
     mean = np.einsum("fm,fmil->fil", np.where(valid[:, None], free, 1.0), parts)
     level = disturbance_levels(diagonal, mean, valid)
     expected = mean @ level
-    course = (parts @ level) / np.where(expected > 0, expected, 1.0)[:, None, :]  # (n_freq, n_moment, n_fitted)
+    course = (parts @ level) / np.where(expected > 0, expected, 1.0)[
+        :, None, :
+    ]  # (n_freq, n_moment, n_fitted)
     course[~valid] = np.eye(n_moment)[0][:, None]
     influence = np.where(used[..., None], influence, np.eye(n_in))
     by_output = np.einsum("fmi,fmjl->fijl", course, influence) * diagonal[:, :, None, None]

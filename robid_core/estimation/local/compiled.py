@@ -94,4 +94,5 @@ def window_power(y: ComplexArray, windows: Windows) -> FloatArray:
     """Mean square of each output over the window of each line, (n_freq, n_out)."""
     total = np.concatenate((np.zeros((1, y.shape[1])), np.cumsum(np.mean(np.abs(y) ** 2, axis=2), axis=0)))
     power: FloatArray = (total[windows.last + 1] - total[windows.first]) / windows.size[:, None]
-    return np.maximum(power, 1e-16 * total[-1])
+    result: FloatArray = np.maximum(power, 1e-16 * total[-1])
+    return result

@@ -1,11 +1,12 @@
 """Covariance of a local response from the residuals of its window, factored as `artifacts.frf` stores it.
 
-The residuals are those of the *equations*, ``e = D(t) y - N(t) u``, which at the line itself, where D = I, are those of the
-output (thesis eq. 3.32, 3.33; (3.32) is the transpose of C_V). They differ in size over the window: torque
-disturbances enter as ``N(t) n``, output noise as ``D(t) v``, and least squares makes D small where there are many
-lines, which at the ends of the band is everywhere but at the line itself. So each residual is compared with its
-expected size, and each reaches G with the size that belongs to its line. To entries of G they come through the
-pseudo-inverse of the regressors; the Kronecker product nearest to the covariance of all entries is stated.
+The residuals are those of the *equations*, ``e = D(t) y - N(t) u``, which at the line itself, where D = I, are
+those of the output (thesis eq. 3.32, 3.33; (3.32) is the transpose of C_V). They differ in size over the
+window: torque disturbances enter as ``N(t) n``, output noise as ``D(t) v``, and least squares makes D small
+where there are many lines, which at the ends of the band is everywhere but at the line itself. So each
+residual is compared with its expected size, and each reaches G with the size that belongs to its line. To
+entries of G they come through the pseudo-inverse of the regressors; the Kronecker product nearest to the
+covariance of all entries is stated.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ class Course:
     """Sizes that disturbances of unit level have in the residuals of windows.
 
     `parts` (n, w, n_out, n_level) is the variance of the equations' error at each line of a window; `mean`
-    (n, n_out, n_level) its expectation in the products `S`: the mean over rows, each counted less as the fit follows it.
+    (n, n_out, n_level) its expectation in the products `S`: the mean over rows, each counted less as the fit
+    follows it.
     """
 
     parts: FloatArray
@@ -82,8 +84,8 @@ def course(
     numerator, denominator
         Coefficients (n, order + 1, n_out, n_in) and (n, order + 1, n_out, n_out).
     offset, relative_frequency
-        Local variable (n, w), and frequency of the windows' centres (n,) over any fixed one: position noise grows with
-        its fourth power from window to window; within a window that is left out.
+        Local variable (n, w), and frequency of the windows' centres (n,) over any fixed one: position noise
+        grows with its fourth power from window to window; within a window that is left out.
     free
         What the fit leaves of each line's errors, one less the leverage, summed over experiments and divided by the
         degrees of freedom, zero for lines that fill up; (n, w, 1 or n_out).
@@ -204,7 +206,9 @@ def dense_covariance(solution: Solution, products: ComplexArray, deviation: Floa
     return dense.reshape(n, n_out, n_in, n_out, n_in)
 
 
-def nearest_product(dense: ComplexArray, output_covariance: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def nearest_product(
+    dense: ComplexArray, output_covariance: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
     """Factor pair (gram inverse, output covariance) whose product is nearest to a covariance of all entries.
 
     Nearest in the sense of Kullback and Leibler among circular Gaussian distributions, by turns: the one factor that
@@ -226,7 +230,5 @@ def nearest_product(dense: ComplexArray, output_covariance: ComplexArray) -> tup
         gram = 0.5 * (gram + gram.conj().swapaxes(-1, -2))
         c = np.einsum("nijkl,nlj->nik", dense, np.linalg.inv(gram)) / n_in
         c = 0.5 * (c + c.conj().swapaxes(-1, -2))
-    scale = np.exp(
-        (np.linalg.slogdet(output_covariance)[1] - np.linalg.slogdet(c)[1]) / n_out
-    )[:, None, None]
+    scale = np.exp((np.linalg.slogdet(output_covariance)[1] - np.linalg.slogdet(c)[1]) / n_out)[:, None, None]
     return gram.conj() / scale, c * scale

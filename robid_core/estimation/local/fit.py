@@ -63,12 +63,14 @@ def local_rational(
     iterations, iteration
         Passes against the bias of the linearised equations; see `iteration`.
     poles_hz
-        Complex frequencies of a nominal model's poles (`prior.pole_frequencies`); denominators are then made of them, and
-        the numerator alone is fitted. Direct approach only: the poles of the loop are others.
+        Complex frequencies of a nominal model's poles (`prior.pole_frequencies`); denominators are then made
+        of them, and the numerator alone is fitted. Direct approach only: the poles of the loop are others.
     choose
-        What the data shall choose for all lines: window, order, both; see `choice`. Given sizes then count for nothing.
+        What the data shall choose for all lines: window, order, both; see `choice`. Given sizes then count for
+        nothing.
     condition_limit
-        Lines where the numerator's regressors (columns scaled), or G_ru, have a larger condition number are not valid.
+        Lines where the numerator's regressors (columns scaled), or G_ru, have a larger condition number are
+        not valid.
     compiled
         Use the kernel where it can; False for the plain form throughout.
 
@@ -121,9 +123,7 @@ def local_rational(
 
     words: tuple[str, ...] = ()
     if choose != "none":
-        tried = candidates(
-            model, choose, len(frequency_hz), n_in, n_fitted, n_exp, n_out, window_lines
-        )
+        tried = candidates(model, choose, len(frequency_hz), n_in, n_fitted, n_exp, n_out, window_lines)
         if tried:
             best = best_candidate(tried, judge)
             model, window_lines, window_hz = best.model, best.window_lines, None

@@ -1,7 +1,7 @@
 """Kernel of the local rational method: line after line, by the cheapest way that is accurate there.
 
-Moments and a Cholesky factor where these are accurate enough, by an estimate of their rounding errors; refined by the rows'
-residuals where not; rows orthogonalised where the pivots are small.
+Moments and a Cholesky factor where these are accurate enough, by an estimate of their rounding errors; refined
+by the rows' residuals where not; rows orthogonalised where the pivots are small.
 """
 
 from __future__ import annotations
@@ -47,10 +47,8 @@ def take_right(r_re: Any, r_im: Any, now_re: Any, now_im: Any, n_out: int) -> No
 
 
 @fused_kernel
-def accurate(
-    r_re: Any, now_re: Any, now_im: Any, way_re: Any, way_im: Any, size: Any, n_in: int
-) -> bool:
-    """Whether normal equations were good enough for G and for the residuals; `size` are squares of the columns of [K Y]."""
+def accurate(r_re: Any, now_re: Any, now_im: Any, way_re: Any, way_im: Any, size: Any, n_in: int) -> bool:
+    """Whether normal equations are good enough for G and residuals; `size` are squares of the columns of [K Y]."""
     n_unknown = len(now_re)
     for k in range(n_unknown, len(size)):
         if not r_re[k, k] > RESIDUAL * size[k]:
@@ -123,7 +121,18 @@ def spread_errors(
     n_unknown, n_exp = row_re.shape[:2]
     n_moment = len(power)
     apply(
-        data_re, data_im, power, place, by_kind, way_r, way_i, -1, weight_re, weight_im, row_re[:n_in], row_im[:n_in]
+        data_re,
+        data_im,
+        power,
+        place,
+        by_kind,
+        way_r,
+        way_i,
+        -1,
+        weight_re,
+        weight_im,
+        row_re[:n_in],
+        row_im[:n_in],
     )
     for s in range(n_moment):
         products(row_re[:n_in], row_im[:n_in], power[s], lane_re, lane_im, influence[s])
@@ -209,7 +218,12 @@ def fit_lines(
                 value *= t
         window_moments(product_re, product_im, by_line, begin, n_line, sum_re, sum_im)
         assemble(
-            sum_re.reshape(-1), sum_im.reshape(-1), entry, entry_sign, gram_re.reshape(-1), gram_im.reshape(-1)
+            sum_re.reshape(-1),
+            sum_im.reshape(-1),
+            entry,
+            entry_sign,
+            gram_re.reshape(-1),
+            gram_im.reshape(-1),
         )
         for k in range(n_column):
             size[k] = r_re[k, k]
@@ -233,10 +247,23 @@ def fit_lines(
         for r in range(n_line):
             for s in range(n_moment):
                 by_power[s, r] = by_line[r, s]
-        gather(plane_re, plane_im, begin, n_line, data_re.reshape(m, n_exp, -1), data_im.reshape(m, n_exp, -1))
+        gather(
+            plane_re, plane_im, begin, n_line, data_re.reshape(m, n_exp, -1), data_im.reshape(m, n_exp, -1)
+        )
         while smallest > PIVOT:
             apply(
-                data_re, data_im, power, place, by_kind, theta_r, theta_i, n_in, weight_re, weight_im, row_re, row_im
+                data_re,
+                data_im,
+                power,
+                place,
+                by_kind,
+                theta_r,
+                theta_i,
+                n_in,
+                weight_re,
+                weight_im,
+                row_re,
+                row_im,
             )
             transposed(
                 data_re, data_im, power, place, by_kind, row_re, row_im, lane_re, lane_im, step_r, step_i

@@ -1,16 +1,16 @@
 """Against the bias of the linearised equations: weights and instruments from the pass before.
 
-Least squares of ``D y - N u`` is biased, because outputs stand among the regressors with their noise. Instruments, the outputs
-that the fit before gives to the inputs, are free of it and take the bias away. Weights (Sanathanan and Koerner 1963: divide by
-the D before) make the error ``D v`` that of the output, v; alone they do not help against noise, since the
-regressors keep theirs. Blom and van den Hof (2010) take both. A pass is kept at a line where it brings the window's true output
-error down.
+Least squares of ``D y - N u`` is biased, because outputs stand among the regressors with their noise.
+Instruments, the outputs that the fit before gives to the inputs, are free of it and take the bias away.
+Weights (Sanathanan and Koerner 1963: divide by the D before) make the error ``D v`` that of the output, v;
+alone they do not help against noise, since the regressors keep theirs. Blom and van den Hof (2010) take both.
+A pass is kept at a line where it brings the window's true output error down.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -143,9 +143,7 @@ def _solve(
 
 def _side_by_side(parts: list[Solution]) -> Solution:
     """Solutions of single outputs as one of all."""
-    denominator = np.zeros(
-        (*parts[0].denominator.shape[:2], len(parts), len(parts)), dtype=np.complex128
-    )
+    denominator = np.zeros((*parts[0].denominator.shape[:2], len(parts), len(parts)), dtype=np.complex128)
     for i, part in enumerate(parts):
         denominator[:, :, i, i] = part.denominator[:, :, 0, 0]
     return Solution(
@@ -161,13 +159,11 @@ def _side_by_side(parts: list[Solution]) -> Solution:
 def _choose(first: npt.NDArray[np.bool_], one: Pass, other: Pass) -> Pass:
     """`one` on lines where `first` holds, `other` elsewhere."""
 
-    def pick(a: npt.NDArray[np.generic], b: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    def pick(a: Any, b: Any) -> Any:
         return np.where(first.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
-    mixed = {}
+    mixed: dict[str, Any] = {}
     for field in fields(Solution):
         a, b = getattr(one.solution, field.name), getattr(other.solution, field.name)
         mixed[field.name] = None if a is None else pick(*np.broadcast_arrays(a, b))
-    return Pass(
-        Solution(**mixed), pick(one.weight, other.weight), pick(one.output_error, other.output_error)
-    )
+    return Pass(Solution(**mixed), pick(one.weight, other.weight), pick(one.output_error, other.output_error))

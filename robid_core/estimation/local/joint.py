@@ -30,10 +30,11 @@ def ratio(response: ComplexArray, n_out: int) -> tuple[ComplexArray, ComplexArra
     response
         From reference to [output; input], (..., n_out + n_in, n_in), the lower part invertible.
     """
-    to_reference = np.linalg.inv(response[..., n_out:, :])
-    g = response[..., :n_out, :] @ to_reference
+    to_reference: ComplexArray = np.linalg.inv(response[..., n_out:, :]).astype(np.complex128)
+    g: ComplexArray = response[..., :n_out, :] @ to_reference
     identity = np.broadcast_to(np.eye(n_out), (*g.shape[:-2], n_out, n_out))
-    return g, np.concatenate((identity, -g), axis=-1), to_reference
+    left: ComplexArray = np.concatenate((identity, -g), axis=-1)
+    return g, left, to_reference
 
 
 def carry_product(
@@ -54,4 +55,5 @@ def carry_dense(dense: ComplexArray, left: ComplexArray, right: ComplexArray) ->
     flat = dense.reshape(n, n_row * n_column, -1)
     carried = both @ flat @ both.conj().swapaxes(-1, -2)
     n_out, n_in = left.shape[1], right.shape[2]
-    return carried.reshape(n, n_out, n_in, n_out, n_in)
+    result: ComplexArray = carried.reshape(n, n_out, n_in, n_out, n_in)
+    return result

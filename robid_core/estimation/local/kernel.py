@@ -1,6 +1,7 @@
 """Local rational fits of many lines, compiled: the same numbers as `rational`, for one common set of regressors.
 
-That is the full matrix fraction, the polynomial, and one output by itself (so an output at a time, a denominator for each).
+That is the full matrix fraction, the polynomial, and one output by itself (so an output at a time, a
+denominator for each).
 Per line: moments, Cholesky factor, refinement; orthogonalisation where the pivots are small. Cost is linear in lines.
 """
 
@@ -30,8 +31,9 @@ class LineFits:
     `theta` (n_freq, n_unknown, n_out) holds N, coefficient by coefficient, then D, as columns of K stand; `products`
     (n_freq, n_out, n_out) ``sum e_i conj(e_k)`` of the residuals. `influence` (n_freq, n_moment, n_in, n_in) are
     ``sum_r t^m a_r a_r^H`` of the errors' way to G, ``dG[i, j] = sum_r a_r[j] e_r[i]``, and `free` (n_freq, n_moment)
-    ``sum_r t^m (1 - leverage)``; both None where they were not asked for. `ratio` (n_freq,) is the smallest pivot of the
-    numerator's columns, a squared sine; `corrections` (n_freq,) counts refinements, -1 where rows were orthogonalised.
+    ``sum_r t^m (1 - leverage)``; both None where they were not asked for. `ratio` (n_freq,) is the smallest
+    pivot of the numerator's columns, a squared sine; `corrections` (n_freq,) counts refinements, -1 where rows
+    were orthogonalised.
     """
 
     theta: ComplexArray
@@ -47,8 +49,8 @@ def gram_entries(
 ) -> tuple[IntArray, FloatArray]:
     """Where each entry of the upper triangle of ``[K Y]^H [K Y]`` comes from; see `normal_equations.assemble`.
 
-    Column c of [K Y] is ``sign[c] t^order[c] z[kind[c]]``; of the products of z those with a <= b are there, `n_sum` numbers
-    with what fills up.
+    Column c of [K Y] is ``sign[c] t^order[c] z[kind[c]]``; of the products of z those with a <= b are there,
+    `n_sum` numbers with what fills up.
     """
     pair = np.zeros((m, m), dtype=np.int64)
     pair[np.triu_indices(m)] = np.arange(m * (m + 1) // 2)
@@ -125,7 +127,8 @@ def solve_lines(
         fit_lines(
             *edge, windows.frequency_hz, windows.first, windows.last, windows.half_width_hz, plane_re, plane_im,
             product_re.reshape(n_freq, -1, LANES), product_im.reshape(n_freq, -1, LANES), entry, entry_sign,
-            place, kind, order, sign, n_in, n_unknown, n_numerator, with_influence, int(windows.size.max()), *results, free, ratio, corrections,
+            place, kind, order, sign, n_in, n_unknown, n_numerator, with_influence, int(windows.size.max()),
+            *results, free, ratio, corrections,
         )  # fmt: skip
 
     edges = np.linspace(0, n_freq, threads + 1).astype(int)
@@ -136,5 +139,10 @@ def solve_lines(
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(portion, portions))
     return LineFits(
-        theta, square, influence if with_influence else None, free if with_influence else None, ratio, corrections
+        theta,
+        square,
+        influence if with_influence else None,
+        free if with_influence else None,
+        ratio,
+        corrections,
     )

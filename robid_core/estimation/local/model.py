@@ -1,8 +1,8 @@
 """Which rational function is fitted in a window, and how many lines and experiments that takes.
 
 ``D(t) y = N(t) u + T_e(t)``, with t the frequency offset from the line over the window's half width, ``D(0) = I``
-(thesis eq. 3.23-3.31; parametrisations after R. Voorhoeve, A. van der Maas and T. Oomen, 2018). So ``G = N(0)``. With a
-denominator of order zero this is the local polynomial method (3.15-3.20).
+(thesis eq. 3.23-3.31; parametrisations after R. Voorhoeve, A. van der Maas and T. Oomen, 2018). So ``G =
+N(0)``. With a denominator of order zero this is the local polynomial method (3.15-3.20).
 """
 
 from __future__ import annotations

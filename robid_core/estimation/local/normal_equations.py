@@ -1,12 +1,13 @@
 """Kernels of the local rational method: the normal equations of a window by moments, and their solution.
 
-With z = [u; y] the entries of ``K^H K`` are moments ``sum_r t_r^s conj(z_a) z_b`` over the window's lines, so the products
-of a line are formed once and serve all windows it belongs to. ``K^H K`` squares the condition number; what that costs is
-won back by refinement with residuals of the equations themselves (`residuals`; corrected seminormal equations, A. Bjorck,
-1987), and where the pivots say that it cannot be, the window goes to `orthogonal`.
+With z = [u; y] the entries of ``K^H K`` are moments ``sum_r t_r^s conj(z_a) z_b`` over the window's lines, so
+the products of a line are formed once and serve all windows it belongs to. ``K^H K`` squares the condition
+number; what that costs is won back by refinement with residuals of the equations themselves (`residuals`;
+corrected seminormal equations, A. Bjorck, 1987), and where the pivots say that it cannot be, the window goes
+to `orthogonal`.
 
-Real and imaginary parts stand apart; eight neighbours in memory are worked on at once (`mechanics.lanes`). Last axes of
-length LANES are lanes, filled up with zeros.
+Real and imaginary parts stand apart; eight neighbours in memory are worked on at once (`mechanics.lanes`).
+Last axes of length LANES are lanes, filled up with zeros.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from robid_core.mechanics.views import lanes_of
 
 @fused_kernel
 def to_planes(spectra: Any, start: int, plane_re: Any, plane_im: Any) -> None:
-    """Spectra (n_freq, n, n_exp, 2), real and imaginary parts along the last axis, to planes (m, n_exp, n_freq or more)."""
+    """Spectra (n_freq, n, n_exp, 2), real and imaginary parts last, to planes (m, n_exp, n_freq or more)."""
     n_freq, n, n_exp = spectra.shape[:3]
     for line in range(n_freq):
         for a in range(n):
@@ -38,8 +39,8 @@ def line_products(
 ) -> None:
     """``sum_e conj(z_a) z_b`` for a <= b of each line, eight lines at a time.
 
-    Planes (m, n_exp, blocks, LANES) with the lines in the lanes, filled up; products (n_freq, pairs filled up); `lane_re`
-    and `lane_im` (1, LANES) are room.
+    Planes (m, n_exp, blocks, LANES) with the lines in the lanes, filled up; products (n_freq, pairs filled
+    up); `lane_re` and `lane_im` (1, LANES) are room.
     """
     m, n_exp, n_block = plane_re.shape[:3]
     z_re, z_im = lanes_of(plane_re), lanes_of(plane_im)
@@ -51,7 +52,12 @@ def line_products(
                 re = like(z_re[0, 0, 0], 0.0)
                 im = re
                 for e in range(n_exp):
-                    x_re, x_im, y_re, y_im = z_re[a, e, block], z_im[a, e, block], z_re[b, e, block], z_im[b, e, block]
+                    x_re, x_im, y_re, y_im = (
+                        z_re[a, e, block],
+                        z_im[a, e, block],
+                        z_re[b, e, block],
+                        z_im[b, e, block],
+                    )
                     re += x_re * y_re + x_im * y_im
                     im += x_re * y_im - x_im * y_re
                 sum_re[0] = re
@@ -80,7 +86,12 @@ def window_moments(
             a_im, b_re, b_im, c_re, c_im, d_re, d_im = a_re, a_re, a_re, a_re, a_re, a_re, a_re
             for r in range(first, first + n_line):
                 t, next_t = power[r - first, s], power[r - first, s + 1]
-                x_re, x_im, y_re, y_im = from_re[r, block], from_im[r, block], from_re[r, block + 1], from_im[r, block + 1]
+                x_re, x_im, y_re, y_im = (
+                    from_re[r, block],
+                    from_im[r, block],
+                    from_re[r, block + 1],
+                    from_im[r, block + 1],
+                )
                 a_re += t * x_re
                 a_im += t * x_im
                 b_re += t * y_re
@@ -115,8 +126,8 @@ def window_moments(
 def assemble(sum_re: Any, sum_im: Any, place: Any, sign: Any, gram_re: Any, gram_im: Any) -> None:
     """Upper triangle of ``[K Y]^H [K Y]`` from moments.
 
-    Entry by entry, `place` (entries, 2) gives where it stands in the gram matrix and where among the sums, both flat, and
-    `sign` (entries, 2) those of its real and imaginary part.
+    Entry by entry, `place` (entries, 2) gives where it stands in the gram matrix and where among the sums,
+    both flat, and `sign` (entries, 2) those of its real and imaginary part.
     """
     for entry in range(len(place)):
         gram_re[place[entry, 0]] = sign[entry, 0] * sum_re[place[entry, 1]]
@@ -178,7 +189,12 @@ def factor(gram_re: Any, gram_im: Any, n_unknown: int, inverse: Any, ratio: Any)
         i = j + 2
         while i + 1 < n_column:  # and two rows at a time; i is even, so both begin in the same block
             a_re, a_im, b_re, b_im = flat_re[j, i], flat_im[j, i], flat_re[j + 1, i], flat_im[j + 1, i]
-            c_re, c_im, d_re, d_im = flat_re[j, i + 1], flat_im[j, i + 1], flat_re[j + 1, i + 1], flat_im[j + 1, i + 1]
+            c_re, c_im, d_re, d_im = (
+                flat_re[j, i + 1],
+                flat_im[j, i + 1],
+                flat_re[j + 1, i + 1],
+                flat_im[j + 1, i + 1],
+            )
             for block in range(i // LANES, n_block):
                 x_re, x_im, y_re, y_im = re[j, block], im[j, block], re[j + 1, block], im[j + 1, block]
                 re[i, block] = re[i, block] - a_re * x_re - a_im * x_im - b_re * y_re - b_im * y_im
@@ -192,9 +208,7 @@ def factor(gram_re: Any, gram_im: Any, n_unknown: int, inverse: Any, ratio: Any)
 
 
 @fused_kernel
-def back_substitute(
-    gram_re: Any, gram_im: Any, inverse: Any, theta_re: Any, theta_im: Any
-) -> None:
+def back_substitute(gram_re: Any, gram_im: Any, inverse: Any, theta_re: Any, theta_im: Any) -> None:
     """Solve ``R theta = c`` in place for several right-hand sides; R (n, columns), theta (n, blocks, LANES)."""
     re, im = lanes_of(theta_re), lanes_of(theta_im)
     n_unknown, n_block = theta_re.shape[:2]
@@ -210,9 +224,7 @@ def back_substitute(
 
 
 @fused_kernel
-def forward_substitute(
-    gram_re: Any, gram_im: Any, inverse: Any, theta_re: Any, theta_im: Any
-) -> None:
+def forward_substitute(gram_re: Any, gram_im: Any, inverse: Any, theta_re: Any, theta_im: Any) -> None:
     """Solve ``R^H x = theta`` in place; shapes as in `back_substitute`."""
     re, im = lanes_of(theta_re), lanes_of(theta_im)
     n_unknown, n_block = theta_re.shape[:2]
@@ -233,10 +245,10 @@ def rounding_of_first(
 ) -> float:
     """How far rounding errors in ``K^H K`` reach into the first rows of theta, relative to their largest entry.
 
-    An error in entry (c, d) is about epsilon ``a_c a_d`` with the columns' norms a; independent of each other they change
-    row j by ``|H_j a| |a theta|`` epsilon, with H the inverse of ``K^H K`` (in the largest of rows and columns). On several
-    thousand windows of 41 and 61 lines, orders 2 and 3, 1 to 24 experiments, noise from 0.1 to 1e-6, the true error was at
-    most 6 times this, mostly half of it.
+    An error in entry (c, d) is about epsilon ``a_c a_d`` with the columns' norms a; independent of each other
+    they change row j by ``|H_j a| |a theta|`` epsilon, with H the inverse of ``K^H K`` (in the largest of rows
+    and columns). On several thousand windows of 41 and 61 lines, orders 2 and 3, 1 to 24 experiments, noise
+    from 0.1 to 1e-6, the true error was at most 6 times this, mostly half of it.
 
     Parameters
     ----------
@@ -264,7 +276,7 @@ def rounding_of_first(
             if c < n_first:
                 first = max(first, square)
         theta = max(theta, total)
-    return 2.2e-16 * sqrt(way * theta / first) if first > 0.0 else 1.0  # type: ignore[no-any-return]
+    return 2.2e-16 * sqrt(way * theta / first) if first > 0.0 else 1.0
 
 
 @fused_kernel

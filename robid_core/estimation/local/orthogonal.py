@@ -1,8 +1,8 @@
 """Kernel of the local rational method where normal equations break: orthogonalisation of a window's rows.
 
-Modified Gram-Schmidt on [K Y] together, which is as stable for least squares as Householder's (A. Bjorck and C. C. Paige,
-1992). A column that is a linear combination of those before it, to rounding, is left out: without noise the denominator is
-often not unique, and G does not depend on it.
+Modified Gram-Schmidt on [K Y] together, which is as stable for least squares as Householder's (A. Bjorck and
+C. C. Paige, 1992). A column that is a linear combination of those before it, to rounding, is left out: without
+noise the denominator is often not unique, and G does not depend on it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,14 @@ def columns_of_window(
 
 @fused_kernel
 def orthogonalise(
-    column_re: Any, column_im: Any, n_unknown: int, r_re: Any, r_im: Any, inverse: Any, lane_re: Any, lane_im: Any
+    column_re: Any,
+    column_im: Any,
+    n_unknown: int,
+    r_re: Any,
+    r_im: Any,
+    inverse: Any,
+    lane_re: Any,
+    lane_im: Any,
 ) -> None:
     """Factor R and transformed right-hand sides (n_unknown, columns) of columns (n_column, blocks, LANES), in place.
 

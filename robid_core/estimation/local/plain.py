@@ -74,8 +74,8 @@ def plain_fit(
     iterations, how
         Further passes; see `iteration`.
     denominators
-        Known scalar ones, coefficients (n_freq, order + 1) in the local variable; then only the numerator is fitted, to the
-        output error, and the order of the model's denominator counts for nothing.
+        Known scalar ones, coefficients (n_freq, order + 1) in the local variable; then only the numerator is
+        fitted, to the output error, and the order of the model's denominator counts for nothing.
     loop_freedom
         Degrees of freedom (n_freq,) where the outputs are signals of a loop; see `rational.solve`.
     """

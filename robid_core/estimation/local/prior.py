@@ -1,10 +1,11 @@
 """Denominators from the poles of a nominal model: only the numerators are left to find.
 
-All entries of G have the same poles, those of the robot, so one polynomial serves them all: the product over the poles that
-lie nearest to a line, scaled to one there. It takes those away from G, and what is left is smooth: a polynomial, found by linear
-least squares of the *output* error, with as few unknowns as the local polynomial method and no bias of a linearised
-equation. A pole that is off by a part of its half-power width leaves a dipole, which the numerator takes up in part; so the
-orders of what is left in are those of the numerator, and no more poles are taken than it has coefficients for.
+All entries of G have the same poles, those of the robot, so one polynomial serves them all: the product over
+the poles that lie nearest to a line, scaled to one there. It takes those away from G, and what is left is
+smooth: a polynomial, found by linear least squares of the *output* error, with as few unknowns as the local
+polynomial method and no bias of a linearised equation. A pole that is off by a part of its half-power width
+leaves a dipole, which the numerator takes up in part; so the orders of what is left in are those of the
+numerator, and no more poles are taken than it has coefficients for.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def pole_frequencies(eigenvalues: ComplexArray) -> ComplexArray:
     """
     frequency = eigenvalues / (2j * np.pi)
     frequency = frequency[frequency.real > 1e-9 * np.abs(frequency).max(initial=0.0)]
-    return frequency[np.argsort(frequency.real)]
+    result: ComplexArray = frequency[np.argsort(frequency.real)]
+    return result
 
 
 def denominators(poles_hz: ComplexArray, windows: Windows, order: int) -> ComplexArray:
@@ -52,7 +54,9 @@ def denominators(poles_hz: ComplexArray, windows: Windows, order: int) -> Comple
         If there is no pole, or one without damping lies on a line.
     """
     if len(poles_hz) == 0:
-        raise ConfigurationError("prior_poles: the nominal model has no oscillating pole; leave prior_poles out")
+        raise ConfigurationError(
+            "prior_poles: the nominal model has no oscillating pole; leave prior_poles out"
+        )
     n_freq = len(windows.frequency_hz)
     away = poles_hz[None, :] - windows.frequency_hz[:, None]
     nearest = np.argsort(np.abs(away), axis=1)[:, :order]
@@ -64,8 +68,8 @@ def denominators(poles_hz: ComplexArray, windows: Windows, order: int) -> Comple
         if (np.abs(distance[near]) == 0).any():
             line = int(np.flatnonzero(near & (distance == 0))[0])
             raise ConfigurationError(
-                f"prior_poles: the nominal model has an undamped pole at {windows.frequency_hz[line]:.4g} Hz, a line; "
-                "give it damping"
+                "prior_poles: the nominal model has an undamped pole at "
+                f"{windows.frequency_hz[line]:.4g} Hz, a line; give it damping"
             )
         # (f - p) / (f_k - p) = 1 - t h / (p - f_k)
         slope = np.where(near, -windows.half_width_hz / np.where(near, distance, 1.0), 0.0)

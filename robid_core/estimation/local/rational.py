@@ -1,10 +1,10 @@
 """Local rational functions by least squares, the plain form: thesis eq. (3.20) with (3.28) and (3.31).
 
 The numerator's regressors are the same whatever the denominator, so they are taken out first; what they leave of the
-outputs and of the denominator's regressors gives the denominator, and that the numerator. This is least squares of all
-unknowns at once (Frisch and Waugh), and shows what the parametrisations share. Where outputs times powers of t are
-linear combinations of the inputs times powers of t, as with few modes and no noise, the denominator is not unique;
-the one of least size is taken, and G does not depend on it.
+outputs and of the denominator's regressors gives the denominator, and that the numerator. This is least
+squares of all unknowns at once (Frisch and Waugh), and shows what the parametrisations share. Where outputs
+times powers of t are linear combinations of the inputs times powers of t, as with few modes and no noise, the
+denominator is not unique; the one of least size is taken, and G does not depend on it.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Solution:
     numerator's regressors, columns scaled.
 
     First-order effect of the error on G: ``dG[i, j] = sum_row influence[i, j, row] error[row, i]``, with `influence`
-    (n, 1 or n_out, n_in, row), the same for all outputs where the second axis is one; with a common denominator further
-    ``sum_s coupling[s, i, j] dd_s``, ``dd_s = sum_{row, k} pull[s, row, k] error[row, k]``. `leverage`
-    (n, row, 1 or n_out) is the share of a row's error that the fit follows and the residual lacks.
+    (n, 1 or n_out, n_in, row), the same for all outputs where the second axis is one; with a common
+    denominator further ``sum_s coupling[s, i, j] dd_s``, ``dd_s = sum_{row, k} pull[s, row, k] error[row,
+    k]``. `leverage` (n, row, 1 or n_out) is the share of a row's error that the fit follows and the residual lacks.
     """
 
     numerator: ComplexArray
@@ -45,7 +45,7 @@ class Solution:
     pull: ComplexArray | None = None
 
 
-QUIET = 0.1
+QUIET = 0.3
 """Part of the noise of its terms below which a combination of outputs counts as free of noise; see `solve`."""
 
 
@@ -68,9 +68,10 @@ def solve(
         the measured outputs, which removes the bias that noise in the regressors brings.
     noise
         Standard deviation of the outputs, (n, n_out), for a full matrix fraction of signals in a loop. Some of their
-        combinations have no noise there (u + F y with a controller F), so that next to nothing decides on the coefficients
-        of D along these, and they come out so large that no first-order covariance holds. Combinations of the
-        denominator's regressors with less than QUIET of the noise that their terms would have are therefore left out.
+        combinations have no noise there (u + F y with a controller F), so that next to nothing decides on the
+        coefficients of D along these, and they come out so large that no first-order covariance holds.
+        Combinations of the denominator's regressors with less than QUIET of the noise that their terms would
+        have are therefore left out.
         (In a loop with 2 % of noise, 4 experiments of 2 axes, 95 % regions cover 0.91 without it and 0.94 with it.)
     """
     a, y = equations.numerator, equations.output
@@ -83,7 +84,8 @@ def solve(
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = np.where(singular[:, -1] > 0, singular[:, 0] / singular[:, -1], np.inf)
     r = np.where((condition < 1e14)[:, None, None], r, np.eye(r.shape[-1]))
-    inverse = np.linalg.solve(r, q.conj().swapaxes(-1, -2)) / scale[:, :, None]
+    inverse: ComplexArray
+    inverse = np.linalg.solve(r, q.conj().swapaxes(-1, -2)).astype(np.complex128) / scale[:, :, None]
 
     def rest(columns: ComplexArray) -> ComplexArray:
         for _ in range(2):  # twice, so that what is left is orthogonal to rounding
@@ -127,8 +129,10 @@ def solve(
     numerator = inverse @ (y + np.einsum("nrsm,nsmi->nri", equations.denominator, d))
     coefficients = numerator.reshape(n, model.numerator_order + 1, n_in, n_out).swapaxes(-1, -2)
     identity = np.broadcast_to(np.eye(n_out), (n, 1, n_out, n_out))
-    denominator = np.concatenate((identity, d.swapaxes(-1, -2)), axis=1)
-    influence, coupling, pull = inverse[:, None, :n_in], None, None
+    denominator: ComplexArray = np.concatenate((identity, d.swapaxes(-1, -2)), axis=1)
+    influence: ComplexArray = inverse[:, None, :n_in]
+    coupling: ComplexArray | None = None
+    pull: ComplexArray | None = None
     leverage = np.sum(np.abs(q) ** 2, axis=-1)[..., None]
     if pulls is not None and model.parametrization == "mimo":
         influence = influence - ((inverse[:, :n_in] @ b) @ pulls)[:, None]
@@ -150,8 +154,9 @@ def _left_inverse(
 ) -> ComplexArray:
     """``(W^H B)^+ W^H`` for columns B and instruments W; with W = B the pseudo-inverse of B.
 
-    Columns have the `size` that they had before the numerator's regressors were taken from them; what is at rounding level
-    of it then is taken as zero, and so is what has less than QUIET of the columns' `noise`, both (n, column).
+    Columns have the `size` that they had before the numerator's regressors were taken from them; what is at
+    rounding level of it then is taken as zero, and so is what has less than QUIET of the columns' `noise`,
+    both (n, column).
     """
     unit = np.where(size > 0, size, 1.0)
     left, singular, right = np.linalg.svd(columns / unit[:, None, :], full_matrices=False)

@@ -1,7 +1,7 @@
 """The linear equations of a window: regressors of numerator, denominator and transient (thesis eq. 3.19, 3.28, 3.31).
 
-A row is a line and an experiment. Everything is batched over windows (leading axis n); windows of fewer lines than the
-largest are filled up with rows of zeros, which say nothing.
+A row is a line and an experiment. Everything is batched over windows (leading axis n); windows of fewer lines
+than the largest are filled up with rows of zeros, which say nothing.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ def window_data(u: ComplexArray, y: ComplexArray, windows: Windows, chunk: slice
     count = counts.astype(np.float64)
     zero = count[..., None, None]
     return WindowData(
-        windows.offset(chunk) * count, count, u[index].swapaxes(-1, -2) * zero, y[index].swapaxes(-1, -2) * zero
+        windows.offset(chunk) * count,
+        count,
+        u[index].swapaxes(-1, -2) * zero,
+        y[index].swapaxes(-1, -2) * zero,
     )
 
 
@@ -51,8 +54,8 @@ def powers(offset: FloatArray, order: int) -> FloatArray:
 class Regressors:
     """``y + B vec(D) = A vec(N) + error``, rows weighted and freed from transients.
 
-    `numerator` A (n, row, (order + 1) * n_in), coefficient by coefficient, so that G stands in the first n_in columns;
-    `denominator` B (n, row, order, n_out), the outputs times powers of t; `output` (n, row, n_out).
+    `numerator` A (n, row, (order + 1) * n_in), coefficient by coefficient, so that G stands in the first n_in
+    columns; `denominator` B (n, row, order, n_out), the outputs times powers of t; `output` (n, row, n_out).
     """
 
     numerator: ComplexArray
@@ -62,7 +65,7 @@ class Regressors:
 
 def regressors(data: WindowData, model: LocalModel, weight: ComplexArray | None = None) -> Regressors:
     """Regressors of windows; `weight` (n, w) multiplies the equations of a line."""
-    n, w, n_exp, n_in = data.u.shape
+    n, w, n_exp = data.u.shape[:3]
     n_out = data.y.shape[-1]
     t = powers(data.offset, max(model.numerator_order, model.denominator_order))
     scale = data.count if weight is None else weight * data.count

@@ -125,8 +125,14 @@ def transposed(
             for block in range(n_block):
                 re, im = zero, zero
                 for e in range(n_exp):
-                    re += z_re[a, e, block] * e_re[column, e, block] + z_im[a, e, block] * e_im[column, e, block]
-                    im += z_re[a, e, block] * e_im[column, e, block] - z_im[a, e, block] * e_re[column, e, block]
+                    re += (
+                        z_re[a, e, block] * e_re[column, e, block]
+                        + z_im[a, e, block] * e_im[column, e, block]
+                    )
+                    im += (
+                        z_re[a, e, block] * e_im[column, e, block]
+                        - z_im[a, e, block] * e_re[column, e, block]
+                    )
                 q_re[block] = re
                 q_im[block] = im
             for s in range(n_power):
@@ -144,9 +150,7 @@ def transposed(
 
 
 @fused_kernel
-def products(
-    row_re: Any, row_im: Any, weight: Any, lane_re: Any, lane_im: Any, result: Any
-) -> None:
+def products(row_re: Any, row_im: Any, weight: Any, lane_re: Any, lane_im: Any, result: Any) -> None:
     """``sum weight x_i conj(x_k)`` over rows (n_column, n_exp, blocks, LANES); `weight` (blocks, LANES) by line.
 
     `lane_re` and `lane_im` (at least one row of LANES) are room; the result is (n_column, n_column).

@@ -26,7 +26,8 @@ class LocalFit:
 
     `numerator` (n_freq, order + 1, n_fitted, n_in) and `denominator` (n_freq, order + 1, n_fitted, n_fitted) are the
     coefficients in powers of the local variable. Joint fits are of outputs and inputs over the reference
-    (n_fitted = n_out + n_in), others have n_fitted = n_out. `passes` (n_freq,) counts the iterations behind each line.
+    (n_fitted = n_out + n_in), others have n_fitted = n_out. `passes` (n_freq,) counts the iterations behind
+    each line.
     """
 
     windows: Windows
@@ -57,19 +58,20 @@ class LocalFit:
         Meant for frequencies inside the line's window.
         """
         offset = (frequency_hz - self.windows.frequency_hz[line]) / self.windows.half_width_hz[line]
+        local: ComplexArray
         local = rational_response(self.numerator[line][None], self.denominator[line][None], offset[None])[0]
         n_out = self.response.shape[1]
-        if local.shape[1] == n_out:
-            return local
-        joint: ComplexArray = local[:, :n_out] @ np.linalg.inv(local[:, n_out:])
-        return joint
+        if local.shape[1] > n_out:
+            local = local[:, :n_out] @ np.linalg.inv(local[:, n_out:]).astype(np.complex128)
+        return local
 
 
 def rational_response(numerator: ComplexArray, denominator: ComplexArray, offset: FloatArray) -> ComplexArray:
     """``D(t)^-1 N(t)`` of n functions at offsets t (n, w): shape (n, w, n_out, n_in); NaN where D is singular."""
     n, d = polynomial(numerator, offset), polynomial(denominator, offset)
     regular = np.abs(np.linalg.det(np.nan_to_num(d))) > 0
-    result: ComplexArray = np.linalg.solve(np.where(regular[..., None, None], d, np.eye(d.shape[-1])), n)
+    safe = np.where(regular[..., None, None], d, np.eye(d.shape[-1]))
+    result: ComplexArray = np.linalg.solve(safe, n).astype(np.complex128)
     result[~regular] = np.nan
     return result
 

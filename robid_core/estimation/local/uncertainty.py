@@ -57,7 +57,14 @@ def expected_course(
     relative = windows.frequency_hz[piece.chunk] / windows.frequency_hz[-1]
     free /= freedom[:, None, None]
     return course(
-        solution.numerator, solution.denominator, data.offset, relative, free, products, n_out, piece.weight**2
+        solution.numerator,
+        solution.denominator,
+        data.offset,
+        relative,
+        free,
+        products,
+        n_out,
+        piece.weight**2,
     )
 
 
@@ -89,9 +96,7 @@ def covariance_factors(
         [residual_products(p.solution.error, p.output, freedom[p.chunk]) for p in pieces]
     )
     n_out = products.shape[-1] if left is None else left.shape[1]
-    courses = [
-        expected_course(p, windows, freedom[p.chunk], products[p.chunk], n_out) for p in pieces
-    ]
+    courses = [expected_course(p, windows, freedom[p.chunk], products[p.chunk], n_out) for p in pieces]
     power = np.einsum("fii->fi", products).real
     level = disturbance_levels(power, np.concatenate([one.mean for one in courses]), valid)
     grams, covariances = [], []

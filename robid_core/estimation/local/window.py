@@ -1,7 +1,7 @@
 """Which lines take part in the local fit of a line, and where they stand relative to it.
 
-Lines need not be evenly spaced: the local variable is the true offset in frequency, scaled to at most one. At the ends
-of the band windows lean inward and keep their size.
+Lines need not be evenly spaced: the local variable is the true offset in frequency, scaled to at most one. At
+the ends of the band windows lean inward and keep their size.
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ def windows_of_width(frequency_hz: FloatArray, width_hz: float) -> Windows:
 
 def _windows(frequency_hz: FloatArray, first: IntArray, last: IntArray) -> Windows:
     away = np.maximum(frequency_hz - frequency_hz[first], frequency_hz[last] - frequency_hz)
-    return Windows(
-        frequency_hz, first.astype(np.int64), last.astype(np.int64), np.where(away > 0, away, 1.0)
-    )
+    return Windows(frequency_hz, first.astype(np.int64), last.astype(np.int64), np.where(away > 0, away, 1.0))
 
 
 def choose_windows(
