@@ -12,7 +12,7 @@ from pydantic import Field
 
 from robid_compensation.periods import less, reference_at_lines, spectra, with_channels
 from robid_core import Context, Preprocessing, Record, Robot
-from robid_core.estimation.friction_distortion import friction_distortion
+from robid_core.estimation.distortion.friction import friction_distortion
 
 
 class FrictionCompensation(Preprocessing):

@@ -25,8 +25,15 @@ from robid_core import (
     Preprocessing,
     Record,
 )
-from robid_core.estimation.order_analysis import KINDS, Kind, MotorData, Wave, compensated, motors_of
-from robid_core.estimation.ripple_search import Found, find_ripple
+from robid_core.estimation.distortion.order_analysis import (
+    KINDS,
+    Kind,
+    MotorData,
+    Wave,
+    compensated,
+    motors_of,
+)
+from robid_core.estimation.distortion.ripple_search import Found, find_ripple
 
 TORQUE, POSITION = "motor_torque", "motor_position"
 HELD = "zero_order_hold"

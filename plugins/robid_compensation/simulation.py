@@ -24,7 +24,7 @@ from robid_core import (
     Robot,
     simulate_over,
 )
-from robid_core.estimation.spectra import response_from_spectra
+from robid_core.estimation.response.spectra import response_from_spectra
 
 
 def without_friction(robot: Robot, damping: FloatArray) -> Robot:

@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from robid_core import ComplexArray, ConfigurationError, Configurations, Context, Excitation, IntArray, Robot
-from robid_core.estimation.multisine import experiment_factors
-from robid_core.estimation.signals import (
+from robid_core.estimation.excitation.multisine import experiment_factors
+from robid_core.estimation.excitation.signals import (
     band_bins,
     binary_waveform,
     hadamard_factors,

@@ -13,8 +13,15 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from robid_core import ConfigurationError, Configurations, Context, Excitation, Robot
-from robid_core.estimation.multisine import experiment_factors
-from robid_core.estimation.signals import band_bins, edge_taper, in_band, powerful_bins, spread, sweep
+from robid_core.estimation.excitation.multisine import experiment_factors
+from robid_core.estimation.excitation.signals import (
+    band_bins,
+    edge_taper,
+    in_band,
+    powerful_bins,
+    spread,
+    sweep,
+)
 from robid_excitation.classical import ClassicalExcitation, whole_samples
 
 

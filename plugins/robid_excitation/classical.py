@@ -2,7 +2,7 @@
 
 Each stage makes waveforms of *torque*; here they get their size and become references of speed. A speed reference
 with steps in it would ask for impulses of acceleration; a step of torque is a ramp of speed. The motor is taken as an
-inertia under its speed loop (`robid_core.estimation.signals`), as for the multisine.
+inertia under its speed loop (`estimation.excitation.signals`), as for the multisine.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from robid_core import (
     IntArray,
     Robot,
 )
-from robid_core.estimation.multisine import sine
-from robid_core.estimation.signals import (
+from robid_core.estimation.excitation.multisine import sine
+from robid_core.estimation.excitation.signals import (
     reference_of_motor_speed,
     speed_of_motor_torque,
     through_lines,

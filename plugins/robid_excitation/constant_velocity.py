@@ -1,6 +1,6 @@
 """Sweeps at constant speeds for friction: each axis runs a ladder of speeds to and fro, the others hold still.
 
-The profiles are in `robid_core.estimation.velocity_sweep`, and so is what finds the plateaus again in a recorded
+The profiles are in `estimation.excitation.velocity_sweep`, and so is what finds the plateaus again in a recorded
 reference (`plateaus`). Such a motion is not for a frequency response: it has no lines, and it need not be repeated.
 """
 
@@ -21,9 +21,8 @@ from robid_core import (
     MotionRefused,
     Robot,
 )
-from robid_core.estimation.fourier_trajectory import Limits
-from robid_core.estimation.rigid_torque import RigidDrives, motor_inertia, motor_torque
-from robid_core.estimation.velocity_sweep import (
+from robid_core.estimation.excitation.fourier_trajectory import Limits
+from robid_core.estimation.excitation.velocity_sweep import (
     SETTLE_RAD,
     SETTLE_S,
     Sweep,
@@ -32,6 +31,7 @@ from robid_core.estimation.velocity_sweep import (
     plan_sweep,
     sweeps_reference,
 )
+from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_inertia, motor_torque
 from robid_excitation.prediction import Level, clear
 from robid_excitation.rigid import motion_limits, refuse_without_room, rigid_drives
 

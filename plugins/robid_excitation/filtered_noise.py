@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from robid_core import Configurations, Context, Excitation, Robot
-from robid_core.estimation.signals import band_bins, edge_taper, gaussian_lines
+from robid_core.estimation.excitation.signals import band_bins, edge_taper, gaussian_lines
 from robid_excitation.classical import ClassicalExcitation, whole_samples
 
 

@@ -1,6 +1,6 @@
 """Fourier trajectories for rigid-body and friction identification: large motions that tell all base parameters apart.
 
-After Swevers et al. (1997); the search is in `robid_core.estimation.fourier_trajectory`. Such a motion is not for a
+After Swevers et al. (1997); the search is in `estimation.excitation.fourier_trajectory`. Such a motion is not for a
 frequency response: it has no lines. The excitation is one period of the motors' speed, at rest at both ends, so that
 it may run once or be repeated.
 """
@@ -25,21 +25,21 @@ from robid_core import (
     MotionRefused,
     Robot,
 )
-from robid_core.estimation.excitation_criteria import (
+from robid_core.estimation.excitation.criteria import (
     Criterion,
     condition_number,
     hadamard_ratio,
     log_determinant,
 )
-from robid_core.estimation.fourier_trajectory import (
+from robid_core.estimation.excitation.fourier_trajectory import (
     Limits,
     Problem,
     fitted,
     rest_to_rest_basis,
     usual_column_scale,
 )
-from robid_core.estimation.rigid_torque import base_of, motor_torque
-from robid_core.estimation.trajectory_search import improved, search
+from robid_core.estimation.excitation.trajectory_search import improved, search
+from robid_core.estimation.rigid.rigid_torque import base_of, motor_torque
 from robid_excitation.prediction import Cleared, Level, clear
 from robid_excitation.rigid import (
     motion_limits,

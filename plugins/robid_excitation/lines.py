@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, IntArray, Robot
-from robid_core.estimation.grids import spacing_hz
+from robid_core.estimation.excitation.grids import spacing_hz
 
 
 def samples_in_period(period_s: float, band_hz: tuple[float, float], robot: Robot) -> int:

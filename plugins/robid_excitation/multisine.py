@@ -23,7 +23,7 @@ from robid_core import (
     IntArray,
     Robot,
 )
-from robid_core.estimation.grids import (
+from robid_core.estimation.excitation.grids import (
     leave_one_out,
     linear_choice,
     logarithmic_choice,
@@ -33,7 +33,7 @@ from robid_core.estimation.grids import (
     with_detection,
     without_multiples,
 )
-from robid_core.estimation.multisine import flat_torque_amplitude
+from robid_core.estimation.excitation.multisine import flat_torque_amplitude
 from robid_excitation.amplitudes import (
     CREST as CREST,
     crossover_hz,

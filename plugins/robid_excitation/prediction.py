@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from robid_core import FloatArray, IntArray, MotionRefused, Robot
-from robid_core.estimation.predicted import PredictedDeviation, SensorNoise, predicted_deviation
+from robid_core.estimation.excitation.predicted import PredictedDeviation, SensorNoise, predicted_deviation
 from robid_excitation.gear_load import load_of_motor
 from robid_excitation.limits import excesses, factors_that_fit
 from robid_excitation.simulated import (

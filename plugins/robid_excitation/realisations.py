@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import ComplexArray, FloatArray, IntArray, Robot
-from robid_core.estimation.crest import Block, minimise_crest, peak_over_rms
-from robid_core.estimation.multisine import draw_phases, low_crest_multisine, multisine, sine
+from robid_core.estimation.excitation.crest import Block, minimise_crest, peak_over_rms
+from robid_core.estimation.excitation.multisine import draw_phases, low_crest_multisine, multisine, sine
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, MotionRefused, Robot
-from robid_core.estimation.fourier_trajectory import Limits
-from robid_core.estimation.rigid_torque import RigidDrives, motor_torque
+from robid_core.estimation.excitation.fourier_trajectory import Limits
+from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
 
 
 def rigid_drives(robot: Robot) -> RigidDrives:

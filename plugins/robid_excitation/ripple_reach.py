@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import FloatArray, IntArray, Robot, SignalEffect
-from robid_core.estimation.reach import (
+from robid_core.estimation.excitation.reach import (
     harmonics_on_lines,
     lines_reached,
     ripple_band_hz,

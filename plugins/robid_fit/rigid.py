@@ -25,7 +25,7 @@ from robid_core import (
     Robot,
     TimeComparison,
 )
-from robid_core.estimation.regression import (
+from robid_core.estimation.rigid.regression import (
     BaseParameters,
     LinearFit,
     base_parameters,

@@ -16,9 +16,9 @@ from typing import Literal
 import numpy as np
 
 from robid_core import DataRejected, DenseRun, FloatArray, Robot
-from robid_core.estimation.regression import differentiate, smooth
-from robid_core.estimation.rigid_body import PARAMETERS, UNITS
-from robid_core.estimation.rigid_torque import RigidDrives, motor_torque_regressor
+from robid_core.estimation.rigid.regression import differentiate, smooth
+from robid_core.estimation.rigid.rigid_body import PARAMETERS, UNITS
+from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
 
 Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset"]
 KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")

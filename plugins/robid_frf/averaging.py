@@ -1,8 +1,8 @@
 """What the averaging estimators of thesis section 3.2.3 share: spectra in, covariance and masks out.
 
 Total covariance from the residuals of all experiments of a configuration, noise from the differences between
-periods; both pooled over neighbouring lines (`robid_core.estimation.covariance`). Distortion from the bins that
-were not excited (`robid_core.estimation.detection`).
+periods; both pooled over neighbouring lines (`estimation.response.covariance`). Distortion from the bins that
+were not excited (`estimation.response.detection`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import Field, NonNegativeInt
 
 from robid_core import BoolArray, ComplexArray, Context, Frf, FrfEstimator, Record
-from robid_core.estimation.covariance import Pooled, period_products, pool_lines
-from robid_core.estimation.detection import distortion_levels
-from robid_core.estimation.spectra import divide_spectra, refuse_masked, side_by_side
-from robid_core.estimation.speed import drift_leakage
+from robid_core.estimation.distortion.speed import drift_leakage
+from robid_core.estimation.response.covariance import Pooled, period_products, pool_lines
+from robid_core.estimation.response.detection import distortion_levels
+from robid_core.estimation.response.spectra import divide_spectra, refuse_masked, side_by_side
 from robid_frf.reading import LineSpectra, read_spectra
 
 

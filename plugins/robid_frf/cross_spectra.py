@@ -8,9 +8,9 @@ from typing import Literal, Self
 import numpy as np
 
 from robid_core import BoolArray, ComplexArray, DataRejected, FloatArray, IntArray
-from robid_core.estimation.covariance import default_half_window, pool_lines
-from robid_core.estimation.instrumental import multiple_coherence, response_of_periods
-from robid_core.estimation.welch import Correlation, pooled_freedom, refuse_few_segments
+from robid_core.estimation.response.covariance import default_half_window, pool_lines
+from robid_core.estimation.response.instrumental import multiple_coherence, response_of_periods
+from robid_core.estimation.response.welch import Correlation, pooled_freedom, refuse_few_segments
 from robid_frf.segments import Columns, Cut
 
 Instruments = tuple[Literal["reference", "other_period"], ...]

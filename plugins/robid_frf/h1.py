@@ -7,7 +7,7 @@ the estimate towards smaller responses (Wernholt and Moberg 2008 rank it last on
 from __future__ import annotations
 
 from robid_core import Context, Frf, Record
-from robid_core.estimation.spectra import divide_spectra
+from robid_core.estimation.response.spectra import divide_spectra
 from robid_frf.averaging import Averaging, Estimate, join
 
 

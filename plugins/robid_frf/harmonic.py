@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import Context, Frf, Record
-from robid_core.estimation.covariance import gram_inverse_of_mean
-from robid_core.estimation.means import harmonic_mean
-from robid_core.estimation.spectra import divide_spectra
+from robid_core.estimation.response.covariance import gram_inverse_of_mean
+from robid_core.estimation.response.means import harmonic_mean
+from robid_core.estimation.response.spectra import divide_spectra
 from robid_frf.averaging import Averaging, Estimate, join
 
 

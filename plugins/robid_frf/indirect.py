@@ -1,6 +1,6 @@
 """Indirect estimator: the closed loop first, then the known controller taken out (thesis section 3.2.2).
 
-With ``u = d - F y`` (`robid_core.estimation.controller`; d is the torque that the references ask for, F the
+With ``u = d - F y`` (`estimation.response.controller`; d is the torque that the references ask for, F the
 feedback) the closed loop is ``y = T d``, ``T = G (I + F G)^-1``, an open-loop problem, and ``G = T (I - F T)^-1``.
 With ``T = Y D^H (D D^H)^-1`` this is the joint input-output estimator with ``D - F Y`` in the place of the measured
 torque, and its uncertainty follows likewise. Noise of the torque measurement has no part in it; in return gains
@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 from robid_core import ComplexArray, Context, DataRejected, Frf, Record, Robot
-from robid_core.estimation.controller import (
+from robid_core.estimation.response.controller import (
     controller_response,
     drive_signal,
     feedback_from_acceleration,
 )
-from robid_core.estimation.spectra import factor_inputs, side_by_side
+from robid_core.estimation.response.spectra import factor_inputs, side_by_side
 from robid_frf.averaging import Averaging
 from robid_frf.joint import joint_estimate
 from robid_frf.reading import channel_spectra

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import Context, Frf, Record
-from robid_core.estimation.covariance import residual_products
-from robid_core.estimation.spectra import divide_by_reference, factor_inputs, side_by_side
+from robid_core.estimation.response.covariance import residual_products
+from robid_core.estimation.response.spectra import divide_by_reference, factor_inputs, side_by_side
 from robid_frf.averaging import Averaging, Estimate
 from robid_frf.reading import LineSpectra
 

@@ -1,7 +1,7 @@
 """What the local parametric methods of thesis section 3.2.4 share: spectra in, a local fit per configuration, out.
 
 All experiments of a configuration are fitted together, however many there are; the mathematics is in
-`robid_core.estimation.local`.
+`robid_core.estimation.response.local`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from robid_core import BoolArray, ComplexArray, Context, FloatArray, Frf, FrfEstimator, Record
-from robid_core.estimation.detection import distortion_levels
-from robid_core.estimation.local.result import LocalFit
-from robid_core.estimation.spectra import refuse_masked, side_by_side
+from robid_core.estimation.response.detection import distortion_levels
+from robid_core.estimation.response.local.result import LocalFit
+from robid_core.estimation.response.spectra import refuse_masked, side_by_side
 from robid_frf.averaging import noise_covariance
 from robid_frf.reading import LineSpectra, read_spectra
 

@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from robid_core import BoolArray, ComplexArray, Context, Frf, Record
-from robid_core.estimation.covariance import gram_inverse_of_mean
-from robid_core.estimation.means import logarithmic_mean_entries, logarithmic_mean_matrix
-from robid_core.estimation.spectra import divide_spectra
+from robid_core.estimation.response.covariance import gram_inverse_of_mean
+from robid_core.estimation.response.means import logarithmic_mean_entries, logarithmic_mean_matrix
+from robid_core.estimation.response.spectra import divide_spectra
 from robid_frf.averaging import Averaging, Estimate, join, total_covariance
 
 

@@ -7,9 +7,9 @@ scatter that a denominator brings; near a resonance the window must be narrower 
 from __future__ import annotations
 
 from robid_core import ComplexArray, Context, FloatArray, Frf, Record
-from robid_core.estimation.local.fit import local_rational
-from robid_core.estimation.local.model import LocalModel
-from robid_core.estimation.local.result import LocalFit
+from robid_core.estimation.response.local.fit import local_rational
+from robid_core.estimation.response.local.model import LocalModel
+from robid_core.estimation.response.local.result import LocalFit
 from robid_frf.local import LocalMethod
 
 

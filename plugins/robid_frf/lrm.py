@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from robid_core import ComplexArray, ConfigurationError, Context, FloatArray, Frf, Record, Robot
-from robid_core.estimation.local.fit import local_rational
-from robid_core.estimation.local.model import LocalModel
-from robid_core.estimation.local.prior import pole_frequencies
-from robid_core.estimation.local.result import LocalFit
+from robid_core.estimation.response.local.fit import local_rational
+from robid_core.estimation.response.local.model import LocalModel
+from robid_core.estimation.response.local.prior import pole_frequencies
+from robid_core.estimation.response.local.result import LocalFit
 from robid_frf.local import LocalMethod
 
 

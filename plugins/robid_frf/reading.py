@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import ComplexArray, Context, DataRejected, FloatArray, IntArray, Record
-from robid_core.estimation.columns import column_is_free, other_columns
-from robid_core.estimation.steady_state import (
+from robid_core.estimation.response.columns import column_is_free, other_columns
+from robid_core.estimation.response.steady_state import (
     drift_share,
     refuse_other_reference,
     refuse_unlike_periods,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import BoolArray, ComplexArray, ConfigurationError, DataRejected, FloatArray, IntArray, Record
-from robid_core.estimation.welch import (
+from robid_core.estimation.response.welch import (
     Segmentation,
     difference_correction,
     second_difference,

@@ -22,9 +22,9 @@ from robid_core import (
     IntArray,
     Record,
 )
-from robid_core.estimation.detection import distortion_levels
-from robid_core.estimation.spectra import refuse_masked
-from robid_core.estimation.welch import bands, equivalent_segments, speed_rms
+from robid_core.estimation.response.detection import distortion_levels
+from robid_core.estimation.response.spectra import refuse_masked
+from robid_core.estimation.response.welch import bands, equivalent_segments, speed_rms
 from robid_frf.averaging import tell_masked
 from robid_frf.cross_spectra import Estimated, Instruments, Stated, estimate_lines, state
 from robid_frf.reading import LineSpectra, read_spectra

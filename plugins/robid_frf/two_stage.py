@@ -18,13 +18,13 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from robid_core import BoolArray, ComplexArray, Context, FloatArray, Frf, IntArray, Record
-from robid_core.estimation.covariance import difference_products, residual_products
-from robid_core.estimation.smoothing import (
+from robid_core.estimation.response.covariance import difference_products, residual_products
+from robid_core.estimation.response.smoothing import (
     polynomial_weights,
     products_through_smoothing,
     smooth_over_lines,
 )
-from robid_core.estimation.spectra import InputFactors, factor_inputs, side_by_side
+from robid_core.estimation.response.spectra import InputFactors, factor_inputs, side_by_side
 from robid_frf.averaging import Averaging, Estimate
 
 

@@ -132,8 +132,8 @@ class Frf(Artifact):
         PoorExcitation
             If more than a tenth of a configuration's lines is masked.
         """
-        from robid_core.estimation.covariance import block_products, gram_inverse_of_mean, pool_lines
-        from robid_core.estimation.spectra import CONDITION_LIMIT, factor_inputs, refuse_masked
+        from robid_core.estimation.response.covariance import block_products, gram_inverse_of_mean, pool_lines
+        from robid_core.estimation.response.spectra import CONDITION_LIMIT, factor_inputs, refuse_masked
 
         u, y = record.spectra(discard)
         n_config, n_block, n_freq, n_axis, n_exp = u.shape

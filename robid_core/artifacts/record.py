@@ -143,9 +143,9 @@ class Record(Artifact):
     def speed_levels(self, discard: int = 0) -> tuple[FloatArray, FloatArray]:
         """Root mean square of the motors' speed without the slow sine, and the slow sine's amplitude.
 
-        Returns (rms, amplitude), each (n_config, n_axis), in rad/s; see `robid_core.estimation.speed`.
+        Returns (rms, amplitude), each (n_config, n_axis), in rad/s; see `estimation.distortion.speed`.
         """
-        from robid_core.estimation.speed import speed_levels
+        from robid_core.estimation.distortion.speed import speed_levels
 
         position, step = self.run.values(MOTOR_POSITION)[:, :, :, discard:], self.run.sample_time_s
         levels = [speed_levels(one, self._lines(), step) for one in position]

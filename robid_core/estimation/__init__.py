@@ -1,6 +1,6 @@
-"""Estimation: pure functions on arrays, from spectra to parameters with their uncertainty.
+"""Estimation: pure functions on arrays, from signals to parameters with their uncertainty.
 
-`multisine` what is asked of the motors, `spectra` response matrices, `covariance` how sure they are, `speed`
-the motion they were measured under; `least_squares`, `information` and `intervals` from there to parameters.
-Plugins import from the modules: ``from robid_core.estimation.spectra import response_from_spectra``.
+`excitation` what is asked of the motors, `response` frequency responses and how sure they are, `distortion` what is not
+linear in them, `rigid` the torque of rigid bodies; `least_squares`, `information` and `intervals` from there to
+parameters. Import from the modules: ``from robid_core.estimation.response.spectra import response_from_spectra``.
 """

@@ -15,10 +15,10 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from robid_core import Record, RobidError
-from robid_core.estimation.local.fit import local_rational
-from robid_core.estimation.local.model import LocalModel, Parametrization
-from robid_core.estimation.local.result import LocalFit
-from robid_core.estimation.spectra import divide_spectra, side_by_side
+from robid_core.estimation.response.local.fit import local_rational
+from robid_core.estimation.response.local.model import LocalModel, Parametrization
+from robid_core.estimation.response.local.result import LocalFit
+from robid_core.estimation.response.spectra import divide_spectra, side_by_side
 from studies.frf_methods.figures_style import FITS, INK, laid_out, plain_ticks
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,8 +15,8 @@ from scipy.linalg import eigh
 from scipy.signal import find_peaks
 
 from robid_core import Robot
-from robid_core.estimation.multisine import logarithmic_odd_lines, multisine, sine
-from robid_core.estimation.spectra import response_from_spectra
+from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
+from robid_core.estimation.response.spectra import response_from_spectra
 from robid_core.mechanics.response import hold_factor
 from robid_core.mechanics.tool import pose_of
 from studies.model_ladder.tracking import TOOL

@@ -26,9 +26,9 @@ import numpy as np  # noqa: E402
 import numpy.typing as npt  # noqa: E402
 from stopwatch import Contestant, Race  # noqa: E402
 
-from robid_core.estimation.means import harmonic_mean, logarithmic_mean_matrix  # noqa: E402
-from robid_core.estimation.multisine import orthogonal_matrix  # noqa: E402
-from robid_core.estimation.spectra import divide_by_reference, divide_spectra, side_by_side  # noqa: E402
+from robid_core.estimation.excitation.multisine import orthogonal_matrix  # noqa: E402
+from robid_core.estimation.response.means import harmonic_mean, logarithmic_mean_matrix  # noqa: E402
+from robid_core.estimation.response.spectra import divide_by_reference, divide_spectra, side_by_side  # noqa: E402
 
 ComplexArray = npt.NDArray[np.complex128]
 

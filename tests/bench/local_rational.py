@@ -31,9 +31,9 @@ import numpy.typing as npt  # noqa: E402
 from stopwatch import Contestant, Race  # noqa: E402
 
 from robid_core import Robot  # noqa: E402
-from robid_core.estimation.local.kernel import LineFits, solve_lines  # noqa: E402
-from robid_core.estimation.local.model import LocalModel  # noqa: E402
-from robid_core.estimation.local.window import Windows, windows_of_lines  # noqa: E402
+from robid_core.estimation.response.local.kernel import LineFits, solve_lines  # noqa: E402
+from robid_core.estimation.response.local.model import LocalModel  # noqa: E402
+from robid_core.estimation.response.local.window import Windows, windows_of_lines  # noqa: E402
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

@@ -10,7 +10,7 @@ from oracles.drives import Ripple
 from oracles.robots import RESOLVER_RIPPLE, TORQUE_RIPPLE, with_exact_encoders, with_ripple
 
 from robid_core import Robot
-from robid_core.estimation import multisine
+from robid_core.estimation.excitation import multisine
 from robid_core.registry import EFFECTS, registry
 
 FloatArray = npt.NDArray[np.float64]

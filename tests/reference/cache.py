@@ -38,8 +38,8 @@ CODE = (
     "robot/plant.py",
     "robot/effects.py",
     "robot/arrays.py",
-    "estimation/multisine.py",
-    "estimation/speed.py",
+    "estimation/excitation/multisine.py",
+    "estimation/distortion/speed.py",
 )
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from reference.plants import ReferencePlant
 
 from robid_core import Configurations, Excitation, MotionRefused
-from robid_core.estimation.multisine import low_crest_multisine, sine
+from robid_core.estimation.excitation.multisine import low_crest_multisine, sine
 from robid_core.testing import example_context
 from robid_excitation.multisine import Multisine
 

@@ -21,8 +21,8 @@ from reference.reference_pose import ReferencePose
 from ruamel.yaml import YAML
 
 from robid_core import Robot
-from robid_core.estimation.multisine import flat_torque_amplitude
-from robid_core.estimation.speed import speed_levels
+from robid_core.estimation.distortion.speed import speed_levels
+from robid_core.estimation.excitation.multisine import flat_torque_amplitude
 from robid_core.robot.description import RobotDescription
 from robid_excitation.multisine import Multisine
 

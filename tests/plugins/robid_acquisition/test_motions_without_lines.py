@@ -14,7 +14,7 @@ from robid_acquisition.drives import DriveAcquisition, reject_drift
 from robid_acquisition.simulated import SimulatedDrives
 from robid_can.drives import CanDrives
 from robid_core import Configurations, Context, DataRejected, Drives, Excitation, Record, Robot
-from robid_core.estimation.velocity_sweep import plateaus
+from robid_core.estimation.excitation.velocity_sweep import plateaus
 from robid_core.stage import map_in_process
 from robid_excitation.constant_velocity import ConstantVelocity
 from robid_mcap.records import McapRecords

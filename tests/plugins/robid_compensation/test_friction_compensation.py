@@ -10,8 +10,8 @@ import pytest
 
 from robid_compensation.friction import FrictionCompensation
 from robid_core import Channel, ComplexArray, DenseRun, Record, Robot
-from robid_core.estimation.friction_distortion import before_hold, linear_part, oversampled_speed
-from robid_core.estimation.multisine import logarithmic_odd_lines, multisine, sine
+from robid_core.estimation.distortion.friction import before_hold, linear_part, oversampled_speed
+from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
 from robid_core.testing import check_stage, example_context
 
 PERIOD_S, N_SAMPLE, SETTLE = 4.0, 4000, 1

@@ -32,7 +32,7 @@ from robid_core import (
     Record,
     Robot,
 )
-from robid_core.estimation.order_analysis import MotorData, torque_and_friction, unexplained
+from robid_core.estimation.distortion.order_analysis import MotorData, torque_and_friction, unexplained
 from robid_core.robot.description import RobotDescription
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage, example_record

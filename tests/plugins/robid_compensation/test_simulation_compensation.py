@@ -7,7 +7,7 @@ import pytest
 
 from robid_compensation.simulation import SimulationCompensation, other_realisations, without_friction
 from robid_core import Channel, ComplexArray, DenseRun, Record, Robot
-from robid_core.estimation.multisine import logarithmic_odd_lines, multisine, sine
+from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
 from robid_core.testing import check_stage, example_context, example_fit, example_robot
 
 PERIOD_S, N_SAMPLE, N_BLOCK = 4.0, 4000, 12

@@ -21,7 +21,7 @@ from robid_core import (
     Robot,
     clear_motion,
 )
-from robid_core.estimation.covariance import confidence_radius
+from robid_core.estimation.response.covariance import confidence_radius
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_core.testing.robots import example_robot

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from robid_core import Configurations, Context, Excitation, MotionRefused, Robot
-from robid_core.estimation.velocity_sweep import plateaus
+from robid_core.estimation.excitation.velocity_sweep import plateaus
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_core.testing.robots import example_robot

@@ -12,10 +12,10 @@ import pytest
 
 from robid_acquisition.batch import SimulatedAcquisition
 from robid_core import Configurations, Context, Excitation, Fit, Record, Robot
-from robid_core.estimation.excitation_criteria import predicted_standard_errors
-from robid_core.estimation.fourier_trajectory import Problem, random_coefficients
-from robid_core.estimation.rigid_torque import motor_inertia, motor_torque, motor_torque_regressor
-from robid_core.estimation.velocity_sweep import plateau_means, plateaus
+from robid_core.estimation.excitation.criteria import predicted_standard_errors
+from robid_core.estimation.excitation.fourier_trajectory import Problem, random_coefficients
+from robid_core.estimation.excitation.velocity_sweep import plateau_means, plateaus
+from robid_core.estimation.rigid.rigid_torque import motor_inertia, motor_torque, motor_torque_regressor
 from robid_core.robot import RobotDescription
 from robid_core.stage import map_in_process
 from robid_excitation.constant_velocity import ConstantVelocity

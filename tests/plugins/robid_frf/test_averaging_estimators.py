@@ -20,8 +20,8 @@ from robid_core import (
     PoorExcitation,
     Record,
 )
-from robid_core.estimation.covariance import confidence_radius
-from robid_core.estimation.multisine import logarithmic_odd_lines, multisine, sine
+from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
+from robid_core.estimation.response.covariance import confidence_radius
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_frf.h1 import H1

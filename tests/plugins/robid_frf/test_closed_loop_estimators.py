@@ -20,10 +20,10 @@ from robid_core import (
     Record,
     Robot,
 )
-from robid_core.estimation.covariance import confidence_radius
-from robid_core.estimation.means import harmonic_mean
-from robid_core.estimation.multisine import experiment_factors
-from robid_core.estimation.spectra import divide_by_reference, divide_spectra
+from robid_core.estimation.excitation.multisine import experiment_factors
+from robid_core.estimation.response.covariance import confidence_radius
+from robid_core.estimation.response.means import harmonic_mean
+from robid_core.estimation.response.spectra import divide_by_reference, divide_spectra
 from robid_core.testing import (
     MassSpringPlant,
     check_recovers_plant,

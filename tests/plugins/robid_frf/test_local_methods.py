@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError, Context, DataRejected, PoorExcitation, Robot
-from robid_core.estimation.local.prior import pole_frequencies
+from robid_core.estimation.response.local.prior import pole_frequencies
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_core.testing.estimators import check_covers_truth

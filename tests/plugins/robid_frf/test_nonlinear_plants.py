@@ -24,8 +24,8 @@ from robid_core import (
     Record,
     Robot,
 )
-from robid_core.estimation.covariance import confidence_radius
-from robid_core.estimation.multisine import logarithmic_odd_lines, multisine
+from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine
+from robid_core.estimation.response.covariance import confidence_radius
 from robid_core.stage import map_in_process
 from robid_excitation.multisine import Multisine
 from robid_frf.h1 import H1

@@ -20,7 +20,7 @@ from robid_core import (
     PoorExcitation,
     Record,
 )
-from robid_core.estimation.covariance import confidence_radius
+from robid_core.estimation.response.covariance import confidence_radius
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_core.testing.plants import MassSpringPlant, plant_record

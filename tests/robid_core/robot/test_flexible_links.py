@@ -261,7 +261,7 @@ def test_pictures_place_the_joints_behind_a_straight_link(folder: Path) -> None:
 
 
 def test_ten_numbers_a_body_do_not_describe_a_flexible_link(folder: Path) -> None:
-    from robid_core.estimation.rigid_body import inverse_dynamics_regressor
+    from robid_core.estimation.rigid.rigid_body import inverse_dynamics_regressor
     from robid_fit.rigid_model import without_bearings
 
     robot = robot_of(ARM, folder)
