@@ -39,6 +39,7 @@ CODE = (
     "tests/reference/plants.py",
     "tests/reference/excitation_class.py",
     "studies/frf_methods/measurement.py",
+    "studies/frf_methods/methods.py",
 )
 
 FloatArray = npt.NDArray[np.float64]

@@ -51,8 +51,11 @@ FRICTION = ("compensate.friction",)
 MECHANICS = ("compensate.friction", "compensate.simulation")
 
 
-def _local(parametrization: str, approach: str = "direct", window: int | None = None) -> dict[str, Any]:
-    return {"parametrization": parametrization, "approach": approach, "window_lines": window}
+def _local(parametrization: str, approach: str = "direct", choose: str = "none") -> dict[str, Any]:
+    return {"parametrization": parametrization, "approach": approach, "choose": choose}
+
+
+CHOSEN = _local("mimo", choose="both")
 
 
 METHODS: dict[str, Method] = {
@@ -71,13 +74,24 @@ METHODS: dict[str, Method] = {
     "lrm_scalar": Method("LRM scalar", "frf.lrm", _local("scalar"), counts=FEW),
     "lrm_miso": Method("LRM MISO", "frf.lrm", _local("miso"), counts=FEW),
     "lrm_mimo": Method("LRM MIMO", "frf.lrm", _local("mimo"), counts=FEW),
+    "lrm_mimo_window": Method(
+        "LRM MIMO, chosen window", "frf.lrm", _local("mimo", choose="window"), counts=FEW
+    ),
+    "lrm_mimo_chosen": Method("LRM MIMO, chosen window and orders", "frf.lrm", CHOSEN, counts=FEW),
+    "lrm_mimo_iterated": Method("LRM MIMO, iterated", "frf.lrm", {**_local("mimo"), "iterations": 3}),
+    "lrm_prior_poles": Method(
+        "LRM, poles of the nominal robot", "frf.lrm", {**_local("scalar"), "prior_poles": True}, counts=FEW
+    ),
     "lrm_scalar_jio": Method("LRM scalar, JIO", "frf.lrm", _local("scalar", "jio"), counts=FEW),
     "lrm_miso_jio": Method("LRM MISO, JIO", "frf.lrm", _local("miso", "jio"), counts=FEW),
     "lrm_mimo_jio": Method("LRM MIMO, JIO", "frf.lrm", _local("mimo", "jio"), counts=FEW),
+    "lrm_mimo_jio_window": Method(
+        "LRM MIMO, JIO, chosen window", "frf.lrm", _local("mimo", "jio", "window"), counts=(6, 24)
+    ),
     "friction_h1": Method("H1, friction removed", "frf.h1", before=FRICTION, counts=(6, 12, 24)),
     "friction_jio": Method("JIO, friction removed", "frf.jio", before=FRICTION, counts=(6, 12, 24)),
     "friction_log": Method("LOG, friction removed", "frf.log", before=FRICTION, counts=(6, 12, 24)),
-    "friction_lrm": Method("LRM MIMO, friction removed", "frf.lrm", _local("mimo"), FRICTION, counts=FEW),
+    "friction_lrm": Method("LRM MIMO chosen, friction removed", "frf.lrm", CHOSEN, FRICTION, counts=FEW),
     "mechanics_h1": Method(
         "H1, friction and moving inertia removed", "frf.h1", before=MECHANICS, counts=(6, 12, 24)
     ),
@@ -85,7 +99,7 @@ METHODS: dict[str, Method] = {
         "JIO, friction and moving inertia removed", "frf.jio", before=MECHANICS, counts=(6, 12, 24)
     ),
     "mechanics_lrm": Method(
-        "LRM MIMO, friction and moving inertia removed", "frf.lrm", _local("mimo"), MECHANICS, counts=FEW
+        "LRM MIMO chosen, friction and moving inertia removed", "frf.lrm", CHOSEN, MECHANICS, counts=FEW
     ),
 }
 """Compared with one another on the same records."""

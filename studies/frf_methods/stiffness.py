@@ -30,13 +30,12 @@ FloatArray = npt.NDArray[np.float64]
 VARIANTS: tuple[tuple[str, int], ...] = (
     ("log", 24),
     ("friction_log", 24),
-    ("lrm_mimo", 24),
+    ("lrm_mimo_chosen", 24),
     ("log", 6),
-    ("lrm_mimo", 6),
-    ("friction_log", 6),
+    ("lrm_mimo_chosen", 6),
     ("friction_lrm", 6),
     ("mechanics_lrm", 6),
-    ("lrm_mimo", 1),
+    ("lrm_mimo_chosen", 1),
     ("friction_lrm", 1),
     ("mechanics_lrm", 1),
 )
