@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import Field, NonNegativeInt
 
 from robid_core import BoolArray, ComplexArray, Context, Frf, FrfEstimator, Record
-from robid_core.estimation.distortion.speed import drift_leakage
 from robid_core.estimation.response.covariance import Pooled, period_products, pool_lines
 from robid_core.estimation.response.detection import distortion_levels
 from robid_core.estimation.response.spectra import divide_spectra, refuse_masked, side_by_side
@@ -164,19 +163,3 @@ def tell_masked(record: Record, context: Context, valid: BoolArray) -> None:
             context.log.warning(
                 "configuration %d: the inputs do not span all axes, masked: %s Hz", configuration, listed
             )
-
-
-def tell_drift(record: Record, context: Context, discard: int) -> None:
-    """Warn where the motor angles do not close over a period and disturb the lines by more than a percent."""
-    if record.line is None:
-        return
-    for configuration, position in enumerate(record.run.values("motor_position")[:, :, :, discard:]):
-        for name, leakage in zip(record.axis_names, drift_leakage(position, record.line), strict=True):
-            if leakage > 0.01:
-                context.log.warning(
-                    "configuration %d: %s drifts from period to period, by up to %.1f %% of its motion at a "
-                    "line; let it settle longer, or close a position loop",
-                    configuration,
-                    name,
-                    100 * leakage,
-                )
