@@ -7,20 +7,22 @@ All experiments of a configuration are fitted together, however many there are; 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from robid_core import BoolArray, ComplexArray, Context, FloatArray, Frf, FrfEstimator, Record
+from robid_core import BoolArray, Context, Frf, FrfEstimator, Record
 from robid_core.estimation.response.detection import distortion_levels
+from robid_core.estimation.response.local.fit import local_rational
+from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.result import LocalFit
 from robid_core.estimation.response.spectra import refuse_masked, side_by_side
 from robid_frf.averaging import noise_covariance
 from robid_frf.reading import LineSpectra, read_spectra
 
-FitOne = Callable[[int, ComplexArray, ComplexArray, ComplexArray | None, FloatArray], LocalFit]
-"""Configuration, u, y, reference (n_freq, n_axis, n_exp) and frequencies to a fit."""
+Options = Callable[[int], dict[str, Any]]
+"""Configuration to further options of `local_rational`."""
 
 
 class LocalMethod(FrfEstimator):
@@ -52,14 +54,27 @@ class LocalMethod(FrfEstimator):
     condition_limit: float = Field(default=1e6, gt=1)
     """A line around which the inputs' regressors have a larger condition number (columns scaled) is masked."""
 
-    def estimate(self, record: Record, context: Context, name: str, fit_one: FitOne) -> Frf:
+    def estimate(
+        self, record: Record, context: Context, name: str, model: LocalModel, options: Options
+    ) -> Frf:
         """Fit each configuration, mask, state the uncertainty and say how it came about."""
         spectra = read_spectra(record, context, self.discard, self.approach == "jio")
         u, y = side_by_side(spectra.block_u), side_by_side(spectra.block_y)
         references = None if spectra.reference is None else side_by_side(spectra.reference)
         frequency_hz = spectra.frequency_hz
         fits = [
-            fit_one(i, u[i], y[i], None if references is None else references[i], frequency_hz)
+            local_rational(
+                u[i],
+                y[i],
+                frequency_hz,
+                model,
+                reference=None if references is None else references[i],
+                window_lines=self.window_lines,
+                window_hz=self.window_hz,
+                choose=self.choose,
+                condition_limit=self.condition_limit,
+                **options(i),
+            )
             for i in context.track(range(len(u)), len(u), name)
         ]
         valid: BoolArray = np.stack([fit.valid for fit in fits])

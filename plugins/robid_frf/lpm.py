@@ -6,10 +6,8 @@ scatter that a denominator brings; near a resonance the window must be narrower 
 
 from __future__ import annotations
 
-from robid_core import ComplexArray, Context, FloatArray, Frf, Record
-from robid_core.estimation.response.local.fit import local_rational
+from robid_core import Context, Frf, Record
 from robid_core.estimation.response.local.model import LocalModel
-from robid_core.estimation.response.local.result import LocalFit
 from robid_frf.local import LocalMethod
 
 
@@ -26,24 +24,4 @@ class LocalPolynomial(LocalMethod):
     def run(self, record: Record, context: Context) -> Frf:
         """Estimate the response of each configuration."""
         model = LocalModel("miso", self.numerator_order, 0, self.transient_order)
-
-        def fit_one(
-            configuration: int,
-            u: ComplexArray,
-            y: ComplexArray,
-            reference: ComplexArray | None,
-            frequency_hz: FloatArray,
-        ) -> LocalFit:
-            return local_rational(
-                u,
-                y,
-                frequency_hz,
-                model,
-                reference=reference,
-                window_lines=self.window_lines,
-                window_hz=self.window_hz,
-                choose=self.choose,
-                condition_limit=self.condition_limit,
-            )
-
-        return self.estimate(record, context, f"LPM ({self.approach})", fit_one)
+        return self.estimate(record, context, f"LPM ({self.approach})", model, lambda configuration: {})

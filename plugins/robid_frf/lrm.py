@@ -8,16 +8,14 @@ order does not exceed what fits into it, such as coupled masses: ``D = K + i w C
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import NonNegativeInt
 
-from robid_core import ComplexArray, ConfigurationError, Context, FloatArray, Frf, Record, Robot
-from robid_core.estimation.response.local.fit import local_rational
+from robid_core import ComplexArray, ConfigurationError, Context, Frf, Record, Robot
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.prior import pole_frequencies
-from robid_core.estimation.response.local.result import LocalFit
 from robid_frf.local import LocalMethod
 
 
@@ -65,27 +63,12 @@ class LocalRational(LocalMethod):
         )
         poles = nominal_poles(record, robot, self.discard or 0) if self.prior_poles else None
 
-        def fit_one(
-            configuration: int,
-            u: ComplexArray,
-            y: ComplexArray,
-            reference: ComplexArray | None,
-            frequency_hz: FloatArray,
-        ) -> LocalFit:
-            return local_rational(
-                u,
-                y,
-                frequency_hz,
-                model,
-                reference=reference,
-                window_lines=self.window_lines,
-                window_hz=self.window_hz,
-                iterations=self.iterations,
-                iteration=self.iteration,
-                poles_hz=None if poles is None else poles[configuration],
-                choose=self.choose,
-                condition_limit=self.condition_limit,
-            )
+        def options(configuration: int) -> dict[str, Any]:
+            return {
+                "iterations": self.iterations,
+                "iteration": self.iteration,
+                "poles_hz": None if poles is None else poles[configuration],
+            }
 
         how = "prior poles" if self.prior_poles else self.parametrization
-        return self.estimate(record, context, f"LRM ({how}, {self.approach})", fit_one)
+        return self.estimate(record, context, f"LRM ({how}, {self.approach})", model, options)
