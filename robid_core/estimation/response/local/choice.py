@@ -28,6 +28,8 @@ Choose = Literal["none", "window", "order", "both"]
 ORDERS = (1, 2, 3, 4)
 GROWTH = 1.35
 """Ratio of a window that is tried to the next: the variance changes as much, which is hardly seen in the result."""
+PREDICTED = 1e-10
+"""Share of an error that is not a line's own doing, below which its neighbours say nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +52,21 @@ def prediction_error(
     response
         Fitted with the lines themselves, (n_freq, n_out, n_in).
     own_gram
-        Variance of each row of the response for errors of variance one, (n_freq, n_out, n_in, n_in), such that
+        Variance of each row of the response for errors of variance one, (n_freq, n_out, n_in, n_in) or one for all
+        outputs, (n_freq, 1, n_in, n_in), such that
         ``U^H gram U`` is the conjugate of H.
     """
-    n_exp = u.shape[2]
     error = y - response @ u
-    hat = (u.conj().swapaxes(-1, -2)[:, None] @ own_gram @ u[:, None]).conj()
-    left = np.linalg.pinv(np.eye(n_exp) - hat)
-    result: FloatArray = np.mean(np.abs(np.einsum("fied,fid->fie", left, error)) ** 2, axis=2)
+    basis, r = np.linalg.qr(u.swapaxes(-1, -2))  # the hat matrix lives on what the inputs span
+    hat = r[:, None] @ own_gram.conj() @ r[:, None].conj().swapaxes(-1, -2)
+    share, vector = np.linalg.eigh(hat)
+    vector = basis[:, None] @ vector
+    left = 1.0 - share
+    predicted = left > PREDICTED
+    growth = np.where(predicted, 1.0 / np.where(predicted, left, 1.0), 0.0) - 1.0
+    inside = (vector.conj().swapaxes(-1, -2) @ error[..., None])[..., 0]
+    error = error + (vector @ (growth * inside)[..., None])[..., 0]
+    result: FloatArray = np.mean(np.abs(error) ** 2, axis=2)
     return result
 
 

@@ -55,10 +55,8 @@ class CompiledFit:
         return gram, covariance
 
     def own_gram(self) -> ComplexArray:
-        """Variance of each output's row of G for errors of variance one, (n_freq, n_out, n_in, n_in)."""
-        gram = np.asarray(self.lines.influence)[:, 0].conj()
-        n_freq, n_in = gram.shape[:2]
-        return np.broadcast_to(gram[:, None], (n_freq, self.power.shape[1], n_in, n_in))
+        """Variance of the rows of G for errors of variance one, the same for all: (n_freq, 1, n_in, n_in)."""
+        return self.lines.gram.conj()[:, None]
 
 
 def can_be_compiled(model: LocalModel, n_out: int) -> bool:
@@ -68,12 +66,12 @@ def can_be_compiled(model: LocalModel, n_out: int) -> bool:
 
 
 def compiled_fit(
-    u: ComplexArray, y: ComplexArray, windows: Windows, model: LocalModel, threads: int = 1
+    u: ComplexArray, y: ComplexArray, windows: Windows, model: LocalModel, *, with_covariance: bool = True
 ) -> CompiledFit:
-    """Fit all lines; arguments as of `plain.plain_fit`."""
+    """Fit all lines; arguments as of `plain.plain_fit`. Without covariance `factors` has nothing to go on."""
     n_freq, n_in, _ = u.shape
     n_out = y.shape[1]
-    lines = solve_lines(u, y, windows, model, with_influence=True, threads=threads)
+    lines = solve_lines(u, y, windows, model, with_influence=with_covariance)
     edge = (model.numerator_order + 1) * n_in
     numerator = lines.theta[:, :edge].reshape(n_freq, -1, n_in, n_out).swapaxes(-1, -2)
     identity = np.broadcast_to(np.eye(n_out, dtype=np.complex128), (n_freq, 1, n_out, n_out))

@@ -96,14 +96,14 @@ def local_rational(
     in_loop = reference is not None and model.parametrization == "mimo" and model.denominator_order > 0
 
     def fit_with(
-        model: LocalModel, lines: int | None, hertz: float | None, passes: int, plainly: bool
+        model: LocalModel, lines: int | None, hertz: float | None, passes: int, plainly: bool, judged: bool = False
     ) -> tuple[PlainFit | CompiledFit, FloatArray]:
         windows = choose_windows(
             frequency_hz, model, n_in, n_fitted, n_exp, window_lines=lines, window_hz=hertz, n_stated=n_out
         )
         freedom = np.array([model.freedom(int(size), n_in, n_fitted, n_exp) for size in windows.size])
         if not plainly and passes == 0 and poles_hz is None and can_be_compiled(model, n_fitted):
-            return compiled_fit(r, z, windows, model), freedom
+            return compiled_fit(r, z, windows, model, with_covariance=not judged), freedom
         known = None if poles_hz is None else denominators(poles_hz, windows, model.numerator_order)
         plain = plain_fit(
             r,
@@ -118,7 +118,7 @@ def local_rational(
         return plain, freedom
 
     def judge(candidate: Candidate) -> float:
-        fit, _ = fit_with(candidate.model, candidate.window_lines, None, 0, not compiled)
+        fit, _ = fit_with(candidate.model, candidate.window_lines, None, 0, not compiled, judged=True)
         return score(prediction_error(r, z, fit.numerator[:, 0], fit.own_gram()))
 
     words: tuple[str, ...] = ()

@@ -72,11 +72,14 @@ def inverse_columns(r_re: Any, r_im: Any, inverse: Any, way_re: Any, way_im: Any
 def store(
     theta_r: Any,
     theta_i: Any,
+    way_r: Any,
+    way_i: Any,
     ratios: Any,
     n_numerator: int,
     count: int,
     line: int,
     theta: Any,
+    gram: Any,
     ratio: Any,
     corrections: Any,
 ) -> None:
@@ -86,6 +89,11 @@ def store(
         for k in range(n_out):
             theta[line, i, k, 0] = theta_r[i, k]
             theta[line, i, k, 1] = theta_i[i, k]
+    n_in = gram.shape[1]
+    for i in range(n_in):
+        for k in range(n_in):
+            gram[line, i, k, 0] = way_r[i, k]
+            gram[line, i, k, 1] = way_i[i, k]
     ratio[line] = ratios[:n_numerator].min()
     corrections[line] = count
 
@@ -181,6 +189,7 @@ def fit_lines(
     largest: int,
     theta: Any,
     square: Any,
+    gram: Any,
     influence: Any,
     free: Any,
     ratio: Any,
@@ -241,7 +250,9 @@ def fit_lines(
                         square[line, i, k, 1] = -im
                         square[line, k, i, 0] = re
                         square[line, k, i, 1] = im
-                store(theta_r, theta_i, ratios, n_numerator, count, line, theta, ratio, corrections)
+                store(
+                    theta_r, theta_i, way_r, way_i, ratios, n_numerator, count, line, theta, gram, ratio, corrections
+                )  # fmt: skip
                 continue
         by_power[:] = 0.0
         for r in range(n_line):
@@ -301,7 +312,7 @@ def fit_lines(
                     diagonal += r_re[i, j] ** 2 + r_im[i, j] ** 2
                 ratios[j] = r_re[j, j] ** 2 / diagonal if diagonal > 0.0 else 0.0
         products(row_re, row_im, power[0], lane_re, lane_im, square[line])
-        store(theta_r, theta_i, ratios, n_numerator, count, line, theta, ratio, corrections)
+        store(theta_r, theta_i, way_r, way_i, ratios, n_numerator, count, line, theta, gram, ratio, corrections)
         if with_influence:
             spread_errors(
                 data_re, data_im, power, by_line, n_line, place, by_kind, r_re, r_im, inverse, way_r, way_i, n_in,

@@ -29,7 +29,8 @@ class LineFits:
     """Solutions of all lines.
 
     `theta` (n_freq, n_unknown, n_out) holds N, coefficient by coefficient, then D, as columns of K stand; `products`
-    (n_freq, n_out, n_out) ``sum e_i conj(e_k)`` of the residuals. `influence` (n_freq, n_moment, n_in, n_in) are
+    (n_freq, n_out, n_out) ``sum e_i conj(e_k)`` of the residuals; `gram` (n_freq, n_in, n_in) the part of
+    ``(K^H K)^-1`` that belongs to G. `influence` (n_freq, n_moment, n_in, n_in) are
     ``sum_r t^m a_r a_r^H`` of the errors' way to G, ``dG[i, j] = sum_r a_r[j] e_r[i]``, and `free` (n_freq, n_moment)
     ``sum_r t^m (1 - leverage)``; both None where they were not asked for. `ratio` (n_freq,) is the smallest
     pivot of the numerator's columns, a squared sine; `corrections` (n_freq,) counts refinements, -1 where rows
@@ -38,6 +39,7 @@ class LineFits:
 
     theta: ComplexArray
     products: ComplexArray
+    gram: ComplexArray
     influence: ComplexArray | None
     free: FloatArray | None
     ratio: FloatArray
@@ -116,12 +118,13 @@ def solve_lines(
     place[kind[:n_unknown], order[:n_unknown]] = np.arange(n_unknown)
     theta = np.empty((n_freq, n_unknown, n_out), dtype=np.complex128)
     square = np.empty((n_freq, n_out, n_out), dtype=np.complex128)
+    gram = np.zeros((n_freq, n_in, n_in), dtype=np.complex128)
     kept = n_freq if with_influence else 1
     influence = np.empty((kept, n_moment, n_in, n_in), dtype=np.complex128)
     free = np.empty((kept, n_moment))
     ratio, corrections = np.zeros(n_freq), np.zeros(n_freq, dtype=np.int64)
 
-    results = [array.view(np.float64).reshape(*array.shape, 2) for array in (theta, square, influence)]
+    results = [array.view(np.float64).reshape(*array.shape, 2) for array in (theta, square, gram, influence)]
 
     def portion(edge: tuple[int, int]) -> None:
         fit_lines(
@@ -141,6 +144,7 @@ def solve_lines(
     return LineFits(
         theta,
         square,
+        gram,
         influence if with_influence else None,
         free if with_influence else None,
         ratio,

@@ -43,13 +43,9 @@ class PlainFit:
         return covariance_factors(self.pieces, self.windows, freedom, valid, left, right)
 
     def own_gram(self) -> ComplexArray:
-        """Variance of each output's row of G for errors of variance one, (n_freq, n_out, n_in, n_in)."""
-        grams = []
-        for piece in self.pieces:
-            own, n_out = piece.solution.influence, piece.output.shape[-1]
-            gram = own.conj() @ own.swapaxes(-1, -2)
-            grams.append(np.broadcast_to(gram, (len(gram), n_out, *gram.shape[2:])))
-        return np.concatenate(grams)
+        """Variance of each output's row of G for errors of variance one, (n_freq, n_out or 1, n_in, n_in)."""
+        influences = [piece.solution.influence for piece in self.pieces]
+        return np.concatenate([own.conj() @ own.swapaxes(-1, -2) for own in influences])
 
 
 def plain_fit(
