@@ -96,7 +96,12 @@ def local_rational(
     in_loop = reference is not None and model.parametrization == "mimo" and model.denominator_order > 0
 
     def fit_with(
-        model: LocalModel, lines: int | None, hertz: float | None, passes: int, plainly: bool, judged: bool = False
+        model: LocalModel,
+        lines: int | None,
+        hertz: float | None,
+        passes: int,
+        plainly: bool,
+        judged: bool = False,
     ) -> tuple[PlainFit | CompiledFit, FloatArray]:
         windows = choose_windows(
             frequency_hz, model, n_in, n_fitted, n_exp, window_lines=lines, window_hz=hertz, n_stated=n_out

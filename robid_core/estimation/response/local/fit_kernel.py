@@ -312,7 +312,9 @@ def fit_lines(
                     diagonal += r_re[i, j] ** 2 + r_im[i, j] ** 2
                 ratios[j] = r_re[j, j] ** 2 / diagonal if diagonal > 0.0 else 0.0
         products(row_re, row_im, power[0], lane_re, lane_im, square[line])
-        store(theta_r, theta_i, way_r, way_i, ratios, n_numerator, count, line, theta, gram, ratio, corrections)
+        store(
+            theta_r, theta_i, way_r, way_i, ratios, n_numerator, count, line, theta, gram, ratio, corrections
+        )
         if with_influence:
             spread_errors(
                 data_re, data_im, power, by_line, n_line, place, by_kind, r_re, r_im, inverse, way_r, way_i, n_in,
