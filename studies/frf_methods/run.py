@@ -8,20 +8,24 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy is imported: measurements are dealt to processes here
 
-from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness
-from studies.frf_methods.methods import METHODS
-from studies.frf_methods.page import study_page
-from studies.frf_methods.scenes import POSES, Scene, scenes
-from studies.frf_methods.tables import write_table
+import numpy as np  # noqa: E402
 
-from reference.cache import default_folder  # isort: skip
+from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness  # noqa: E402
+from studies.frf_methods.methods import METHODS  # noqa: E402
+from studies.frf_methods.page import study_page  # noqa: E402
+from studies.frf_methods.scenes import POSES, Scene, scenes  # noqa: E402
+from studies.frf_methods.tables import write_table  # noqa: E402
+
+from reference.cache import default_folder  # noqa: E402  isort: skip
 
 COMMAND = "python -m studies.frf_methods.run"
 
