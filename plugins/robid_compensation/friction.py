@@ -7,12 +7,17 @@ and is removed here; the equivalent damping, part of the response that is looked
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveInt
 
 from robid_compensation.periods import less, reference_at_lines, spectra, with_channels
-from robid_core import Context, Preprocessing, Record, Robot
+from robid_core import Context, FloatArray, Preprocessing, Record, Robot
+from robid_core.artifacts.record import POSITION_REFERENCE, SPEED_REFERENCE
 from robid_core.estimation.distortion.friction import friction_distortion
+from robid_core.estimation.distortion.linear_motion import LinearMotion, linear_motion, loop_response
+from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration
 
 
 class FrictionCompensation(Preprocessing):
@@ -32,6 +37,8 @@ class FrictionCompensation(Preprocessing):
 
     significance: float = Field(default=1e-3, gt=0, lt=1)
     """A law that as good a fit would come by chance with a larger probability than this is not used."""
+    realizations: PositiveInt = 80
+    """Motions of the nominal robot, drawn so many times as there are axes, tell the law's equivalent damping."""
 
     def run(self, record: Record, robot: Robot, context: Context) -> Record:
         """Compensate each configuration."""
@@ -39,6 +46,7 @@ class FrictionCompensation(Preprocessing):
         reference, run, line = reference_at_lines(record), record.run, np.asarray(record.line, dtype=np.int64)
         torque, position = run.values("motor_torque").copy(), run.values("motor_position")
         n_sample, n_axis = torque.shape[4:]
+        deviation = np.zeros((len(torque), len(line), n_axis))
         few = torque.shape[1] * torque.shape[2] < n_axis
         bins_hz = np.arange(line[0], line[-1] + 1) / (n_sample * run.sample_time_s)
         for c in context.track(range(len(torque)), len(torque), "friction"):
@@ -53,8 +61,10 @@ class FrictionCompensation(Preprocessing):
                 inverse,
                 self.significance,
                 record.torque_hold == "zero_order_hold",
+                functools.partial(self.linear_motion, record, robot, context, c),
             )
             torque[c] = less(torque[c], found.spectrum, int(line[0]))
+            deviation[c] = found.damping_deviation
             for name, law in zip(record.axis_names, found.laws, strict=True):
                 context.log.info(
                     "configuration %d: %s: friction explains %.0f %% of what is not linear in the motion; %s",
@@ -63,4 +73,25 @@ class FrictionCompensation(Preprocessing):
                     100 * law.explained,
                     "removed" if law.significance < self.significance else "not significant, left alone",
                 )
-        return with_channels(record, "friction's distortion removed", motor_torque=torque)
+        if record.damping_deviation is not None:
+            deviation = np.hypot(deviation, record.damping_deviation)
+        smooth = with_channels(record, "friction's distortion removed", motor_torque=torque)
+        return smooth.replace(damping_deviation=deviation)
+
+    def linear_motion(
+        self, record: Record, robot: Robot, context: Context, configuration: int, damping: FloatArray
+    ) -> LinearMotion:
+        """How the nominal robot would move with a damping in place of friction, under these references and others."""
+        run, line = record.run, np.asarray(record.line, dtype=np.int64)
+        by_speed = SPEED_REFERENCE in run.channels
+        name = SPEED_REFERENCE if by_speed else POSITION_REFERENCE
+        reference = spectra(run.values(name)[configuration])[:, : int(line[-1]) + 1]
+        frequency_hz = np.arange(1, reference.shape[1]) / (run.sample_time_s * len(run.time_s))
+        angle = record.angle[configuration : configuration + 1]
+        response = robot.response(angle, frequency_hz, (robot.drives.viscous + damping)[None])[0]
+        controller = controller_response(robot.drives, robot.sample_time_s, frequency_hz)
+        drive = controller.from_speed_alone if by_speed else controller.from_position
+        feedback = feedback_from_acceleration(controller, frequency_hz)
+        loop = loop_response(response, drive, feedback, frequency_hz)
+        count = self.realizations * record.angle.shape[1]
+        return linear_motion(loop, reference, line, count, context.generator)

@@ -135,6 +135,7 @@ class Averaging(FrfEstimator):
             valid=valid,
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
+            damping_deviation=record.damping_deviation,
             covers=estimate.covers,
         )
 

@@ -73,6 +73,7 @@ class LocalMethod(FrfEstimator):
                 window_hz=self.window_hz,
                 choose=self.choose,
                 condition_limit=self.condition_limit,
+                n_block=spectra.block_u.shape[1],
                 **options(i),
             )
             for i in context.track(range(len(u)), len(u), name)
@@ -113,6 +114,7 @@ class LocalMethod(FrfEstimator):
             valid=valid,
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
+            damping_deviation=record.damping_deviation,
         )
 
     def _in_words(

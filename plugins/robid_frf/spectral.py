@@ -152,6 +152,7 @@ class Spectral(FrfEstimator):
             valid=valid,
             speed_rms=speed,
             slow_sine_speed=slow_sine,
+            damping_deviation=record.damping_deviation_at(frequency),
             covers=_covers(estimated, names, cut, valid),
         )
 

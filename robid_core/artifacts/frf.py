@@ -17,8 +17,9 @@ class Frf(Artifact):
     """Response from motor torque to motor acceleration in each configuration.
 
     The covariance of vec(G) (column after column: entry (i, j) stands at j * n_out + i) at a line is
-    stored factored, ``conj(input_gram_inverse) (x) output_covariance`` (science: (U U^H)^-T (x) C_V); ask
-    `covariance()` for it. `degrees_of_freedom` counts the complex residuals behind `output_covariance`,
+    stored factored, ``conj(input_gram_inverse) (x) output_covariance`` (science: (U U^H)^-T (x) C_V), and a damping of
+    motor a that is uncertain by `damping_deviation` adds the error ``G e_a e_a^T G / (i w)``; ask `covariance()` for
+    both together. `degrees_of_freedom` counts the complex residuals behind `output_covariance`,
     `pooling` says how they were collected. Lines where `valid` is false hold no number worth using.
     `speed_rms` and `slow_sine_speed` say under which motion of the motors the response was measured: a
     nonlinear robot has another response under another motion.
@@ -63,6 +64,7 @@ class Frf(Artifact):
     valid: BoolArray | None = array("n_config n_freq", optional=True)
     speed_rms: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
     slow_sine_speed: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
+    damping_deviation: FloatArray | None = array("n_config n_freq n_axis", "N m s/rad", optional=True)
     covers: str = OWN_MEAN
 
     @property
@@ -85,6 +87,19 @@ class Frf(Artifact):
         n_freq, n_in, n_out = len(gram), gram.shape[1], noise.shape[1]
         dense = np.einsum("fjl,fik->fjilk", gram, noise)
         result: ComplexArray = dense.reshape(n_freq, n_in * n_out, n_in * n_out)
+        errors = self._damping_errors()
+        if errors is not None:
+            by_column = errors[configuration].swapaxes(-1, -2).reshape(n_freq, -1, n_in * n_out)
+            result = result + by_column.swapaxes(-1, -2) @ by_column.conj()
+        return result
+
+    def _damping_errors(self) -> ComplexArray | None:
+        """Error of the response that one deviation of each damping makes, (n_config, n_freq, n_axis, n_out, n_in)."""
+        if self.damping_deviation is None:
+            return None
+        size = self.damping_deviation / (2j * np.pi * self.frequency_hz[:, None])
+        g = self.response
+        result: ComplexArray = size[..., None, None] * g.swapaxes(-1, -2)[..., :, None] * g[..., :, None, :]
         return result
 
     def variance(self) -> FloatArray:
@@ -94,7 +109,8 @@ class Frf(Artifact):
         gram = np.einsum("cfjj->cfj", self.input_gram_inverse).real
         noise = np.einsum("cfii->cfi", self.output_covariance).real
         result: FloatArray = noise[..., :, None] * gram[..., None, :]
-        return result
+        errors = self._damping_errors()
+        return result if errors is None else result + np.sum(np.abs(errors) ** 2, axis=2)
 
     @classmethod
     def from_blocks(
@@ -178,4 +194,5 @@ class Frf(Artifact):
             valid=valid,
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
+            damping_deviation=record.damping_deviation,
         )

@@ -63,6 +63,8 @@ class Record(Artifact):
     """A measurement: its configurations, its dense runs and, where it was periodic, the excited bins.
 
     Position is sampled at an instant, torque is held from that instant to the next (zero-order hold).
+    `damping_deviation` is what a compensation of friction may have done wrong without any residual to show it: standard
+    deviation at the lines of the damping that it left in the torque of each motor.
     """
 
     axis_names: tuple[str, ...]
@@ -71,6 +73,7 @@ class Record(Artifact):
     runs: tuple[DenseRun, ...]
     angle: FloatArray = array("n_config n_axis", "rad")
     line: IntArray | None = array("n_freq", optional=True)
+    damping_deviation: FloatArray | None = array("n_config n_freq n_axis", "N m s/rad", optional=True)
 
     @property
     def run(self) -> DenseRun:
@@ -85,6 +88,16 @@ class Record(Artifact):
         run = self.run
         period_s = run.sample_time_s * len(run.time_s)
         return self._lines() / period_s
+
+    def damping_deviation_at(self, frequency_hz: FloatArray) -> FloatArray | None:
+        """`damping_deviation` at other frequencies, (n_config, n_freq, n_axis), constant beyond the lines."""
+        if self.damping_deviation is None:
+            return None
+        own = np.log(self.frequency_hz)
+        result: FloatArray = np.apply_along_axis(
+            lambda values: np.interp(np.log(frequency_hz), own, values), 1, self.damping_deviation
+        )
+        return result
 
     def _lines(self) -> IntArray:
         if self.line is None:

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from studies.frf_methods.estimates import Estimated, Variant
-from studies.frf_methods.scenes import Scene
 
 from reference import metrics  # isort: skip
 
 FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+BoolArray = npt.NDArray[np.bool_]
 BANDS_HZ = ((4.0, 8.0), (8.0, 25.0), (25.0, 81.0))
 JUDGE: Variant = ("log", 24)
 
@@ -32,10 +34,21 @@ class PoseErrors:
     band_bias: tuple[float, ...]
 
 
-def pose_errors(scene: Scene, seeds: Sequence[Estimated]) -> PoseErrors:
+class Known(Protocol):
+    """Truth of a pose: response (n_freq, n_out, n_in), which entries count, and the lines' frequencies."""
+
+    @property
+    def response(self) -> ComplexArray: ...
+    @property
+    def seen(self) -> BoolArray: ...
+    @property
+    def frequency_hz(self) -> FloatArray: ...
+
+
+def pose_errors(known: Known, seeds: Sequence[Estimated]) -> PoseErrors:
     """Errors of one method over the seeds of one pose (two or more)."""
     response = np.stack([one.response for one in seeds])
-    truth, seen, frequency = scene.truth.response, scene.truth.seen, scene.truth.frequency_hz
+    truth, seen, frequency = known.response, known.seen, known.frequency_hz
     bias, scatter = metrics.bias_and_scatter(response, truth, seen)
     inside = [(frequency >= low) & (frequency < high) for low, high in BANDS_HZ]
     bands = [(response[:, lines], truth[lines], seen[lines]) for lines in inside]
@@ -52,19 +65,23 @@ Row = dict[str, str | float]
 
 
 def table(
-    errors: Mapping[Variant, Sequence[PoseErrors]], titles: Mapping[str, str], generator: np.random.Generator
+    errors: Mapping[Variant, Sequence[PoseErrors]],
+    titles: Mapping[str, str],
+    generator: np.random.Generator,
+    judge: Sequence[PoseErrors] | None = None,
 ) -> list[Row]:
     """A row for each method and number of experiments; root mean squares over poses, and the ratio to LOG with 24.
 
-    `errors` holds the poses in one order for all variants.
+    `errors` holds the poses in one order for all variants; so does `judge`, where others than these say what LOG with
+    24 does.
     """
-    judge = np.array([pose.error for pose in errors[JUDGE]])
+    held_against = np.array([pose.error for pose in (judge or errors[JUDGE])])
     rows: list[Row] = []
     for (key, count), poses in errors.items():
         squares = np.array([[pose.error, pose.bias, pose.scatter] for pose in poses])
         error, bias, scatter = np.sqrt(squares.mean(axis=0))
         low, high = metrics.bootstrap_interval(squares[:, 0], root_mean, generator)
-        pairs = np.stack([squares[:, 0], judge], axis=1)
+        pairs = np.stack([squares[:, 0], held_against], axis=1)
         ratio_low, ratio_high = metrics.bootstrap_interval(pairs, ratio, generator)
         row: Row = {
             "method": titles[key],

@@ -144,13 +144,14 @@ class Job:
     key: tuple[int, int, int]
     methods: Mapping[str, Method]
     lines: npt.NDArray[np.int64] | None = None
+    n_exp: int | None = None
 
 
 def work(job: Job) -> Path:
     """Measure and estimate, unless it is there."""
     if not job.path.exists():
         generator = chance(*job.key)
-        reference = references(job.excitation, BLOCKS, generator)
+        reference = references(job.excitation, BLOCKS, generator, job.n_exp)
         record = measure(job.robot, job.angle, job.excitation, reference, int(generator.integers(2**62)))
         found = estimate(record, job.nominal, job.methods)
         write(job.path, found, slice(None) if job.lines is None else job.lines)

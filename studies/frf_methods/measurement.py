@@ -38,9 +38,11 @@ def chance(plant: int, pose: int, seed: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(SEED, spawn_key=(plant, pose, seed)))
 
 
-def references(excitation: ExcitationClass, n_block: int, generator: np.random.Generator) -> FloatArray:
-    """Speed references of blocks with as many experiments as axes, (n_block, n_exp, n_sample, n_axis), rad/s."""
-    drawn = [excitation.block(generator) for _ in range(n_block)]
+def references(
+    excitation: ExcitationClass, n_block: int, generator: np.random.Generator, n_exp: int | None = None
+) -> FloatArray:
+    """Speed references of blocks, (n_block, n_exp, n_sample, n_axis), rad/s: experiments as axes, or one more."""
+    drawn = [excitation.block(generator, n_exp) for _ in range(n_block)]
     return np.stack([fast + slow for fast, slow in drawn])
 
 

@@ -19,7 +19,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness  # noqa: E402
+from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness, variants  # noqa: E402
 from studies.frf_methods.methods import METHODS  # noqa: E402
 from studies.frf_methods.page import study_page  # noqa: E402
 from studies.frf_methods.scenes import POSES, Scene, scenes  # noqa: E402
@@ -62,7 +62,7 @@ def run_accuracy(arguments: argparse.Namespace) -> None:
     for scene in places:
         found = [estimates.read(next(paths)) for _ in seeds]
         for variant in found[0]:
-            kept = accuracy.pose_errors(scene, [one[variant] for one in found])
+            kept = accuracy.pose_errors(scene.truth, [one[variant] for one in found])
             by_variant.setdefault(variant, []).append(kept)
     complete = {variant: poses for variant, poses in by_variant.items() if len(poses) == len(places)}
     titles = {key: method.title for key, method in METHODS.items()}
@@ -112,6 +112,24 @@ def run_amplitude(arguments: argparse.Namespace) -> None:
     print(write_table("amplitude", amplitude.rows(), f"{COMMAND} amplitude"))
 
 
+def run_variants(arguments: argparse.Namespace) -> None:
+    """Table of the same robots otherwise."""
+    folder = arguments.cache / "frf_methods" / estimates.code_hash() / "variants"
+    seeds = range(1, arguments.seeds + 1)
+    places = {key: list(variants.scenes_of(key, arguments.cache)) for key in variants.SETTINGS}
+    jobs = [job for key, some in places.items() for job in variants.jobs(key, some, seeds, folder)]
+    paths = iter(estimates.work_all(jobs, arguments.jobs, tell("measurements")))
+    found: dict[str, dict[estimates.Variant, list[accuracy.PoseErrors]]] = {}
+    for key, some in places.items():
+        by_variant = found.setdefault(key, {})
+        for scene, shipped in zip(some, places["shipped"], strict=True):
+            read = [estimates.read(next(paths)) for _ in seeds]
+            for variant, errors in variants.errors(scene, read, shipped.excitation.line).items():
+                by_variant.setdefault(variant, []).append(errors)
+    rows = variants.rows(found, np.random.default_rng(0))
+    print(f"\n{write_table('variants', rows, f'{COMMAND} variants --seeds {arguments.seeds}')}")
+
+
 def run_page(arguments: argparse.Namespace) -> None:
     """The page, from one measurement and the tables that are there."""
     scene = next(scenes(POSES[:1], arguments.cache))
@@ -124,6 +142,7 @@ PARTS = {
     "coverage": run_coverage,
     "stiffness": run_stiffness,
     "amplitude": run_amplitude,
+    "variants": run_variants,
     "page": run_page,
 }
 
@@ -134,7 +153,7 @@ def main() -> None:
     parser.add_argument("part", choices=PARTS)
     parser.add_argument("--cache", type=Path, default=default_folder(), help="folder of the reference bench")
     parser.add_argument("--poses", type=int, default=len(POSES), help="so many of the poses")
-    parser.add_argument("--seeds", type=int, default=4, help="measurements of each pose")
+    parser.add_argument("--seeds", type=int, default=2, help="measurements of each pose")
     parser.add_argument("--plants", type=int, default=20, help="plants of the stiffness part")
     parser.add_argument("--out", type=Path, default=Path("runs/frf_methods"), help="folder of the page")
     parser.add_argument("--jobs", type=int, default=2, help="processes")

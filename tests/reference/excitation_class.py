@@ -69,9 +69,17 @@ class ExcitationClass:
         result: FloatArray = self.line / (self.n_sample * self.sample_time_s)
         return result
 
-    def block(self, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        """Draw one block: multisines (n_exp = n_axis, n_sample, n_axis), and their slow sine (n_sample, n_axis)."""
-        fast = low_crest_multisine(self.amplitude, self.line, self.n_sample, self.draws, generator)
+    def block(
+        self, generator: np.random.Generator, n_exp: int | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Draw one block: multisines (n_exp, n_sample, n_axis), and their slow sine (n_sample, n_axis).
+
+        As many experiments as axes, or one more; these have no phases of their own, as the excitation's stage does.
+        """
+        more = n_exp is not None and n_exp > self.amplitude.shape[1]
+        fast = low_crest_multisine(
+            self.amplitude, self.line, self.n_sample, self.draws, generator, n_exp, more
+        )
         phase = generator.uniform(0.0, 2 * np.pi, len(self.sine_amplitude))
         return fast, sine(self.sine_amplitude, phase, self.sine_bin, self.n_sample)
 

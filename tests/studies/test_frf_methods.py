@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parents[2]))
-from studies.frf_methods import accuracy, coverage, estimates, stiffness, tables
+from studies.frf_methods import accuracy, coverage, estimates, stiffness, tables, variants
 from studies.frf_methods.measurement import chance, first_experiments, measure, references
 from studies.frf_methods.methods import METHODS
 from studies.frf_methods.scenes import POSES, shipped_class
@@ -94,7 +94,7 @@ def test_error_is_bias_and_scatter_together() -> None:
     truth = np.ones((60, 1, 1), dtype=complex)
     noise = 0.02 * (chance_.standard_normal((400, 60, 1, 1)) + 1j * chance_.standard_normal((400, 60, 1, 1)))
     runs = [estimates.Estimated(np.exp(0.03 + n), np.zeros((60, 1, 1)), np.zeros(60)) for n in noise]
-    found = accuracy.pose_errors(scene_of(truth, np.full(truth.shape, True)), runs)
+    found = accuracy.pose_errors(scene_of(truth, np.full(truth.shape, True)).truth, runs)
     assert found.scatter == pytest.approx(2 * 0.02**2, rel=0.03)
     assert found.bias == pytest.approx(0.03**2, rel=0.03)
     assert found.error == pytest.approx(found.bias + found.scatter, rel=0.01)
@@ -138,3 +138,21 @@ def test_published_tables_name_methods_that_exist() -> None:
 def test_variants_of_the_stiffness_part_are_methods() -> None:
     assert {key for key, _ in stiffness.VARIANTS} <= set(METHODS)
     assert len(set(POSES)) == len(POSES) == 21
+
+
+def test_variants_are_judged_at_common_lines_and_differ_as_they_say(one_axis: Any) -> None:
+    plant, excitation = one_axis
+    smooth = variants.without_friction(plant)
+    assert not smooth.robot.description.effects
+    assert not smooth.robot.drives.coulomb.any()
+    assert smooth.robot.drives.viscous == pytest.approx(plant.robot.drives.viscous)
+    assert references(excitation, 2, chance(1, 1, 1), 2).shape[:2] == (2, 2)
+    full = shipped_class(plant, lines=None, grid="full", period_s=2.0)
+    assert np.isin(excitation.line, full.line).all()
+    truth = np.linspace(1, 2, len(full.line))[:, None, None] + 0j
+    scene = scene_of(truth, np.full(truth.shape, True))
+    scene.excitation = full
+    off = np.where(np.isin(full.line, excitation.line), 1.02, 1.5)[:, None, None]
+    one = estimates.Estimated(off * truth, np.zeros(truth.shape), np.zeros(len(truth)))
+    found = variants.errors(scene, [{("h1", 6): one}, {("h1", 6): one}], excitation.line)
+    assert found["h1", 6].error == pytest.approx(np.log(1.02) ** 2)

@@ -4,20 +4,28 @@ Friction turns each speed into a torque; against random phases one part of it lo
 of the best linear approximation), the rest is distortion, and averages out slowly over experiments. But the motor's
 speed is measured, so the distortion can be computed up to the law. The law is fitted, as a sum of few functions of the
 speed, to the torque that is not linear in the motion (`torque_residual`), mostly at lines that were not excited;
-then ``f(v) - kappa v`` is what to take off the torque, kappa the linear part as the reference sees it. Its expectation
-at the excited lines is zero, so a law that is fitted poorly removes less scatter and biases nothing.
-
-Control variates: e.g. Glasserman (2003), section 4.1; equivalent gain of a static nonlinearity: Bussgang (1952).
+then ``f(v) - kappa v`` is what to take off the torque, kappa the linear part as the reference sees it
+(`equivalent_gain`). Its expectation at the excited lines is zero, so a law that is fitted poorly removes less scatter
+and biases nothing. What kappa misses stays in the response, alike at neighbouring lines and in all experiments, so
+that no residual shows it; its deviation is stated.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy import stats
 
+from robid_core.estimation.distortion.equivalent_gain import (
+    equivalent_gain,
+    gain_per_line,
+    smooth_gain,
+    smooth_power,
+)
+from robid_core.estimation.distortion.linear_motion import LinearMotion
 from robid_core.estimation.distortion.torque_residual import motion_basis, torque_residual
 
 FloatArray = npt.NDArray[np.float64]
@@ -41,19 +49,20 @@ class SpeedLaw:
     significance: float
 
 
-def speed_functions(speed: FloatArray) -> FloatArray:
+def speed_functions(speed: FloatArray, rms: float) -> FloatArray:
     """Odd functions ``tanh(v / s)`` of several widths, and ``v tanh(v / s)`` for friction that differs by direction.
 
     Parameters
     ----------
     speed
-        Of one motor in all experiments of a configuration, rad/s, any shape.
+        Of one motor, rad/s, any shape.
+    rms
+        Root mean square of it in the measurement, to which the functions are scaled.
 
     Returns
     -------
     Shape (n_function, *speed.shape); zero for a motor that does not move.
     """
-    rms = float(np.sqrt(np.mean(speed**2)))
     if rms == 0.0:
         return np.zeros((len(WIDTHS) + 1, *speed.shape))
     scaled = speed / rms
@@ -97,72 +106,17 @@ def fit_speed_law(
     return SpeedLaw(coefficient, explained, float(stats.f.sf(ratio, rank, spare)))
 
 
-def linear_part(
-    signal: ComplexArray,
-    speed: ComplexArray,
-    reference: ComplexArray,
-    line: IntArray,
-    bins: IntArray,
-    order: int = 2,
-) -> ComplexArray:
-    """Gain kappa of a signal over the speed, as the reference sees it: smooth over frequency.
-
-    ``sum_e S_e R_e* = kappa sum_e V_e R_e*`` with kappa a complex polynomial in the logarithm of the frequency, each
-    line counting alike. Through the reference, not the speed: friction moves the speed too, and both would correlate
-    by their distortion. (A static law of a Gaussian speed would have a real and constant kappa; speed in closed loop
-    is neither quite Gaussian nor independent of the friction. With a constant the compensated response was off by 3 %,
-    with this by less than its scatter: 24 blocks on one plant and pose, tried by hand.)
-
-    Parameters
-    ----------
-    signal, speed, reference
-        Spectra of one axis at the lines, shape (n_exp, n_freq).
-    line
-        Excited bins, shape (n_freq,).
-    bins
-        Where kappa is wanted, within the band, shape (n_bin,).
-    order
-        Of the polynomial; lower where there are few lines.
-
-    Returns
-    -------
-    kappa, shape (n_bin,).
-    """
-    over = np.sum(speed * reference.conj(), axis=0)
-    gain = np.divide(
-        np.sum(signal * reference.conj(), axis=0), over, out=np.zeros_like(over), where=over != 0
-    )
-    exponent = np.arange(min(order, len(line) // 4) + 1)
-    middle = np.sqrt(float(line[0]) * float(line[-1]))
-    powers = np.log(line / middle)[:, None] ** exponent
-    solved = np.linalg.lstsq(powers.astype(np.complex128), gain, rcond=None)[0]
-    result: ComplexArray = np.log(bins / middle)[:, None] ** exponent @ solved
-    return result
-
-
-def smooth_power(power: FloatArray, half_width: int = 10) -> FloatArray:
-    """Course of a power over the bins: running mean over `half_width` bins on either side, shorter at the ends.
-
-    Bins that are NaN do not count; where a whole window is NaN the result is NaN.
-    """
-    known = np.isfinite(power)
-    total = np.concatenate([[0.0], np.cumsum(np.where(known, power, 0.0))])
-    count = np.concatenate([[0], np.cumsum(known)])
-    index = np.arange(len(power))
-    first, last = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(power))
-    number = count[last] - count[first]
-    result: FloatArray = np.divide(
-        total[last] - total[first], number, out=np.full(len(power), np.nan), where=number > 0
-    )
-    return result
-
-
 @dataclass(frozen=True)
 class Distortion:
-    """What friction distorts in one configuration: `spectrum` (n_exp, n_bin, n_axis), torque in N m; a law per axis."""
+    """What friction distorts in one configuration.
+
+    `spectrum` (n_exp, n_bin, n_axis), torque in N m; a law per axis; `damping_deviation` (n_freq, n_axis), N m s/rad,
+    standard deviation of the equivalent damping that was put back, at the lines.
+    """
 
     spectrum: ComplexArray
     laws: tuple[SpeedLaw, ...]
+    damping_deviation: FloatArray
 
 
 def friction_distortion(
@@ -175,6 +129,7 @@ def friction_distortion(
     inverse_response: ComplexArray | None = None,
     significance: float = 1e-3,
     hold: bool = True,
+    linear: Callable[[FloatArray], LinearMotion] | None = None,
 ) -> Distortion:
     """Torque that friction adds to its linear part, at all bins from the lowest to the highest line.
 
@@ -197,12 +152,17 @@ def friction_distortion(
     hold
         The torque acts from its sample to the next: as a torque that is held, friction has to come half a sample
         earlier, and larger by the hold's 1 / sinc (14 degrees and 1 % at 80 Hz and 1 kHz).
+    linear
+        Gives the motion of a linear model under the same references and under others, whose motors have a damping
+        beyond their viscous friction, N m s/rad, (n_axis,): the equivalent one of the laws. It makes kappa more
+        precise.
     """
     bins = np.arange(int(line[0]), int(line[-1]) + 1)
     at_lines = np.searchsorted(bins, line)
-    omega = 2j * np.pi * bins[:, None] / (n_sample * sample_time_s)
-    speed = omega * position[:, bins]
-    motion = omega * speed
+    omega = 2j * np.pi * np.arange(position.shape[1])[:, None] / (n_sample * sample_time_s)
+    speeds = omega * position
+    speed = speeds[:, bins]
+    motion = omega[bins] * speed
     basis = None
     if inverse_response is None:
         basis = motion_basis(motion, line, bins)
@@ -210,28 +170,61 @@ def friction_distortion(
     else:
         rest = torque[:, bins] - (inverse_response @ motion[..., None])[..., 0]
         freedom = np.full(len(bins), float(len(torque)))
-    samples = oversampled_speed(position, 2 * int(line[-1]), sample_time_s, n_sample)
-    spectrum, laws = np.zeros_like(rest), []
-    for i in range(rest.shape[-1]):
-        functions = np.fft.rfft(speed_functions(samples[..., i]), axis=-1)[..., bins] / samples.shape[1]
-        if hold:
-            functions = functions * before_hold(bins / n_sample)
-        signal = np.moveaxis(functions, 0, -1)
-
-        def without_linear_part(one: ComplexArray, i: int = i) -> ComplexArray:
-            kappa = linear_part(one[:, at_lines], speed[:, at_lines, i], reference[..., i], line, bins)
-            result: ComplexArray = one - kappa * speed[..., i]
-            return result
-
+    measured = oversampled(speeds[:, : 2 * int(line[-1]) + 1], n_sample)
+    rms = np.sqrt(np.mean(measured**2, axis=(0, 1)))
+    advance = before_hold(bins / n_sample) if hold else np.ones(len(bins), dtype=np.complex128)
+    n_axis = rest.shape[-1]
+    distorted, laws, direct = np.zeros_like(rest), [], []
+    damping = np.zeros(n_axis)
+    for i in range(n_axis):
+        own, asked = speed[..., i], reference[..., i]
+        functions = np.fft.rfft(speed_functions(measured[..., i], rms[i]), axis=-1)[..., bins]
+        signal = np.moveaxis(functions * advance, 0, -1) / measured.shape[1]
         if basis is None:
-            regressor = np.stack([without_linear_part(one) for one in np.moveaxis(signal, -1, 0)], axis=-1)
+            regressor = np.empty_like(signal)
+            for k in range(signal.shape[-1]):
+                seen = gain_per_line(signal[:, at_lines, k], own[:, at_lines], asked, line)
+                regressor[..., k] = signal[..., k] - equivalent_gain(seen, line).at(bins) * own
         else:
             regressor = torque_residual(signal, basis)
         law = fit_weighted(rest[..., i], regressor, freedom)
         laws.append(law)
         if law.significance < significance:
-            spectrum[..., i] = without_linear_part(signal @ law.coefficient)
-    return Distortion(spectrum, tuple(laws))
+            distorted[..., i] = signal @ law.coefficient
+        direct.append(gain_per_line(distorted[:, at_lines, i], own[:, at_lines], asked, line))
+        damping[i] = max(0.0, float(np.mean(equivalent_gain(direct[i], line).at(line).real)))
+    model = None if linear is None else linear(damping)
+    deviation = np.zeros((len(line), n_axis))
+    for i, law in enumerate(laws):
+        if law.significance >= significance:
+            continue
+        gain = equivalent_gain(direct[i], line)
+        if model is not None:
+            seen, drawn = (
+                gain_per_line(
+                    law_at(speeds[..., i], law, rms[i], line, n_sample) * advance[at_lines],
+                    speeds[:, line, i],
+                    references[..., i],
+                    line,
+                )
+                for speeds, references in ((model.own, reference), (model.drawn, model.drawn_reference))
+            )
+            gain = equivalent_gain(direct[i], line, seen, smooth_gain(drawn.gain, drawn.weight, line))
+        distorted[..., i] -= gain.at(bins) * speed[..., i]
+        deviation[:, i] = np.sqrt(gain.variance_at(line))
+    return Distortion(distorted, tuple(laws), deviation)
+
+
+def law_at(
+    speed: ComplexArray, law: SpeedLaw, rms: float, line: IntArray, n_sample: int, at_once: int = 48
+) -> ComplexArray:
+    """Spectra (n_exp, n_freq) of a law at the lines, of speeds (n_exp, n_bin) of one motor; some at a time."""
+    parts = []
+    for start in range(0, len(speed), at_once):
+        samples = oversampled(speed[start : start + at_once, :, None], n_sample)[..., 0]
+        torque = np.tensordot(law.coefficient, speed_functions(samples, rms), 1)
+        parts.append(np.fft.rfft(torque, axis=1)[:, line] / samples.shape[1])
+    return np.concatenate(parts)
 
 
 def before_hold(share: FloatArray) -> ComplexArray:
@@ -259,20 +252,17 @@ def fit_weighted(residual: ComplexArray, regressor: ComplexArray, freedom: Float
     return law
 
 
-def oversampled_speed(
-    position: ComplexArray, last: int, sample_time_s: float, n_sample: int, factor: int = 2
-) -> FloatArray:
-    """Speed of a periodic motion on a grid `factor` times as fine, up to bin `last`.
+def oversampled(spectrum: ComplexArray, n_sample: int, factor: int = 2) -> FloatArray:
+    """Samples of a periodic signal on a grid `factor` times as fine, from its lowest bins.
 
     A law with a sharp step is to be evaluated finer than it is used: what it fills beyond half the sampling rate
     would fold back. (Twice as fine is enough: on two plants of the reference bench four and eight times changed
     the error of the response by less than a part in 200, tried by hand.)
 
-    Takes spectra of the position, (n_exp, n_bin, n_axis); returns rad/s, (n_exp, factor * n_sample, n_axis).
+    Takes spectra (n_exp, n_bin, n_axis) scaled by 1/n_sample; returns (n_exp, factor * n_sample, n_axis).
     """
-    last = min(last, n_sample // 2 - 1)
-    omega = 2j * np.pi * np.arange(last + 1)[:, None] / (n_sample * sample_time_s)
-    padded = np.zeros((len(position), factor * n_sample // 2 + 1, position.shape[-1]), dtype=np.complex128)
-    padded[:, : last + 1] = omega * position[:, : last + 1]
+    n_bin = min(spectrum.shape[1], n_sample // 2)
+    padded = np.zeros((len(spectrum), factor * n_sample // 2 + 1, spectrum.shape[-1]), dtype=np.complex128)
+    padded[:, :n_bin] = spectrum[:, :n_bin]
     result: FloatArray = np.fft.irfft(padded * (factor * n_sample), n=factor * n_sample, axis=1)
     return result

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError, DataRejected
+from robid_core.estimation.response.local.between_blocks import jackknife_variance, widening
 from robid_core.estimation.response.local.choice import (
     Candidate,
     Choose,
@@ -14,14 +15,10 @@ from robid_core.estimation.response.local.choice import (
     prediction_error,
     score,
 )
-from robid_core.estimation.response.local.compiled import CompiledFit, can_be_compiled, compiled_fit
 from robid_core.estimation.response.local.iteration import Iteration
-from robid_core.estimation.response.local.joint import condition_of, ratio
 from robid_core.estimation.response.local.model import LocalModel
-from robid_core.estimation.response.local.plain import PlainFit, plain_fit
-from robid_core.estimation.response.local.prior import denominators
 from robid_core.estimation.response.local.result import LocalFit
-from robid_core.estimation.response.local.window import choose_windows
+from robid_core.estimation.response.local.task import Task
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -43,6 +40,7 @@ def local_rational(
     poles_hz: ComplexArray | None = None,
     choose: Choose = "none",
     condition_limit: float = CONDITION_LIMIT,
+    n_block: int = 1,
     compiled: bool = True,
 ) -> LocalFit:
     """Response matrix at each line from a rational function fitted to the lines around it.
@@ -71,6 +69,9 @@ def local_rational(
     condition_limit
         Lines where the numerator's regressors (columns scaled), or G_ru, have a larger condition number are
         not valid.
+    n_block
+        Blocks of the measurement, equally many experiments of each, side by side; with several the covariance is
+        scaled to how much they differ (`between_blocks`).
     compiled
         Use the kernel where it can; False for the plain form throughout.
 
@@ -81,7 +82,6 @@ def local_rational(
     ConfigurationError
         If a window has fewer lines than unknowns, or poles are given with a reference.
     """
-    n_out, n_in, n_exp = y.shape[1], u.shape[1], u.shape[2]
     _refuse_unusable(u, y, reference, frequency_hz)
     if poles_hz is not None:
         if reference is not None:
@@ -90,64 +90,42 @@ def local_rational(
                 "approach, or leave the poles to the data"
             )
         model = LocalModel("scalar", model.numerator_order, 0, model.transient_order)
-    z = y if reference is None else np.concatenate((y, u), axis=1)
-    r = u if reference is None else reference
-    n_fitted = z.shape[1]
-    in_loop = reference is not None and model.parametrization == "mimo" and model.denominator_order > 0
-
-    def fit_with(
-        model: LocalModel,
-        lines: int | None,
-        hertz: float | None,
-        passes: int,
-        plainly: bool,
-        judged: bool = False,
-    ) -> tuple[PlainFit | CompiledFit, FloatArray]:
-        windows = choose_windows(
-            frequency_hz, model, n_in, n_fitted, n_exp, window_lines=lines, window_hz=hertz, n_stated=n_out
-        )
-        freedom = np.array([model.freedom(int(size), n_in, n_fitted, n_exp) for size in windows.size])
-        if not plainly and passes == 0 and poles_hz is None and can_be_compiled(model, n_fitted):
-            return compiled_fit(r, z, windows, model, with_covariance=not judged), freedom
-        known = None if poles_hz is None else denominators(poles_hz, windows, model.numerator_order)
-        plain = plain_fit(
-            r,
-            z,
-            windows,
-            model,
-            iterations=passes,
-            how=iteration,
-            denominators=known,
-            loop_freedom=freedom if in_loop else None,
-        )
-        return plain, freedom
-
-    def judge(candidate: Candidate) -> float:
-        fit, _ = fit_with(candidate.model, candidate.window_lines, None, 0, not compiled, judged=True)
-        return score(prediction_error(r, z, fit.numerator[:, 0], fit.own_gram()))
-
+    task = Task(
+        r=u if reference is None else reference,
+        z=y if reference is None else np.concatenate((y, u), axis=1),
+        frequency_hz=frequency_hz,
+        n_out=y.shape[1],
+        joint=reference is not None,
+        poles_hz=poles_hz,
+        iteration=iteration,
+        compiled=compiled,
+    )
     words: tuple[str, ...] = ()
     if choose != "none":
-        tried = candidates(model, choose, len(frequency_hz), n_in, n_fitted, n_exp, n_out, window_lines)
-        if tried:
-            best = best_candidate(tried, judge)
-            model, window_lines, window_hz = best.model, best.window_lines, None
-            words = (
-                f"of {len(tried)} windows and orders {window_lines} lines and orders "
-                f"{model.numerator_order}/{model.denominator_order} predict lines from their neighbours best",
-            )
-    fit, freedom = fit_with(model, window_lines, window_hz, iterations, in_loop or not compiled)
-    windows = fit.windows
-    valid = fit.condition <= condition_limit
-    response, left, right = fit.numerator[:, 0].copy(), None, None
-    if reference is not None:
-        valid &= condition_of(response[:, n_out:]) <= condition_limit
-        response[~valid] = np.eye(n_fitted, n_in) + np.eye(n_fitted, n_in, k=-n_out)
-        response, left, right = ratio(response, n_out)
-    stated = bool(freedom.min() >= n_out and valid.any())
+        model, chosen, words = _chosen(task, model, choose, window_lines)
+        if chosen is not None:
+            window_lines, window_hz = chosen, None
+    windows = task.windows(model, window_lines, window_hz)
+    freedom = task.freedom(model, windows)
+    fit = task.fit(model, windows, iterations)
+    found = task.ratio(fit, condition_limit)
+    valid, response = found.valid, found.response
+    n_out, n_in = response.shape[1:]
     gram, covariance = np.full((len(valid), n_in, n_in), np.nan + 0j), None
-    if stated:
-        gram, covariance = fit.factors(freedom, valid, left, right)
+    if freedom.min() >= n_out and valid.any():
+        gram, covariance = fit.factors(freedom, valid, found.left, found.right)
+        scatter = jackknife_variance(task, model, windows, iterations, n_block, condition_limit)
+        if scatter is not None:
+            stated = (
+                np.einsum("fii->fi", covariance).real[..., None] * np.einsum("fjj->fj", gram).real[:, None]
+            )
+            factor, behind = widening(scatter, stated, valid, n_block)
+            covariance = covariance * factor[:, None, None]
+            freedom = 1.0 / (1.0 / freedom + 1.0 / behind)
+            words = (
+                *words,
+                f"times {np.median(factor[valid]):.2g}, as the {n_block} blocks differ from one another",
+            )
         covariance[~valid] = np.nan
     numerator, denominator = fit.numerator.copy(), fit.denominator.copy()
     for array in (response, gram, numerator, denominator):
@@ -157,13 +135,36 @@ def local_rational(
         response=response,
         gram_inverse=gram,
         output_covariance=covariance,
-        degrees_of_freedom=np.where(valid, freedom, 0.0) if stated else np.zeros(len(valid)),
+        degrees_of_freedom=np.where(valid, freedom, 0.0) if covariance is not None else np.zeros(len(valid)),
         valid=valid,
         numerator=numerator,
         denominator=denominator,
         passes=fit.passes,
         words=words,
     )
+
+
+def _chosen(
+    task: Task, model: LocalModel, choose: Choose, window_lines: int | None
+) -> tuple[LocalModel, int | None, tuple[str, ...]]:
+    """Model and lines of a window that predict lines best; as given where nothing can be tried."""
+    n_freq, n_in, n_exp = task.r.shape
+    tried = candidates(model, choose, n_freq, n_in, task.z.shape[1], n_exp, task.n_out, window_lines)
+    if not tried:
+        return model, None, ()
+
+    def judge(candidate: Candidate) -> float:
+        windows = task.windows(candidate.model, candidate.window_lines, None)
+        fit = task.fit(candidate.model, windows, judged=True)
+        return score(prediction_error(task.r, task.z, fit.numerator[:, 0], fit.own_gram()))
+
+    best = best_candidate(tried, judge)
+    model = best.model
+    words = (
+        f"of {len(tried)} windows and orders {best.window_lines} lines and orders "
+        f"{model.numerator_order}/{model.denominator_order} predict lines from their neighbours best"
+    )
+    return model, best.window_lines, (words,)
 
 
 def _refuse_unusable(
