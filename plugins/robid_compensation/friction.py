@@ -14,7 +14,6 @@ from pydantic import Field, PositiveInt
 
 from robid_compensation.periods import less, reference_at_lines, spectra, with_channels
 from robid_core import Context, FloatArray, Preprocessing, Record, Robot
-from robid_core.artifacts.record import POSITION_REFERENCE, SPEED_REFERENCE
 from robid_core.estimation.distortion.friction import friction_distortion
 from robid_core.estimation.distortion.linear_motion import LinearMotion, linear_motion, loop_response
 from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration
@@ -83,8 +82,8 @@ class FrictionCompensation(Preprocessing):
     ) -> LinearMotion:
         """How the nominal robot would move with a damping in place of friction, under these references and others."""
         run, line = record.run, np.asarray(record.line, dtype=np.int64)
-        by_speed = SPEED_REFERENCE in run.channels
-        name = SPEED_REFERENCE if by_speed else POSITION_REFERENCE
+        by_speed = "speed_reference" in run.channels
+        name = "speed_reference" if by_speed else "position_reference"
         reference = spectra(run.values(name)[configuration])[:, : int(line[-1]) + 1]
         frequency_hz = np.arange(1, reference.shape[1]) / (run.sample_time_s * len(run.time_s))
         angle = record.angle[configuration : configuration + 1]
