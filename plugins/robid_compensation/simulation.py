@@ -139,7 +139,7 @@ class SimulationCompensation(Preprocessing):
     under the measured motion, as `compensate.friction` removes what friction distorts better than a model can:
     run that first. Each configuration is simulated with its own references and with others of the same amplitudes and
     random phases, which tell the model's response to the reference. As much is taken off as the lines that were not
-    excited confirm: a model that is far off does no harm.
+    excited confirm: a model that is far off does no harm. What leans towards the model nevertheless is in no region.
 
         smooth: {use: compensate.friction}
         still:  {use: compensate.simulation, inputs: {record: smooth}}
@@ -179,7 +179,8 @@ class SimulationCompensation(Preprocessing):
             torque[c] = less(torque[c], share * rest[0], int(line[0]))
             position[c] = less(position[c], share * rest[1], int(line[0]))
         words = "simulated distortion of the mechanics removed"
-        return with_channels(record, words, motor_torque=torque, motor_position=position)
+        still = with_channels(record, words, motor_torque=torque, motor_position=position)
+        return still.replace(model_based=True)
 
 
 def known_parameters(robot: Robot, fit: Fit) -> dict[str, float]:

@@ -136,7 +136,7 @@ class Averaging(FrfEstimator):
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
             damping_deviation=record.damping_deviation,
-            covers=estimate.covers,
+            covers=Frf.OWN_MEAN if record.model_based else estimate.covers,
         )
 
 

@@ -153,7 +153,7 @@ class Spectral(FrfEstimator):
             speed_rms=speed,
             slow_sine_speed=slow_sine,
             damping_deviation=record.damping_deviation_at(frequency),
-            covers=_covers(estimated, names, cut, valid),
+            covers=Frf.OWN_MEAN if record.model_based else _covers(estimated, names, cut, valid),
         )
 
     def _instrument_names(self, record: Record) -> Instruments:

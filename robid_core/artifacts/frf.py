@@ -26,10 +26,10 @@ class Frf(Artifact):
 
     `covers` says what the stated regions are about: OWN_MEAN, what the estimator would give on average over many
     repetitions, or BEST_LINEAR_APPROXIMATION, where the estimator's bias is part of the region or known to be
-    negligible. `noise_covariance` is the part of `output_covariance` that differs from period to period, with
-    `noise_degrees_of_freedom`. `odd_distortion` and `even_distortion` are levels of the residual Y - G U of one
-    experiment at detection lines (bins that were not excited), root mean square of the DFT coefficient scaled by
-    1/n_sample, carried over to the lines; noise is in them.
+    negligible and the record was measured, not made with a model. `noise_covariance` is the part of
+    `output_covariance` that differs from period to period, with `noise_degrees_of_freedom`. `odd_distortion` and
+    `even_distortion` are levels of the residual Y - G U of one experiment at detection lines (bins that were not
+    excited), root mean square of the DFT coefficient scaled by 1/n_sample, carried over to the lines; noise is in them.
     """
 
     OWN_MEAN: ClassVar[str] = "own mean"

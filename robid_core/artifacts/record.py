@@ -64,7 +64,8 @@ class Record(Artifact):
 
     Position is sampled at an instant, torque is held from that instant to the next (zero-order hold).
     `damping_deviation` is what a compensation of friction may have done wrong without any residual to show it: standard
-    deviation at the lines of the damping that it left in the torque of each motor.
+    deviation at the lines of the damping that it left in the torque of each motor. `model_based` tells that a model
+    of the robot had a part in the samples: what is estimated from them may lean towards it.
     """
 
     axis_names: tuple[str, ...]
@@ -74,6 +75,7 @@ class Record(Artifact):
     angle: FloatArray = array("n_config n_axis", "rad")
     line: IntArray | None = array("n_freq", optional=True)
     damping_deviation: FloatArray | None = array("n_config n_freq n_axis", "N m s/rad", optional=True)
+    model_based: bool = False
 
     @property
     def run(self) -> DenseRun:

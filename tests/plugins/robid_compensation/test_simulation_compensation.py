@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from robid_compensation.simulation import SimulationCompensation, other_realisations, without_friction
-from robid_core import Channel, ComplexArray, DenseRun, Record, Robot
+from robid_core import Channel, ComplexArray, DenseRun, Frf, Record, Robot
 from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
 from robid_core.testing import check_stage, example_context, example_fit, example_robot
+from robid_frf.joint import JointInputOutput
+from robid_frf.spectral import Spectral
 
 PERIOD_S, N_SAMPLE, N_BLOCK = 4.0, 4000, 12
 LINE = logarithmic_odd_lines((4.0, 60.0), 60, PERIOD_S)
@@ -89,6 +91,14 @@ def test_nothing_is_drawn_towards_a_wrong_model(plant: Robot, record: Record) ->
     frequency = LINE / PERIOD_S
     apart = model.response(POSE, frequency)[0] - plant.response(POSE, frequency)[0]
     assert np.sqrt(np.mean(np.abs(change.mean(axis=0)) ** 2)) < 0.1 * np.sqrt(np.mean(np.abs(apart) ** 2))
+
+
+def test_what_a_model_had_a_part_in_claims_no_best_linear_approximation(plant: Robot, record: Record) -> None:
+    still = SimulationCompensation(realizations=2).run(record, plant, example_context())
+    assert still.model_based
+    for stage in (JointInputOutput(), Spectral(approach="jio")):
+        assert stage.run(record, example_context()).covers == Frf.BEST_LINEAR_APPROXIMATION
+        assert stage.run(still, example_context()).covers == Frf.OWN_MEAN
 
 
 def test_a_fit_replaces_the_nominal_parameters(plant: Robot, record: Record) -> None:
