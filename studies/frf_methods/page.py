@@ -19,7 +19,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from studies.frf_methods import figures_accuracy, figures_tables, figures_window
+from studies.frf_methods import figures_accuracy, figures_tables, figures_variants, figures_window
 from studies.frf_methods.figures_signals import Shown, measured, signal_figures, signals
 from studies.frf_methods.figures_style import CONFIG, FAMILIES, FITS, Row
 from studies.frf_methods.measurement import SETTLE_PERIODS, chance
@@ -32,6 +32,7 @@ TABLES = {
     "accuracy": "Accuracy of every method",
     "coverage": "Coverage of the stated regions",
     "stiffness": "Errors of the stiffnesses",
+    "variants": "The same robots otherwise",
     "amplitude": "Response against excitation amplitude",
 }
 SHOWN_SEED = 0  # of the measurement that is shown; those of the tables count from one
@@ -128,6 +129,10 @@ def table_figures(tables: Mapping[str, Sequence[Row]], seconds: float) -> dict[s
     found["stiffness"] = figures_tables.stiffness(tables.get("stiffness", ()))
     found["coverage"] = figures_tables.coverage(tables.get("coverage", ()))
     found["sizes"] = figures_tables.region_sizes(tables.get("coverage", ()))
+    others = tables.get("variants", ())
+    found["smooth"] = figures_variants.without_friction(others)
+    found["excitations"] = figures_variants.other_excitations(others)
+    found["amplitude"] = figures_variants.amplitude(tables.get("amplitude", ()))
     return {name: figure for name, figure in found.items() if figure is not None}
 
 

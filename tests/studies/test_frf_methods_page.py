@@ -15,7 +15,14 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parents[2]))
-from studies.frf_methods import figures_accuracy, figures_style, figures_tables, figures_window, page
+from studies.frf_methods import (
+    figures_accuracy,
+    figures_style,
+    figures_tables,
+    figures_variants,
+    figures_window,
+    page,
+)
 from studies.frf_methods.figures_signals import (
     NOTHING,
     TOP,
@@ -77,8 +84,26 @@ STIFFNESS = rows(
     low=["0.01", ""],
     high=["0.03", ""],
 )
-AMPLITUDE = rows(method=["H1 <weak>"], resonance_hz=["7.9"])
-TABLES = {"accuracy": ACCURACY, "coverage": COVERAGE, "stiffness": STIFFNESS, "amplitude": AMPLITUDE}
+VARIANTS = rows(
+    variant=["as shipped", "without friction and ripple", "all odd bins excited", "n + 1 experiments"],
+    method=["H1 <weak>"] * 4,
+    experiments=["6", "24", "6", "7"],
+    error=["0.2", "0.1", "0.15", "0.18"],
+)
+AMPLITUDE = rows(
+    springs=["linear springs", "linear springs", "stiffening gears", "stiffening gears"],
+    torque_share=["0.1", "0.4", "0.1", "0.4"],
+    axis=["axis_1"] * 4,
+    resonance_hz=["8.1", "8.0", "8.0", "8.4"],
+    antiresonance_hz=["5.1", "5.0", "5.0", "5.3"],
+)
+TABLES = {
+    "accuracy": ACCURACY,
+    "coverage": COVERAGE,
+    "stiffness": STIFFNESS,
+    "variants": VARIANTS,
+    "amplitude": AMPLITUDE,
+}
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +135,7 @@ def test_the_page_holds_every_figure_opens_without_network_and_has_settled_bytes
 ) -> None:
     data = data_of(text)
     expected = {"reference-time", "reference-spectrum", "torque-time", "torque-spectrum"}
-    expected |= {"ranking", "bands", "coverage", "sizes", "stiffness"}
+    expected |= {"ranking", "bands", "coverage", "sizes", "stiffness", "smooth", "excitations", "amplitude"}
     expected |= {f"efficiency-{name}" for name in figures_style.FAMILIES}
     assert set(data["figures"]) == expected
     assert set(data["windows"]) == {"window-12", "window-3", "window-1"}
@@ -294,6 +319,23 @@ def test_coverage_is_drawn_in_percent_with_its_interval() -> None:
     own = next(trace for trace in figure.data if trace.x == (94.0,))
     assert own.error_x.array[0] == pytest.approx(1.0)
     assert figure.layout.xaxis.range[0] < 58
+
+
+def test_excitations_stand_side_by_side_by_method_and_experiments() -> None:
+    figure = figures_variants.other_excitations(VARIANTS)
+    assert figure is not None
+    assert [point.x[0] for point in figure.data if point.x[0] is not None] == pytest.approx([20, 15, 18])
+    assert figure.layout.yaxis.ticktext == ("H1 <weak> · 6 or 7",)
+    assert figures_variants.other_excitations(VARIANTS[:1]) is None
+
+
+def test_amplitude_shows_shifts_against_linear_springs_at_the_strongest() -> None:
+    figure = figures_variants.amplitude(AMPLITUDE)
+    assert figure is not None
+    shifts = {line.name: list(line.y) for line in figure.data}
+    assert shifts["resonance, linear springs"] == pytest.approx([1.25, 0.0])
+    assert shifts["resonance, stiffening gears"] == pytest.approx([0.0, 5.0])
+    assert list(figure.data[0].x) == pytest.approx([10, 40])
 
 
 def test_every_method_of_the_study_has_the_colour_of_its_family() -> None:
