@@ -9,6 +9,7 @@ from robid_core.testing.contract import check_settings, check_stage
 from robid_core.testing.effects import check_effect
 from robid_core.testing.estimators import (
     check_covers_truth,
+    check_hands_on_what_no_residual_shows,
     check_recovers_plant,
 )
 from robid_core.testing.inputs import (
@@ -32,6 +33,7 @@ __all__ = [
     "MassSpringPlant",
     "check_covers_truth",
     "check_effect",
+    "check_hands_on_what_no_residual_shows",
     "check_recovers_plant",
     "check_settings",
     "check_stage",

@@ -27,6 +27,7 @@ from robid_core.testing.broken import ContractBroken
 from robid_core.testing.estimators import (
     EXACT,
     check_covers_truth,
+    check_hands_on_what_no_residual_shows,
     check_recovers_plant,
     note_missing_uncertainty,
 )
@@ -83,6 +84,7 @@ def check_stage(
             check_recovers_plant(stage, n_axis, recovery_tolerance)
         if not check_covers_truth(stage):
             note_missing_uncertainty(stage)
+        check_hands_on_what_no_residual_shows(stage)
 
 
 def check_settings(cls: type[Stage], **settings: Any) -> Stage:

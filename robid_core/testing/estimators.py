@@ -26,7 +26,9 @@ CONFIGURATIONS = 50
 LEVEL = 0.95
 
 
-def estimate(stage: FrfEstimator, plant: MassSpringPlant, **of_record: Any) -> tuple[Record, Frf]:
+def estimate(
+    stage: FrfEstimator, plant: MassSpringPlant, damping_deviation: float | None = None, **of_record: Any
+) -> tuple[Record, Frf]:
     """Run an estimator on a record of a closed-form plant, made by `plant_record` with the arguments `of_record`.
 
     An estimator that asks for the robot gets `example_robot` of as many axes: its controller, which is in the
@@ -35,6 +37,9 @@ def estimate(stage: FrfEstimator, plant: MassSpringPlant, **of_record: Any) -> t
     lent = stage.lends()
     robot = example_robot(plant.n_axis) if Robot in lent.values() else None
     record = plant_record(plant, robot=robot, **of_record)
+    if damping_deviation is not None:
+        shape = (len(record.angle), len(record.frequency_hz), plant.n_axis)
+        record = record.replace(damping_deviation=np.full(shape, damping_deviation))
     arguments: dict[str, Any] = {entry.name: record for entry in stage.inputs() if not entry.optional}
     for name, kind in lent.items():
         if kind is Context:
@@ -122,6 +127,16 @@ def check_covers_truth(stage: FrfEstimator, n_axis: int = 2) -> bool:
             f"{name}: the stated standard deviation is more than twice the scatter: the covariance is too large"
         )
     return True
+
+
+def check_hands_on_what_no_residual_shows(stage: FrfEstimator, n_axis: int = 2) -> None:
+    """Check that an estimator that states an uncertainty hands on that of a compensation before it."""
+    _, frf = estimate(stage, MassSpringPlant.of(n_axis), damping_deviation=0.01, noise=0.02, seed=99)
+    if frf.has_covariance and (frf.damping_deviation is None or not np.allclose(frf.damping_deviation, 0.01)):
+        raise ContractBroken(
+            f"{type(stage).__name__}: the record's damping_deviation, which no residual shows, is not handed on: "
+            "damping_deviation=record.damping_deviation_at(frequency_hz) in the Frf"
+        )
 
 
 def _squared_errors(frf: Frf, plant: MassSpringPlant) -> tuple[FloatArray, FloatArray]:

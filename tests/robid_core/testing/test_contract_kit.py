@@ -22,6 +22,7 @@ from robid_core.testing import (
     ContractBroken,
     MassSpringPlant,
     check_covers_truth,
+    check_hands_on_what_no_residual_shows,
     check_recovers_plant,
     check_settings,
     check_stage,
@@ -65,6 +66,7 @@ class Mean(FrfEstimator):
             input_gram_inverse=gram,
             output_covariance=self.covariance_factor * scale * noise,
             degrees_of_freedom=np.full((n_config, n_freq), float((n_block - 1) * n_axis)),
+            damping_deviation=record.damping_deviation,
         )
 
 
@@ -126,6 +128,18 @@ def test_a_covariance_that_is_too_small_is_found() -> None:
 def test_a_covariance_that_is_too_large_is_found() -> None:
     with pytest.raises(ContractBroken, match="the covariance is too large"):
         check_covers_truth(Timid())
+
+
+class Careless(Mean):
+    """Loses what no residual shows."""
+
+    def run(self, record: Record) -> Frf:
+        return super().run(record).replace(damping_deviation=None)
+
+
+def test_an_uncertainty_that_is_not_handed_on_is_found() -> None:
+    with pytest.raises(ContractBroken, match="damping_deviation, which no residual shows, is not handed on"):
+        check_hands_on_what_no_residual_shows(Careless())
 
 
 class Silent(Mean):
