@@ -185,4 +185,5 @@ def test_improving_never_makes_worse() -> None:
     p = problem()
     start = search(p, np.random.default_rng(9), 5, 1, 60).coefficient
     better, _ = improved(p, start, 6)
-    assert p.cost(better) <= p.cost(start)
+    # The cost is a logarithm of a determinant; coefficients that went through the search's scaling and back round it.
+    assert p.cost(better) <= p.cost(start) + 1e-9
