@@ -66,7 +66,7 @@ def widening(
     n_freq, n_out, n_in = variance.shape
     differences = (n_block - 1) * n_out * n_in
     half = min(max(1, int(np.ceil((ENTRIES / differences - 1) / 2))), n_freq)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         line = np.where(valid, np.mean(variance / stated, axis=(1, 2)), np.nan)
     counts = np.isfinite(line)
     kernel = np.ones(2 * half + 1)
