@@ -23,6 +23,7 @@ from studies.frf_methods.figures_style import (
 
 PROMISED = (0.92, 0.98)  # of the estimator's own mean
 LEVELS = ("floor", "bound")
+FAR = "noise alone"  # two decades below everything else: in the table only
 HELD = (
     ("own_mean", "own_low", "own_high", "the method's own mean", "circle", 0.15),
     ("g_bla", "g_bla_low", "g_bla_high", "G<sub>BLA</sub>", "diamond-open", -0.15),
@@ -41,7 +42,7 @@ def variant(row: Row) -> str:
 
 
 def stiffness(rows: Sequence[Row]) -> go.Figure | None:
-    """Root mean square relative errors with intervals, the best at the top; floor and bounds as dashed lines."""
+    """Root mean square relative errors with intervals, the best at the top; floor and bounds as lines."""
     found = [row for row in rows if number(row, "rms_error") > 0]
     methods = sorted((row for row in found if not is_level(row)), key=lambda row: -number(row, "rms_error"))
     if not methods:
@@ -59,16 +60,17 @@ def stiffness(rows: Sequence[Row]) -> go.Figure | None:
             showlegend=False,
             hovertemplate="%{x:.3g} %<extra>" + variant(row) + "</extra>",
         )
-    for i, row in enumerate(row for row in found if is_level(row)):
+    levels = [row for row in found if is_level(row) and FAR not in row["method"]]
+    for i, row in enumerate(levels):
         tone, dash = (INK, "dash") if i == 0 else (SOFT, "dot")
-        dashed_at(figure, 100 * number(row, "rms_error"), row["method"], tone, dash, raised=16 * i)
-    seen = [100 * number(row, key) for row in found for key in ("rms_error", "low", "high")]
+        words = row["method"] if i == 0 else f"{row['method']}, experiments: {row.get('experiments')}"
+        dashed_at(figure, 100 * number(row, "rms_error"), words, tone, dash, raised=16 * i)
+    seen = [100 * number(row, key) for row in [*methods, *levels] for key in ("rms_error", "low", "high")]
     figure.update_xaxes(
         title_text="root mean square relative error of the stiffnesses, %", **plain_ticks(seen)
     )
     rows_of_methods(figure, [variant(row) for row in methods])
-    levels = sum(is_level(row) for row in found)
-    return figure.update_layout(margin_t=20 + 18 * levels)
+    return figure.update_layout(margin_t=30 + 18 * len(levels))
 
 
 def coverage(rows: Sequence[Row]) -> go.Figure | None:
