@@ -129,8 +129,6 @@ class LocalMethod(FrfEstimator):
                 f"total: residuals of local fits over {window} lines of {experiments}, {freedom.min():.3g} degrees of "
                 "freedom or more; lines closer than a window share data"
             )
-            if spectra.block_u.shape[1] == 1:
-                words += "; one block: in what others would differ as wholes is not in it"
         else:
             words = f"total: none stated, windows of {window} lines of {experiments} leave too few residuals"
         noise_words = "differences between periods" if noise else "none stated, a single period was kept"

@@ -22,7 +22,7 @@ import numpy as np  # noqa: E402
 from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness, variants  # noqa: E402
 from studies.frf_methods.methods import METHODS  # noqa: E402
 from studies.frf_methods.page import study_page  # noqa: E402
-from studies.frf_methods.scenes import POSES, Scene, scenes  # noqa: E402
+from studies.frf_methods.scenes import POSES, jobs_of, scenes  # noqa: E402
 from studies.frf_methods.tables import write_table  # noqa: E402
 
 from reference.cache import default_folder  # noqa: E402  isort: skip
@@ -35,28 +35,13 @@ def tell(what: str) -> estimates.Callable[[int, int], None]:
     return lambda done, total: print(f"\r{what}: {done} of {total}   ", end="", file=sys.stderr, flush=True)
 
 
-def jobs_of(scene: Scene, seeds: range, folder: Path) -> list[estimates.Job]:
-    """Measurements of one scene, with all methods."""
-    return [
-        estimates.Job(
-            folder / estimates.code_hash() / f"plant_{scene.plant:02d}_pose_{scene.pose}_seed_{seed:04d}.npz",
-            scene.robot,
-            scene.nominal,
-            scene.angle,
-            scene.excitation,
-            (scene.plant, scene.pose, seed),
-            METHODS,
-        )
-        for seed in seeds
-    ]
-
-
 def run_accuracy(arguments: argparse.Namespace) -> None:
     """Table of errors of all methods."""
     poses = POSES[: arguments.poses]
     places = list(scenes(poses, arguments.cache))
     seeds = range(1, arguments.seeds + 1)
-    jobs = [job for scene in places for job in jobs_of(scene, seeds, arguments.cache / "frf_methods")]
+    folder = arguments.cache / "frf_methods" / estimates.code_hash()
+    jobs = [job for scene in places for job in jobs_of(scene, seeds, folder, METHODS)]
     paths = iter(estimates.work_all(jobs, arguments.jobs, tell("measurements")))
     by_variant: dict[estimates.Variant, list[accuracy.PoseErrors]] = {}
     for scene in places:
@@ -76,11 +61,9 @@ def run_coverage(arguments: argparse.Namespace) -> None:
     scene = next(scenes(POSES[:1], arguments.cache))
     methods = {key: replace(one, counts=(24,)) for key, one in METHODS.items() if 24 in one.counts}
     chosen = coverage.lines(len(scene.truth.frequency_hz))
-    folder = arguments.cache / "frf_methods" / "coverage"
-    jobs = [
-        replace(job, methods=methods, lines=chosen)
-        for job in jobs_of(scene, range(1001, 1001 + arguments.seeds), folder)
-    ]
+    folder = arguments.cache / "frf_methods" / "coverage" / estimates.code_hash()
+    seeds = range(1001, 1001 + arguments.seeds)
+    jobs = [replace(job, lines=chosen) for job in jobs_of(scene, seeds, folder, methods)]
     paths = estimates.work_all(jobs, arguments.jobs, tell("measurements"))
     runs = [estimates.read(path) for path in paths]
     rows = [
@@ -115,15 +98,14 @@ def run_amplitude(arguments: argparse.Namespace) -> None:
 def run_variants(arguments: argparse.Namespace) -> None:
     """Table of the same robots otherwise."""
     folder = arguments.cache / "frf_methods" / estimates.code_hash() / "variants"
-    seeds = range(1, arguments.seeds + 1)
     places = {key: list(variants.scenes_of(key, arguments.cache)) for key in variants.SETTINGS}
-    jobs = [job for key, some in places.items() for job in variants.jobs(key, some, seeds, folder)]
+    jobs = [job for key, some in places.items() for job in variants.jobs(key, some, arguments.seeds, folder)]
     paths = iter(estimates.work_all(jobs, arguments.jobs, tell("measurements")))
     found: dict[str, dict[estimates.Variant, list[accuracy.PoseErrors]]] = {}
     for key, some in places.items():
         by_variant = found.setdefault(key, {})
         for scene, shipped in zip(some, places["shipped"], strict=True):
-            read = [estimates.read(next(paths)) for _ in seeds]
+            read = [estimates.read(next(paths)) for _ in range(arguments.seeds)]
             for variant, errors in variants.errors(scene, read, shipped.excitation.line).items():
                 by_variant.setdefault(variant, []).append(errors)
     rows = variants.rows(found, np.random.default_rng(0))

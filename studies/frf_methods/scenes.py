@@ -6,12 +6,14 @@ The excitation is that of the worked example; G_BLA is known to a tenth of the s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from robid_core import FloatArray, Robot
+from studies.frf_methods.estimates import Job
 from studies.frf_methods.measurement import ExcitationClass  # also puts the bench on the path
+from studies.frf_methods.methods import Method
 
 from reference.answer import SHIPPED_LABEL, answer  # isort: skip
 from reference.cache import default_folder  # isort: skip
@@ -46,3 +48,22 @@ def scenes(poses: tuple[tuple[int, int], ...] = POSES, folder: Path | None = Non
         for pose in (pose for other, pose in poses if other == number):
             truth = answer(plant, pose, excitation, folder)
             yield Scene(number, pose, plant.robot, plant.nominal, plant.pose[pose - 1], excitation, truth)
+
+
+def jobs_of(
+    scene: Scene, seeds: range, folder: Path, methods: Mapping[str, Method], n_exp: int | None = None
+) -> list[Job]:
+    """Measurements of one scene, a file for each seed in the folder; `n_exp` experiments a block, as many as axes."""
+    return [
+        Job(
+            folder / f"plant_{scene.plant:02d}_pose_{scene.pose}_seed_{seed:04d}.npz",
+            scene.robot,
+            scene.nominal,
+            scene.angle,
+            scene.excitation,
+            (scene.plant, scene.pose, seed),
+            methods,
+            n_exp=n_exp,
+        )
+        for seed in seeds
+    ]

@@ -19,7 +19,7 @@ from robid_core import BoolArray, ComplexArray, FloatArray, IntArray
 from studies.frf_methods import accuracy
 from studies.frf_methods.estimates import Estimated, Job, Variant
 from studies.frf_methods.methods import METHODS, Method
-from studies.frf_methods.scenes import Scene, scenes
+from studies.frf_methods.scenes import Scene, jobs_of, scenes
 
 from reference.answer import answer  # isort: skip
 from reference.excitation_class import shipped_class  # isort: skip
@@ -28,7 +28,7 @@ from reference.plants import ReferencePlant, reference_plant, without_effects  #
 POSES = tuple((plant, 1) for plant in range(1, 7))
 AVERAGING = ("h1", "ari", "log", "harmonic", "jio", "indirect", "spectral_jio")
 LOCAL = ("lrm_mimo", "lrm_mimo_jio", "lrm_mimo_chosen")
-SEED = 300_001  # beside the seeds of the other parts
+SEED = 300_002  # beside the seeds of the other parts
 
 
 @dataclass(frozen=True)
@@ -94,21 +94,14 @@ def methods_of(key: str) -> dict[str, Method]:
     return kept
 
 
-def jobs(key: str, places: list[Scene], seeds: range, folder: Path) -> list[Job]:
+def jobs(key: str, places: list[Scene], n_seed: int, folder: Path) -> list[Job]:
     """Measurements of a variant."""
+    seeds, methods = range(SEED, SEED + n_seed), methods_of(key)
+    more = SETTINGS[key].more
     return [
-        Job(
-            folder / key / f"plant_{scene.plant:02d}_pose_{scene.pose}_seed_{seed:04d}.npz",
-            scene.robot,
-            scene.nominal,
-            scene.angle,
-            scene.excitation,
-            (scene.plant, scene.pose, SEED + seed),
-            methods_of(key),
-            n_exp=len(scene.angle) + SETTINGS[key].more,
-        )
+        job
         for scene in places
-        for seed in seeds
+        for job in jobs_of(scene, seeds, folder / key, methods, len(scene.angle) + more)
     ]
 
 

@@ -193,7 +193,8 @@ def friction_distortion(
             distorted[..., i] = signal @ law.coefficient
         direct.append(gain_per_line(distorted[:, at_lines, i], own[:, at_lines], asked, line))
         damping[i] = max(0.0, float(np.mean(equivalent_gain(direct[i], line).at(line).real)))
-    model = None if linear is None else linear(damping)
+    found = any(law.significance < significance for law in laws)
+    model = linear(damping) if linear is not None and found else None
     deviation = np.zeros((len(line), n_axis))
     for i, law in enumerate(laws):
         if law.significance >= significance:

@@ -115,7 +115,9 @@ def local_rational(
     if freedom.min() >= n_out and valid.any():
         gram, covariance = fit.factors(freedom, valid, found.left, found.right)
         scatter = jackknife_variance(task, model, windows, iterations, n_block, condition_limit)
-        if scatter is not None:
+        if scatter is None:
+            words = (*words, "what differs from block to block as a whole is not in the total")
+        else:
             stated = (
                 np.einsum("fii->fi", covariance).real[..., None] * np.einsum("fjj->fj", gram).real[:, None]
             )
