@@ -38,8 +38,8 @@ class LocalRational(LocalMethod):
 
     The full matrix fraction (`mimo`) has most unknowns and the least model error: with 6 axes and second order 30 per
     output, 42 in the joint approach, so that one experiment needs a window of as many lines. The covariance is that
-    of the estimator about its own mean; the bias of the linearised equations, which iterations take away, and
-    of the local model is not in it.
+    of the estimator about its own mean; the bias of the linearised equations and of
+    the local model is not in it.
 
         frf: {use: frf.lrm, with: {parametrization: mimo, approach: direct, window_lines: 41}}
     """
@@ -49,10 +49,8 @@ class LocalRational(LocalMethod):
     denominator_order: NonNegativeInt = 2
     """Order of the denominator's polynomials."""
     iterations: NonNegativeInt = 0
-    """Passes at most against the bias of the linearised equations; a line keeps the one of least output error."""
-    iteration: Literal["instruments", "weights", "both"] = "instruments"
-    """What a pass takes from the one before: outputs free of noise as `instruments`, the denominator as `weights`
-    (Sanathanan and Koerner), or `both`."""
+    """Passes at most that weigh the linearised equations by the denominator before (Sanathanan and Koerner); a line
+    keeps the one of least output error."""
     prior_poles: bool = False
     """Make the denominators of the nominal robot's poles and fit the numerators alone; direct approach only."""
 
@@ -66,7 +64,6 @@ class LocalRational(LocalMethod):
         def options(configuration: int) -> dict[str, Any]:
             return {
                 "iterations": self.iterations,
-                "iteration": self.iteration,
                 "poles_hz": None if poles is None else poles[configuration],
             }
 

@@ -62,7 +62,7 @@ def run_coverage(arguments: argparse.Namespace) -> None:
     methods = {key: replace(one, counts=(24,)) for key, one in METHODS.items() if 24 in one.counts}
     chosen = coverage.lines(len(scene.truth.frequency_hz))
     folder = arguments.cache / "frf_methods" / "coverage" / estimates.code_hash()
-    seeds = range(1001, 1001 + arguments.seeds)
+    seeds = range(2001, 2001 + arguments.seeds)
     jobs = [replace(job, lines=chosen) for job in jobs_of(scene, seeds, folder, methods)]
     paths = estimates.work_all(jobs, arguments.jobs, tell("measurements"))
     runs = [estimates.read(path) for path in paths]

@@ -15,7 +15,6 @@ from robid_core.estimation.response.local.choice import (
     prediction_error,
     score,
 )
-from robid_core.estimation.response.local.iteration import Iteration
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.result import LocalFit
 from robid_core.estimation.response.local.task import Task
@@ -36,7 +35,6 @@ def local_rational(
     window_lines: int | None = None,
     window_hz: float | None = None,
     iterations: int = 0,
-    iteration: Iteration = "instruments",
     poles_hz: ComplexArray | None = None,
     choose: Choose = "none",
     condition_limit: float = CONDITION_LIMIT,
@@ -58,7 +56,7 @@ def local_rational(
         their ratio (joint input-output approach), without bias from feedback; without it, y over u (direct).
     window_lines, window_hz
         Size of the windows; see `window.choose_windows`.
-    iterations, iteration
+    iterations
         Passes against the bias of the linearised equations; see `iteration`.
     poles_hz
         Complex frequencies of a nominal model's poles (`prior.pole_frequencies`); denominators are then made
@@ -97,7 +95,6 @@ def local_rational(
         n_out=y.shape[1],
         joint=reference is not None,
         poles_hz=poles_hz,
-        iteration=iteration,
         compiled=compiled,
     )
     words: tuple[str, ...] = ()

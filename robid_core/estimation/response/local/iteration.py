@@ -1,16 +1,16 @@
-"""Against the bias of the linearised equations: weights and instruments from the pass before.
+"""Against the bias of the linearised equations: weights from the pass before.
 
-Least squares of ``D y - N u`` is biased, because outputs stand among the regressors with their noise.
-Instruments, the outputs that the fit before gives to the inputs, are free of it and take the bias away.
-Weights (Sanathanan and Koerner 1963: divide by the D before) make the error ``D v`` that of the output, v;
-alone they do not help against noise, since the regressors keep theirs. Blom and van den Hof (2010) take both.
-A pass is kept at a line where it brings the window's true output error down.
+Least squares of ``D y - N u`` weighs the output error v by D, which is small where the local function has its poles.
+Dividing the equations by the D of the pass before (Sanathanan and Koerner 1963) makes their error that of the
+output. A pass is kept at a line where it brings the window's true output error down. What bias noise among the
+regressors brings stays; instruments, outputs that the pass before gives to the inputs, take it away, but scatter
+more than they gain (CONTRIBUTING, Decisions).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +23,6 @@ from robid_core.estimation.response.local.result import polynomial, rational_res
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 IntArray = npt.NDArray[np.int64]
-
-Iteration = Literal["weights", "instruments", "both"]
 
 SMALLEST = 0.03
 """Part of the largest |D| in a window below which weights grow no further."""
@@ -46,11 +44,7 @@ def first_pass(data: WindowData, model: LocalModel, loop_freedom: FloatArray | N
 
     `loop_freedom` (n,) are the degrees of freedom of windows whose signals are in a loop.
     """
-    equations = regressors(data, model)
-    solution = solve(equations, model)
-    noise = _noise(solution, loop_freedom)
-    if noise is not None and model.parametrization == "mimo":
-        solution = solve(equations, model, noise=noise)
+    solution = solve(regressors(data, model), model, loop_freedom)
     weight = np.ones((*data.offset.shape, data.y.shape[-1]))
     return Pass(solution, weight, output_error(data, solution))
 
@@ -71,19 +65,10 @@ def modelled(data: WindowData, solution: Solution) -> ComplexArray:
     return result
 
 
-def _noise(solution: Solution, freedom: FloatArray | None) -> FloatArray | None:
-    if freedom is None:
-        return None
-    total = np.sum(np.abs(solution.error) ** 2, axis=1)
-    result: FloatArray = np.sqrt(total / np.maximum(freedom, 1.0)[:, None])
-    return result
-
-
 def iterate(
     data: WindowData,
     model: LocalModel,
     iterations: int,
-    how: Iteration,
     loop_freedom: FloatArray | None = None,
 ) -> tuple[Pass, IntArray]:
     """Best of `iterations` further passes and the first, line by line; and which pass each line kept, (n,)."""
@@ -93,7 +78,7 @@ def iterate(
         return best, kept
     for number in range(1, iterations + 1):
         before = last.solution.numerator[:, 0]
-        last = next_pass(data, model, last, how, loop_freedom)
+        last = next_pass(data, model, last, loop_freedom)
         better = last.output_error < best.output_error
         best, kept = _choose(better, last, best), np.where(better, number, kept)
         change = np.abs(last.solution.numerator[:, 0] - before).max(axis=(1, 2))
@@ -103,25 +88,21 @@ def iterate(
 
 
 def next_pass(
-    data: WindowData, model: LocalModel, last: Pass, how: Iteration, loop_freedom: FloatArray | None = None
+    data: WindowData, model: LocalModel, last: Pass, loop_freedom: FloatArray | None = None
 ) -> Pass:
-    """Solve anew with weights, instruments or both from the pass before; see `iterate`."""
-    weight = np.ones_like(last.weight)
-    if how != "instruments":
-        d = polynomial(last.solution.denominator, data.offset)
+    """Solve anew with weights from the pass before; see `iterate`."""
+    d = polynomial(last.solution.denominator, data.offset)
+    size = np.abs(np.einsum("nwii->nwi", d))
+    if model.parametrization == "mimo":
         # Of a full matrix one number for all outputs, since weights that mix them would couple all unknowns.
-        size = np.abs(np.einsum("nwii->nwi", d))
-        if model.parametrization == "mimo":
-            size = np.broadcast_to(np.abs(np.linalg.det(d))[..., None] ** (1 / d.shape[-1]), size.shape)
-        weight = 1.0 / np.maximum(size, SMALLEST * size.max(axis=1, keepdims=True))
-    clean = None if how == "weights" else np.nan_to_num(modelled(data, last.solution))
+        size = np.broadcast_to(np.abs(np.linalg.det(d))[..., None] ** (1 / d.shape[-1]), size.shape)
+    weight = 1.0 / np.maximum(size, SMALLEST * size.max(axis=1, keepdims=True))
     if model.parametrization == "miso":
         outputs = [slice(i, i + 1) for i in range(data.y.shape[-1])]
-        parts = [_solve(data, model, weight[..., i], clean, i, None) for i in outputs]
+        parts = [_solve(data, model, weight[..., i], i) for i in outputs]
         solution = _side_by_side(parts)
     else:
-        noise = _noise(last.solution, loop_freedom) if model.parametrization == "mimo" else None
-        solution = _solve(data, model, weight[..., :1], clean, slice(None), noise)
+        solution = _solve(data, model, weight[..., :1], slice(None), loop_freedom)
     return Pass(solution, weight, output_error(data, solution))
 
 
@@ -129,16 +110,11 @@ def _solve(
     data: WindowData,
     model: LocalModel,
     weight: FloatArray,
-    clean: ComplexArray | None,
     outputs: slice,
-    noise: FloatArray | None,
+    loop_freedom: FloatArray | None = None,
 ) -> Solution:
     some = replace(data, y=data.y[..., outputs])
-    one = weight[..., 0].astype(np.complex128)
-    equations = regressors(some, model, one)
-    if clean is None:
-        return solve(equations, model, noise=noise)
-    return solve(equations, model, regressors(replace(data, y=clean[..., outputs]), model, one), noise)
+    return solve(regressors(some, model, weight[..., 0].astype(np.complex128)), model, loop_freedom)
 
 
 def _side_by_side(parts: list[Solution]) -> Solution:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.estimation.response.local.iteration import Iteration, Pass, iterate
+from robid_core.estimation.response.local.iteration import Pass, iterate
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.rational import Solution, solve
 from robid_core.estimation.response.local.regressors import WindowData, regressors, window_data
@@ -55,7 +55,6 @@ def plain_fit(
     model: LocalModel,
     *,
     iterations: int = 0,
-    how: Iteration = "instruments",
     denominators: ComplexArray | None = None,
     loop_freedom: FloatArray | None = None,
 ) -> PlainFit:
@@ -67,7 +66,7 @@ def plain_fit(
         Spectra (n_freq, n_in, n_exp) and (n_freq, n_out, n_exp).
     windows, model
         Which lines belong together, and what is fitted to them.
-    iterations, how
+    iterations
         Further passes; see `iteration`.
     denominators
         Known scalar ones, coefficients (n_freq, order + 1) in the local variable; then only the numerator is
@@ -81,7 +80,7 @@ def plain_fit(
         data = window_data(u, y, windows, chunk)
         if denominators is None:
             freedom = None if loop_freedom is None else loop_freedom[chunk]
-            best, kept = iterate(data, model, iterations, how, freedom)
+            best, kept = iterate(data, model, iterations, freedom)
         else:
             best, kept = _known(data, model, denominators[chunk]), np.zeros(len(data.offset), dtype=np.int64)
         pieces.append(Piece(chunk, data, best.solution, best.weight))

@@ -19,6 +19,7 @@ from robid_core.estimation.response.local.regressors import Regressors
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,7 @@ QUIET = 0.3
 def solve(
     equations: Regressors,
     model: LocalModel,
-    instruments: Regressors | None = None,
-    noise: FloatArray | None = None,
+    loop_freedom: FloatArray | None = None,
 ) -> Solution:
     """Least-squares solution for one denominator of the whole matrix, of each output, or a full matrix.
 
@@ -63,15 +63,12 @@ def solve(
         Of n windows.
     model
         Its orders and parametrisation are those the equations were made with.
-    instruments
-        The same with outputs free of noise: the denominator then makes the errors orthogonal to these in place of
-        the measured outputs, which removes the bias that noise in the regressors brings.
-    noise
-        Standard deviation of the outputs, (n, n_out), for a full matrix fraction of signals in a loop. Some of their
+    loop_freedom
+        Degrees of freedom of the windows, (n,), for a full matrix fraction of signals in a loop. Some of their
         combinations have no noise there (u + F y with a controller F), so that next to nothing decides on the
         coefficients of D along these, and they come out so large that no first-order covariance holds.
         Combinations of the denominator's regressors with less than QUIET of the noise that their terms would
-        have are therefore left out.
+        have, by the residuals with all of them, are therefore left out.
     """
     a, y = equations.numerator, equations.output
     n, n_row, n_out = y.shape
@@ -93,22 +90,24 @@ def solve(
 
     b = equations.denominator.reshape(n, n_row, order * n_out)
     free_b, free_y = rest(b), rest(y)
-    against = free_b if instruments is None else rest(instruments.denominator.reshape(b.shape))
     size = np.linalg.norm(b, axis=1).reshape(n, order, n_out)
     d = np.zeros((n, order, n_out, n_out), dtype=np.complex128)  # power, output of the regressor, equation
     pulls: ComplexArray | None = None
     by_power = free_b.reshape(n, n_row, order, n_out)
-    against = against.reshape(by_power.shape)
     if order and model.parametrization == "mimo":
-        loud = None
-        if noise is not None:
+        columns = _Columns.of(free_b, size.reshape(n, -1))
+        usable = columns.regular
+        if loop_freedom is not None:
+            residual = np.sum(np.abs(free_y - columns.explained(free_y)) ** 2, axis=1)
+            noise = np.sqrt(residual / np.maximum(loop_freedom, 1.0)[:, None])
             level = np.sqrt(np.mean(np.abs(y) ** 2, axis=1))
-            loud = (size * (noise / np.where(level > 0, level, 1.0))[:, None, :]).reshape(n, -1)
-        pulls = _left_inverse(free_b, against.reshape(b.shape), size.reshape(n, -1), loud)
+            relative = noise / np.where(level > 0, level, 1.0)
+            usable = usable & columns.louder((size * relative[:, None, :]).reshape(n, -1))
+        pulls = columns.left_inverse(usable)
         d = -(pulls @ free_y).reshape(n, order, n_out, n_out)
     elif order and model.parametrization == "miso":
         pulls = np.stack(
-            [_left_inverse(by_power[..., i], against[..., i], size[..., i]) for i in range(n_out)], axis=1
+            [_Columns.of(by_power[..., i], size[..., i]).left_inverse() for i in range(n_out)], axis=1
         )
         coefficient = -np.einsum("nisr,nri->nsi", pulls, free_y)
         d = coefficient[..., None] * np.eye(n_out)
@@ -116,11 +115,9 @@ def solve(
         level = np.sqrt(np.mean(np.abs(y) ** 2, axis=1))
         level = np.where(level > 0, level, 1.0)
         # Rows of all outputs under one another, each output scaled to equal size.
-        stacked, stacked_against = (
-            np.moveaxis(x / level[:, None, None, :], 3, 1).reshape(n, -1, order) for x in (by_power, against)
-        )
+        stacked = np.moveaxis(by_power / level[:, None, None, :], 3, 1).reshape(n, -1, order)
         size = np.sqrt(np.sum((size / level[:, None, :]) ** 2, axis=2))
-        flat = _left_inverse(stacked, stacked_against, size)
+        flat = _Columns.of(stacked, size).left_inverse()
         pulls = flat.reshape(n, order, n_out, -1) / level[:, None, :, None]
         coefficient = -np.einsum("nsir,nri->ns", pulls, free_y)
         d = coefficient[:, :, None, None] * np.eye(n_out)
@@ -148,28 +145,42 @@ def solve(
     return Solution(coefficients, denominator, error, condition, influence, leverage, coupling, pull)
 
 
-def _left_inverse(
-    columns: ComplexArray, against: ComplexArray, size: FloatArray, noise: FloatArray | None = None
-) -> ComplexArray:
-    """``(W^H B)^+ W^H`` for columns B and instruments W; with W = B the pseudo-inverse of B.
+@dataclass(frozen=True)
+class _Columns:
+    """Columns divided by their `unit` (n, column), as singular values: `left` (n, row, column), `singular`, `right`."""
 
-    Columns have the `size` that they had before the numerator's regressors were taken from them; what is at
-    rounding level of it then is taken as zero, and so is what has less than QUIET of the columns' `noise`,
-    both (n, column).
-    """
-    unit = np.where(size > 0, size, 1.0)
-    left, singular, right = np.linalg.svd(columns / unit[:, None, :], full_matrices=False)
-    usable = singular > 1e-13 * np.sqrt(columns.shape[1])
-    if noise is not None:
-        usable &= singular > QUIET * np.linalg.norm(right * (noise / unit)[:, None, :], axis=2)
-    reciprocal = np.where(usable, 1.0 / np.where(usable, singular, 1.0), 0.0)
-    way = right.conj().swapaxes(-1, -2) / unit[:, :, None]
-    if np.array_equal(against, columns):
-        result: ComplexArray = (way * reciprocal[:, None, :]) @ left.conj().swapaxes(-1, -2)
+    unit: FloatArray
+    left: ComplexArray
+    singular: FloatArray
+    right: ComplexArray
+
+    @classmethod
+    def of(cls, columns: ComplexArray, size: FloatArray) -> _Columns:
+        """Columns that had this `size` before the numerator's regressors were taken from them."""
+        unit = np.where(size > 0, size, 1.0)
+        return cls(unit, *np.linalg.svd(columns / unit[:, None, :], full_matrices=False))
+
+    @property
+    def regular(self) -> BoolArray:
+        """Directions with more left than rounding errors."""
+        result: BoolArray = self.singular > 1e-13 * np.sqrt(self.left.shape[1])
         return result
-    # In the directions that are used only, each scaled to unit size.
-    instruments = (against @ (way * reciprocal[:, None, :])).conj().swapaxes(-1, -2)
-    middle = instruments @ (columns @ (way * reciprocal[:, None, :]))
-    middle = middle + np.eye(middle.shape[-1]) * ~usable[:, None, :]
-    result = (way * reciprocal[:, None, :]) @ np.linalg.pinv(middle, rcond=1e-13) @ instruments
-    return result
+
+    def louder(self, noise: FloatArray) -> BoolArray:
+        """Directions with at least QUIET of the `noise` of their columns, (n, column)."""
+        own = np.linalg.norm(self.right * (noise / self.unit)[:, None, :], axis=2)
+        result: BoolArray = self.singular > QUIET * own
+        return result
+
+    def explained(self, y: ComplexArray) -> ComplexArray:
+        """Part of y (n, row, m) in the span of the regular directions."""
+        left = self.left * self.regular[:, None, :]
+        return left @ (left.conj().swapaxes(-1, -2) @ y)
+
+    def left_inverse(self, usable: BoolArray | None = None) -> ComplexArray:
+        """Pseudo-inverse with the `usable` directions alone, or the regular ones."""
+        usable = self.regular if usable is None else usable
+        reciprocal = np.where(usable, 1.0 / np.where(usable, self.singular, 1.0), 0.0)
+        way = self.right.conj().swapaxes(-1, -2) / self.unit[:, :, None]
+        result: ComplexArray = (way * reciprocal[:, None, :]) @ self.left.conj().swapaxes(-1, -2)
+        return result

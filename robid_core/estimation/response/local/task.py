@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.estimation.response.local.compiled import CompiledFit, can_be_compiled, compiled_fit
-from robid_core.estimation.response.local.iteration import Iteration
 from robid_core.estimation.response.local.joint import condition_of, ratio
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.plain import PlainFit, plain_fit
@@ -34,8 +33,8 @@ class Ratio:
 class Task:
     """Spectra of regressors r (n_freq, n_in, n_exp) and of what is fitted over them, z (n_freq, n_fitted, n_exp).
 
-    z are the outputs, and with `joint` the inputs below them; the first `n_out` are outputs. `poles_hz` and
-    `iteration` as in `fit.local_rational`.
+    z are the outputs, and with `joint` the inputs below them; the first `n_out` are outputs. `poles_hz` as
+    in `fit.local_rational`.
     """
 
     r: ComplexArray
@@ -44,7 +43,6 @@ class Task:
     n_out: int
     joint: bool
     poles_hz: ComplexArray | None
-    iteration: Iteration
     compiled: bool
 
     def of_experiments(self, kept: BoolArray) -> Task:
@@ -83,7 +81,6 @@ class Task:
             windows,
             model,
             iterations=iterations,
-            how=self.iteration,
             denominators=known,
             loop_freedom=self.freedom(model, windows) if in_loop and not judged else None,
         )
