@@ -81,14 +81,13 @@ def estimate(record: Record, nominal: Robot, methods: Mapping[str, Method]) -> d
     context, found = quiet(), {}
     for count in sorted({count for method in methods.values() for count in method.counts}):
         part = first_experiments(record, count)
-        prepared: dict[tuple[str, ...], Record] = {(): part}
+        known: dict[tuple[str, ...], Record] = {}
         for key, method in methods.items():
             if count not in method.counts:
                 continue
             try:
-                if method.before not in prepared:
-                    prepared[method.before] = method.prepare(part, nominal, context)
-                frf = method.estimate(prepared[method.before], nominal, context)
+                prepared = method.prepare(part, nominal, context, known)
+                frf = method.estimate(prepared, nominal, context)
             except RobidError:
                 continue
             shape = frf.response.shape[1:]

@@ -22,10 +22,20 @@ class Method:
     before: tuple[str, ...] = ()
     counts: tuple[int, ...] = (6, 24)
 
-    def prepare(self, record: Record, robot: Robot, context: Context) -> Record:
-        """Run the stages before the estimator."""
-        for name in self.before:
-            record = run_stage(name, {}, record, robot, context)
+    def prepare(
+        self,
+        record: Record,
+        robot: Robot,
+        context: Context,
+        known: dict[tuple[str, ...], Record] | None = None,
+    ) -> Record:
+        """Run the stages before the estimator; `known` remembers what came of the record after which stages."""
+        known = {} if known is None else known
+        for number, name in enumerate(self.before, start=1):
+            done = self.before[:number]
+            if done not in known:
+                known[done] = run_stage(name, {}, record, robot, context)
+            record = known[done]
         return record
 
     def estimate(self, record: Record, robot: Robot, context: Context) -> Frf:

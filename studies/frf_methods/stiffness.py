@@ -99,13 +99,11 @@ def kept(number: int, folder: Path) -> dict[str, FloatArray]:
 def estimates(record: Record, nominal: Robot) -> dict[tuple[str, int], Frf]:
     """Response of every variant in one pose."""
     result = {}
-    prepared: dict[tuple[int, tuple[str, ...]], Record] = {}
+    known: dict[int, dict[tuple[str, ...], Record]] = {}
     for key, count in VARIANTS:
-        method = METHODS[key]
-        place = count, method.before
-        if place not in prepared:
-            prepared[place] = method.prepare(first_experiments(record, count), nominal, quiet())
-        result[key, count] = method.estimate(prepared[place], nominal, quiet())
+        method, part = METHODS[key], first_experiments(record, count)
+        prepared = method.prepare(part, nominal, quiet(), known.setdefault(count, {}))
+        result[key, count] = method.estimate(prepared, nominal, quiet())
     return result
 
 

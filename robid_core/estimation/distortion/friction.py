@@ -63,11 +63,14 @@ def speed_functions(speed: FloatArray, rms: float) -> FloatArray:
     -------
     Shape (n_function, *speed.shape); zero for a motor that does not move.
     """
+    functions = np.zeros((len(WIDTHS) + 1, *speed.shape))
     if rms == 0.0:
-        return np.zeros((len(WIDTHS) + 1, *speed.shape))
-    scaled = speed / rms
-    odd = [np.tanh(scaled / width) for width in WIDTHS]
-    return np.stack([*odd, scaled * odd[1]])
+        return functions
+    for function, width in zip(functions, WIDTHS, strict=False):
+        np.divide(speed, rms * width, out=function)
+        np.tanh(function, out=function)
+    np.multiply(speed, functions[1] / rms, out=functions[-1])
+    return functions
 
 
 def fit_speed_law(
@@ -217,7 +220,7 @@ def friction_distortion(
 
 
 def law_at(
-    speed: ComplexArray, law: SpeedLaw, rms: float, line: IntArray, n_sample: int, at_once: int = 48
+    speed: ComplexArray, law: SpeedLaw, rms: float, line: IntArray, n_sample: int, at_once: int = 4
 ) -> ComplexArray:
     """Spectra (n_exp, n_freq) of a law at the lines, of speeds (n_exp, n_bin) of one motor; some at a time."""
     parts = []

@@ -190,20 +190,22 @@ def dense_covariance(solution: Solution, products: ComplexArray, deviation: Floa
     own = solution.influence
     n_in, n_row = own.shape[2:]
     by_row = np.repeat(deviation, n_row // w, axis=1).swapaxes(-1, -2)  # (n, n_out, row)
-    scaled = (own * by_row[:, :, None, :]).reshape(n, n_out * n_in, n_row)
+    scaled = own * by_row[:, :, None, :]
+    flat = scaled.reshape(n, n_out * n_in, n_row)
+    gram = (flat @ flat.conj().swapaxes(-1, -2)).reshape(n, n_out, n_in, n_out, n_in)
+    dense: ComplexArray = gram * products[:, :, None, :, None]
     if solution.coupling is None or solution.pull is None:
-        gram = (scaled @ scaled.conj().swapaxes(-1, -2)).reshape(n, n_out, n_in, n_out, n_in)
-        dense: ComplexArray = gram * products[:, :, None, :, None]
         return dense
-    # Every error reaches every entry: all of them side by side, row by row and output by output.
+    # A common denominator carries every error to every entry: its own scatter, and how that goes with the rest's.
     pull = solution.pull * by_row.swapaxes(-1, -2)[:, None]
-    through = solution.coupling.reshape(n, pull.shape[1], n_out * n_in).swapaxes(-1, -2)
-    effect = (through @ pull.reshape(n, pull.shape[1], -1)).reshape(n, n_out, n_in, n_row, n_out)
-    diagonal = np.arange(n_out)
-    effect[:, diagonal, :, :, diagonal] += np.moveaxis(scaled.reshape(n, n_out, n_in, n_row), 1, 0)
-    left = (effect @ products[:, None, None]).reshape(n, n_out * n_in, -1)
-    dense = left @ effect.reshape(n, n_out * n_in, -1).conj().swapaxes(-1, -2)
-    return dense.reshape(n, n_out, n_in, n_out, n_in)
+    through = np.moveaxis(solution.coupling, 1, -1).reshape(n, n_out * n_in, -1)
+    pulled = pull @ products[:, None]
+    n_power = pull.shape[1]
+    scatter = pulled.reshape(n, n_power, -1) @ pull.reshape(n, n_power, -1).conj().swapaxes(-1, -2)
+    joint = np.moveaxis(pulled, -1, 1) @ scaled.conj().swapaxes(-1, -2)  # (n, n_out, power, n_in)
+    cross = through @ np.moveaxis(joint, 1, 2).reshape(n, n_power, -1)
+    common = through @ scatter @ through.conj().swapaxes(-1, -2) + cross + cross.conj().swapaxes(-1, -2)
+    return dense + common.reshape(dense.shape)
 
 
 def nearest_product(
