@@ -10,6 +10,7 @@ import argparse
 import multiprocessing
 import os
 import sys
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -19,8 +20,8 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from studies.frf_methods import accuracy, amplitude, coverage, estimates, stiffness, variants  # noqa: E402
-from studies.frf_methods.methods import METHODS  # noqa: E402
+from studies.frf_methods import accuracy, amplitude, coverage, estimates, iterations, stiffness, variants  # noqa: E402
+from studies.frf_methods.methods import METHODS, Method
 from studies.frf_methods.page import study_page  # noqa: E402
 from studies.frf_methods.scenes import POSES, jobs_of, scenes  # noqa: E402
 from studies.frf_methods.tables import write_table  # noqa: E402
@@ -37,11 +38,19 @@ def tell(what: str) -> estimates.Callable[[int, int], None]:
 
 def run_accuracy(arguments: argparse.Namespace) -> None:
     """Table of errors of all methods."""
-    poses = POSES[: arguments.poses]
-    places = list(scenes(poses, arguments.cache))
+    _errors("accuracy", METHODS, arguments)
+
+
+def run_iterations(arguments: argparse.Namespace) -> None:
+    """Table of errors of local fits with and without iterations."""
+    _errors("iterations", iterations.methods(), arguments)
+
+
+def _errors(part: str, methods: Mapping[str, Method], arguments: argparse.Namespace) -> None:
+    places = list(scenes(POSES[: arguments.poses], arguments.cache))
     seeds = range(1, arguments.seeds + 1)
-    folder = arguments.cache / "frf_methods" / estimates.code_hash()
-    jobs = [job for scene in places for job in jobs_of(scene, seeds, folder, METHODS)]
+    folder = arguments.cache / "frf_methods" / estimates.code_hash() / part
+    jobs = [job for scene in places for job in jobs_of(scene, seeds, folder, methods)]
     paths = iter(estimates.work_all(jobs, arguments.jobs, tell("measurements")))
     by_variant: dict[estimates.Variant, list[accuracy.PoseErrors]] = {}
     for scene in places:
@@ -50,10 +59,10 @@ def run_accuracy(arguments: argparse.Namespace) -> None:
             kept = accuracy.pose_errors(scene.truth, [one[variant] for one in found])
             by_variant.setdefault(variant, []).append(kept)
     complete = {variant: poses for variant, poses in by_variant.items() if len(poses) == len(places)}
-    titles = {key: method.title for key, method in METHODS.items()}
+    titles = {key: method.title for key, method in methods.items()}
     rows = accuracy.table(complete, titles, np.random.default_rng(0))
-    command = f"{COMMAND} accuracy --poses {len(places)} --seeds {arguments.seeds}"
-    print(f"\n{write_table('accuracy', rows, command)}")
+    command = f"{COMMAND} {part} --poses {len(places)} --seeds {arguments.seeds}"
+    print(f"\n{write_table(part, rows, command)}")
 
 
 def run_coverage(arguments: argparse.Namespace) -> None:
@@ -121,6 +130,7 @@ def run_page(arguments: argparse.Namespace) -> None:
 
 PARTS = {
     "accuracy": run_accuracy,
+    "iterations": run_iterations,
     "coverage": run_coverage,
     "stiffness": run_stiffness,
     "amplitude": run_amplitude,

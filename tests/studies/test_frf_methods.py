@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parents[2]))
-from studies.frf_methods import accuracy, coverage, estimates, stiffness, tables, variants
+from studies.frf_methods import accuracy, coverage, estimates, iterations, stiffness, tables, variants
 from studies.frf_methods.measurement import chance, first_experiments, measure, references
 from studies.frf_methods.methods import METHODS
 from studies.frf_methods.scenes import POSES, shipped_class
@@ -36,7 +36,7 @@ def record(one_axis: Any) -> Record:
 
 
 def test_methods_are_registered_stages_with_settings_that_they_know() -> None:
-    for method in METHODS.values():
+    for method in [*METHODS.values(), *iterations.methods().values()]:
         registry().load(STAGES, method.use)(**method.settings)
         for name in method.before:
             registry().load(STAGES, name)()
