@@ -21,7 +21,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 from studies.frf_methods import accuracy, amplitude, coverage, estimates, iterations, stiffness, variants  # noqa: E402
-from studies.frf_methods.methods import METHODS, Method
+from studies.frf_methods.methods import METHODS, Method  # noqa: E402
 from studies.frf_methods.page import study_page  # noqa: E402
 from studies.frf_methods.scenes import POSES, jobs_of, scenes  # noqa: E402
 from studies.frf_methods.tables import write_table  # noqa: E402
