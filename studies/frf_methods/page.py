@@ -30,6 +30,7 @@ ComplexArray = npt.NDArray[np.complex128]
 
 TABLES = {
     "accuracy": "Accuracy of every method",
+    "iterations": "Local fits with and without iterations",
     "coverage": "Coverage of the stated regions",
     "stiffness": "Errors of the stiffnesses",
     "variants": "The same robots otherwise",

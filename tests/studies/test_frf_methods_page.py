@@ -99,6 +99,7 @@ AMPLITUDE = rows(
 )
 TABLES = {
     "accuracy": ACCURACY,
+    "iterations": ACCURACY,
     "coverage": COVERAGE,
     "stiffness": STIFFNESS,
     "variants": VARIANTS,
