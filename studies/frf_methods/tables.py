@@ -23,8 +23,9 @@ def write_table(name: str, rows: Sequence[Row], command: str) -> Path:
     """Write `name`.csv beside the study."""
     path = HERE / f"{name}.csv"
     keys = list(dict.fromkeys(key for row in rows for key in row))
+    state = commit()  # before the file is touched
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# {command}; on {commit()}\n")
+        file.write(f"# {command}; on {state}\n")
         writer = csv.DictWriter(file, keys, lineterminator="\n")
         writer.writeheader()
         for row in rows:
