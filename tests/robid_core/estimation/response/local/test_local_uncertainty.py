@@ -9,9 +9,10 @@ import pytest
 from scipy import stats
 
 from robid_core.estimation.response.covariance import confidence_radius
-from robid_core.estimation.response.local.covariance import nearest_product
+from robid_core.estimation.response.local.covariance import dense_covariance, nearest_product
 from robid_core.estimation.response.local.fit import local_rational
 from robid_core.estimation.response.local.model import LocalModel
+from robid_core.estimation.response.local.rational import Solution
 from robid_core.testing.plants import MassSpringPlant
 
 N_FREQ, RUNS = 60, 50
@@ -108,3 +109,27 @@ def test_a_kronecker_product_is_its_own_nearest() -> None:
     # vec(G) has covariance conj(gram inverse) (x) output covariance.
     both = np.einsum("nik,njl->nijkl", covariance, found.conj())
     assert both == pytest.approx(dense, rel=1e-9)
+
+
+@pytest.mark.parametrize("first", [1, 3])
+def test_errors_reach_all_entries_through_a_common_denominator(first: int) -> None:
+    n_out, n_in, n_line, n_exp, order = 3, 2, 4, 5, 2
+    generator = np.random.default_rng(first)
+    own = gaussian(generator, 1, first, n_in, n_line * n_exp)
+    coupling = gaussian(generator, 1, order, n_out, n_in)
+    pull = gaussian(generator, 1, order, n_line * n_exp, n_out)
+    root = gaussian(generator, 1, n_out, n_out)
+    products = root @ root.conj().swapaxes(1, 2)
+    deviation = generator.random((1, n_line, n_out)) + 0.5
+    none: Any = np.zeros(0)
+    solution = Solution(none, none, none, none, own, none, coupling, pull)
+    expected = np.zeros((n_out, n_in, n_out, n_in), dtype=np.complex128)
+    for row in range(n_line * n_exp):
+        # What an error of this row does to every entry, output by output: by itself, and by the denominator.
+        effect = np.einsum("sij,sk->ijk", coupling[0], pull[0, :, row])
+        for i in range(n_out):
+            effect[i, :, i] += own[0, min(i, first - 1), :, row]
+        scaled = effect * deviation[0, row // n_exp]
+        expected += np.einsum("ijk,kl,abl->ijab", scaled, products[0], scaled.conj())
+    found = dense_covariance(solution, products, deviation)[0]
+    assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
