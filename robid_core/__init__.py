@@ -29,9 +29,10 @@ _HOME = {
         "TestValue",
     ),
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
+    "robid_core.interruption": ("at_safe_points", "heed"),
     "robid_core.errors": (
         "ConfigurationError", "DataRejected", "MotionAborted", "MotionRefused", "NotIdentifiable",
-        "NotTrustworthy", "PluginError", "PoorExcitation", "RobidError", "StoreError",
+        "NotTrustworthy", "PluginError", "PoorExcitation", "RobidError", "StopNotConfirmed", "StoreError",
     ),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -93,12 +94,17 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         PluginError as PluginError,
         PoorExcitation as PoorExcitation,
         RobidError as RobidError,
+        StopNotConfirmed as StopNotConfirmed,
         StoreError as StoreError,
     )
     from robid_core.gate import (
         Clearance as Clearance,
         MotionLimits as MotionLimits,
         clear_motion as clear_motion,
+    )
+    from robid_core.interruption import (
+        at_safe_points as at_safe_points,
+        heed as heed,
     )
     from robid_core.registry import (
         Plugin as Plugin,

@@ -35,6 +35,10 @@ class MotionAborted(RobidError):
     exit_code = 4
 
 
+class StopNotConfirmed(MotionAborted):
+    """Not every motor was seen to stand still after it was told to stop; the message names those that were not."""
+
+
 class DataRejected(RobidError):
     """Measured data cannot carry what is asked of them."""
 

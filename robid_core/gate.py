@@ -38,16 +38,48 @@ class Clearance:
 
     def covers(self, start: FloatArray, reference: FloatArray, sample_time_s: float, periods: int) -> bool:
         """Tell whether this motion is the one that was cleared, repetitions and clock included."""
+        if _flaw(start, reference, sample_time_s, periods):
+            return False
         return self.sha256 == _digest(start, reference, sample_time_s, periods)
 
 
 def _digest(start: FloatArray, reference: FloatArray, sample_time_s: float, periods: int) -> str:
     digest = hashlib.sha256(repr((float(sample_time_s), int(periods))).encode())
     for part in (start, reference):
-        data = np.ascontiguousarray(part, dtype=np.float64)
+        data = np.ascontiguousarray(part)
         digest.update(repr(data.shape).encode())
         digest.update(data.tobytes())
     return digest.hexdigest()
+
+
+def _flaw(start: FloatArray, reference: FloatArray, sample_time_s: float, periods: int) -> str | None:
+    """Say what keeps this from being a motion at all: types, shapes, values; None where it is one."""
+    for name, part, n_dim in (("start", start, 1), ("reference", reference, 2)):
+        if not (isinstance(part, np.ndarray) and part.dtype == np.float64 and part.ndim == n_dim):
+            return f"{name} must be an array of float64 with {n_dim} dimension{'s' * (n_dim > 1)}"
+        if not np.isfinite(part).all():
+            return "the commands hold NaN or infinite values"
+    if not (reference.size and reference.shape[1] == len(start)):
+        return f"a reference of shape {reference.shape} does not fit a start of {len(start)} motors"
+    if isinstance(periods, bool) or not isinstance(periods, int | np.integer) or periods < 1:
+        return f"{periods!r} is no number of periods"
+    number = isinstance(sample_time_s, float | int) and not isinstance(sample_time_s, bool)
+    if not (number and 0 < sample_time_s < np.inf):
+        return f"{sample_time_s!r} is no time between samples"
+    return None
+
+
+def _flaw_of_limits(limits: MotionLimits, n_axis: int) -> str | None:
+    """Say which limit is none; a limit may be infinite, and never NaN or of another shape."""
+    for name in ("lower", "upper", "speed", "acceleration"):
+        value = getattr(limits, name)
+        if not (isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (n_axis,)):
+            return f"the {name} limit must be an array of float64 with one entry for each of {n_axis} motors"
+        if np.isnan(value).any():
+            return f"the {name} limit is NaN"
+    if len(limits.axis_names) != n_axis:
+        return f"there are {len(limits.axis_names)} names for {n_axis} motors"
+    return None
 
 
 def clear_motion(
@@ -55,27 +87,31 @@ def clear_motion(
 ) -> Clearance:
     """Check a periodic speed reference and sign it off.
 
+    The speed is held from sample to sample, so that the angle turns back at sampling instants only; the motor
+    starts and ends at rest, and steps there and from period to period count as acceleration.
+
     Parameters
     ----------
     start
-        Motor angles at which the motion begins, rad, shape (n_axis,).
+        Motor angles at which the motion begins, rad, shape (n_axis,), float64.
     reference
-        One period of motor speed, rad/s, shape (n_sample, n_axis), repeated `periods` times.
+        One period of motor speed, rad/s, shape (n_sample, n_axis), float64, repeated `periods` times.
     sample_time_s
-        Time between samples.
+        Time between samples, above zero.
     periods
-        How often the reference is repeated; a reference that does not close would walk away.
+        How often the reference is repeated, at least once; a reference that does not close walks away.
     limits
         The motors' limits.
 
     Raises
     ------
     MotionRefused
-        Where a sample leaves position, speed or acceleration limits (start and wrap included), or is NaN.
+        Where a sample leaves position, speed or acceleration limits (start and wrap included), where a value is NaN,
+        and where types or shapes are not those above.
     """
-    if not (np.isfinite(start).all() and np.isfinite(reference).all()):
-        raise MotionRefused("D03: the commands hold NaN or infinite values; nothing was sent")
-    # The speed is held from sample to sample; the motor starts and ends at rest, and the period wraps.
+    flaw = _flaw(start, reference, sample_time_s, periods) or _flaw_of_limits(limits, len(start))
+    if flaw:
+        raise MotionRefused(f"D03: {flaw}; nothing was sent")
     rest = np.zeros_like(reference[:1])
     step = np.diff(reference, axis=0, prepend=rest, append=rest)
     if periods > 1:

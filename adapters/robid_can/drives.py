@@ -8,6 +8,8 @@ does not exist yet.
 from __future__ import annotations
 
 import itertools
+import sys
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
@@ -21,8 +23,11 @@ from robid_core import (
     Robot,
     RobotName,
     Session,
+    StopNotConfirmed,
     Trace,
     Truth,
+    at_safe_points,
+    heed,
 )
 
 if TYPE_CHECKING:
@@ -30,6 +35,7 @@ if TYPE_CHECKING:
     from robid_can.host import ExpectedDrive, Host
 
 PEAK_OVER_RATED = 3  # torque limit over rated torque of the virtual drives; common for servo motors
+QUICK_STOP = 1000.0  # rad/s^2, ramp of the virtual drives: half a second from 500 rad/s
 DEFAULT_INCREMENTS = 2**20  # per turn, where the robot's file knows no encoder
 _sessions = itertools.count()  # two sessions of one process do not share a virtual bus
 
@@ -146,6 +152,7 @@ def nameplates(robot: Robot) -> list[Nameplate]:
             encoder_increments=int(d.encoder_counts[axis]) or DEFAULT_INCREMENTS,
             rated_torque_mnm=int(np.ceil(1e3 * d.torque_limit[axis] / PEAK_OVER_RATED)),
             saturated_torque_nm=float(saturated[axis]),
+            quick_stop_deceleration=float(min(QUICK_STOP, robot.limits.acceleration[axis])),
         )
         for axis in range(robot.n_axis)
     ]
@@ -180,6 +187,7 @@ class OpenCanDrives:
         self._plant = plant
         self._expected = expected
         self._host: Host | None = None
+        self._safe_points = ExitStack()
 
     def _connect(self) -> Host:
         """Open both ends of the virtual bus."""
@@ -206,29 +214,47 @@ class OpenCanDrives:
         return Host(link, self._expected, dictionary.virtual_drive_dictionary())
 
     def __enter__(self) -> Self:
-        """Bring the drives up; whatever fails here leaves nothing switched on."""
-        self._host = self._connect()
+        """Bring the drives up; whatever fails here leaves nothing switched on.
+
+        From here on signals interrupt at safe points only: where the host waits for the bus.
+        """
+        self._safe_points.enter_context(at_safe_points())
         try:
+            self._host = self._connect()
             self._host.bring_up(self._settings.bitrate, self._session.robot.sample_time_s)
         except BaseException:
-            self.__exit__()
+            self.__exit__(*sys.exc_info())
             raise
         self._note(f"{len(self._expected)} drives are enabled on {self._settings.interface} bus")
         return self
 
     def __exit__(self, *exception: object) -> None:
-        """Stop, switch off, leave the bus."""
-        if self._host is None:
-            return
-        host, self._host = self._host, None
+        """Stop, switch off, leave the bus; a signal that comes meanwhile interrupts afterwards: no safe point here.
+
+        Raises StopNotConfirmed where a motor was not seen to stand still, also in place of another error.
+        """
+        with self._safe_points:
+            host, self._host = self._host, None
+            if host is not None:
+                self._stop(host, exception[1] if exception else None)
+        if host is not None and not any(exception):
+            heed()
+
+    def _stop(self, host: Host, cause: object) -> None:
         try:
             problems = host.stop()
-            for problem in problems:
-                self._session.log.error("drives: %s", problem)
-            self._note("; ".join(problems) or "all drives have stopped and are switched off")
         finally:
             for bus in self._buses:
                 bus.shutdown()
+        for problem in problems:
+            self._session.log.error("drives: %s", problem)
+        outcome = "; ".join(problems) or "all drives have stopped and are switched off"
+        self._note(outcome)
+        if isinstance(cause, KeyboardInterrupt) and not problems:
+            cause.add_note(outcome)
+        elif problems:
+            why = "interrupted" if isinstance(cause, KeyboardInterrupt) else str(cause or "at the end")
+            raise StopNotConfirmed(f"{why}; {outcome}")
 
     def _note(self, text: str) -> None:
         self._session.note(text)

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from robid_core import ConfigurationError, PluginError, RobidError
+from robid_core import ConfigurationError, PluginError, RobidError, heed
 from robid_dask.cluster import client_of, connect, distributed, local_cluster, own_settings
 from robid_dask.task import compute, packed, task_name, versions
 
@@ -133,6 +133,7 @@ class DaskMap:
                 outcome: tuple[str, bytes] = future.result(timeout=1.0)
                 return outcome
             except TimeoutError:  # of the waiting: what a task raises comes as a value
+                heed()
                 if client.nthreads():
                     alone_since = None
                     continue

@@ -235,7 +235,7 @@ class DriveAcquisition(Acquisition):
                         traces[place] = trace
             except MotionAborted as error:
                 kept = " in the raw log" if log is not None else " nowhere: there is no raw log"
-                raise MotionAborted(
+                raise type(error)(  # StopNotConfirmed stays one
                     f"{error}; {len(traces)} of {len(experiments)} experiments are kept{kept}"
                 ) from error
         context.progress(len(traces), len(experiments), "all experiments are done")

@@ -1,7 +1,8 @@
 """The command line: one file per command, imported when it is called; only these modules print.
 
 `main` is the console script. A mistake of the user is a message and an exit code (`robid_core.errors`), never a
-traceback; `--debug` shows it. A mistake of ours is saved as a report, whose place is told.
+traceback; `--debug` shows it. A mistake of ours is saved as a report, whose place is told. Signals are listened to
+before anything else is loaded.
 """
 
 from __future__ import annotations
@@ -9,9 +10,36 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from robid_core.interruption import no_longer, requested, signals_as_interrupt
+
+INTERRUPTED = 130
+MOTION_ABORTED = 4  # says more than that the run was interrupted
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
-    from robid_core.commands.app import command_line
+    with signals_as_interrupt():
+        code = _exit_code(arguments)
+        if arguments is None:  # what comes now comes too late
+            no_longer()
+    sys.exit(code)
 
-    command_line(list(sys.argv[1:] if arguments is None else arguments))
+
+def _exit_code(arguments: Sequence[str] | None) -> str | int | None:
+    """Run the command line; who was told to stop ends as interrupted, also where somebody swallowed that."""
+    code: str | int | None = None
+    try:
+        from robid_core.commands.app import command_line
+
+        command_line(list(sys.argv[1:] if arguments is None else arguments))
+    except SystemExit as end:
+        code = end.code
+    except KeyboardInterrupt:
+        pass
+    except Exception:
+        if not requested():  # an import that is interrupted fails in many ways
+            raise
+    if requested() and code not in (INTERRUPTED, MOTION_ABORTED):
+        sys.stderr.write("interrupted\n")
+        code = INTERRUPTED
+    return code

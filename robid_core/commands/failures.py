@@ -15,13 +15,13 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from robid_core import __version__
-from robid_core.errors import RobidError
+from robid_core.commands import INTERRUPTED
+from robid_core.errors import RobidError, StopNotConfirmed
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 BUG = 70
-INTERRUPTED = 130
 
 
 def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
@@ -36,6 +36,8 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
                 traceback.print_exc()
             else:
                 _say(str(error))
+            if isinstance(error, StopNotConfirmed) and sys.stderr.isatty():
+                _say("\a" * 3)  # a person at the robot may look elsewhere
             raise SystemExit(error.exit_code) from error
         except KeyboardInterrupt as error:
             if debug:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from robid_core.commands import INTERRUPTED
 from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, Overrides, PipelineFile, load_pipeline
 from robid_core.errors import ConfigurationError
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from robid_core.pipeline import Pipeline
     from robid_core.run import Decision, RunOptions
 
-INTERRUPTED = 130
 MAXIMUM_JOBS = 1024
 
 
@@ -101,8 +101,9 @@ def _run(pipeline: Pipeline, options: RunOptions, again: str, quiet: bool, verbo
     try:
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)
-    except KeyboardInterrupt:
-        typer.echo("interrupted; finished stages are kept, and the same command goes on from there", err=True)
+    except KeyboardInterrupt as interrupt:
+        told = ["interrupted", *getattr(interrupt, "__notes__", ()), "finished stages are kept"]
+        typer.echo(f"{'; '.join(told)}, and the same command goes on from there", err=True)
         raise SystemExit(INTERRUPTED) from None
     if quiet:
         page = last_page(pipeline, result)

@@ -25,8 +25,11 @@ from typing import Any
 
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.executors.task import check_task, surviving, task_name
+from robid_core.interruption import heed
 
 LOG = logging.getLogger("robid.executors")
+LOOK_S = 0.5  # how often a wait looks whether the run was told to stop
+END_S = 2.0  # a worker has so long to end by itself, and so long to be gone when it is killed
 DEATHS = 3  # so many pools in a row may break before their task is held to be the cause
 
 
@@ -40,6 +43,8 @@ class _Given:
     def result(self) -> Any:
         if self.future is None:
             raise BrokenProcessPool("the pool broke before it took the task")
+        while not concurrent.futures.wait([self.future], LOOK_S).done:
+            heed()
         return self.future.result()
 
     @property
@@ -152,7 +157,9 @@ class ProcessMap:
         for worker in workers:
             worker.terminate()
         for worker in workers:
-            worker.join()
+            worker.join(END_S)
+            worker.kill()  # one that has ended is not touched
+            worker.join(END_S)
 
 
 def _processors() -> int:

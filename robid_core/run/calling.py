@@ -11,6 +11,7 @@ from typing import Any
 from robid_core.artifacts import Artifact, Truth
 from robid_core.drives import Drives
 from robid_core.executors import ProcessMap, process_executor
+from robid_core.interruption import heed
 from robid_core.mechanics import warm_up
 from robid_core.pipeline import StageNode
 from robid_core.robot import Robot
@@ -123,12 +124,14 @@ class Caller:
                     else executor_choice(pipeline, self._options)
                 ),
                 result=result,
+                has_drives=_has_drives(node),
             )
             run_confined(job, self._options.deadline_s, self._options.memory_mb, self._progress(node))
             return node.stage.output.read(result)
 
     def _progress(self, node: StageNode) -> Callable[..., None]:
         def progress(done: float, total: float, note: str = "") -> None:
+            heed()
             self._listener.progress(node.name, done, total, note)
 
         return progress

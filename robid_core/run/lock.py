@@ -12,11 +12,15 @@ import fcntl
 import json
 import os
 import socket
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from robid_core.errors import StoreError
+from robid_core.interruption import heed
 from robid_core.store import failures_named
+
+LOOK_S = 0.05  # how often a lock that somebody holds is tried
 
 
 @contextlib.contextmanager
@@ -49,7 +53,9 @@ def run_lock(path: Path, wait: bool, waiting: Callable[[str], None]) -> Iterator
                         "wait for it to end, or run without --no-wait"
                     )
                 waiting(holder)
-                fcntl.flock(descriptor, fcntl.LOCK_EX)
+                while not _try(descriptor):
+                    heed()
+                    time.sleep(LOOK_S)
             _write(descriptor, {"pid": os.getpid(), "host": socket.gethostname(), "since": _now()})
         try:
             yield

@@ -12,13 +12,13 @@ from dataclasses import replace
 from robid_core.artifacts import Fit
 from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError
 from robid_core.executors import one_thread
+from robid_core.interruption import heed, signals_as_interrupt
 from robid_core.pipeline import Pipeline, StageNode
 from robid_core.run.beginning import executor, hold_to, new_manifest
 from robid_core.run.calling import Caller
 from robid_core.run.folder import RunFolder
 from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings
-from robid_core.run.interruption import signals_as_interrupt
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file
 from robid_core.run.manifest import Manifest, StageRecord
@@ -51,8 +51,8 @@ def run_pipeline(
     folder.make()
     title = f"run of {pipeline.path} by process {os.getpid()}"
     with (
-        run_lock(folder.lock, options.wait, listener.waiting),
         signals_as_interrupt(),
+        run_lock(folder.lock, options.wait, listener.waiting),
         one_thread(),
         log_file(folder.log, title),
         executor(pipeline, options) as tasks,
@@ -99,6 +99,7 @@ class _Run:
         self.store.write(self.folder.pipeline, self.pipeline.text.encode())
         try:
             for index, node in enumerate(self.pipeline.stages, start=1):
+                heed()
                 self._stage(node, index, node.name in chosen, node.name in forced)
                 self.manifest.write(self.store, self.folder)
         except BaseException as error:

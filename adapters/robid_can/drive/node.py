@@ -33,6 +33,7 @@ class Nameplate:
     encoder_increments: int  # per turn
     rated_torque_mnm: int
     saturated_torque_nm: float  # from here on a measured torque counts as limited
+    quick_stop_deceleration: float = 1000.0  # rad/s^2, as commissioned
 
 
 class Axis(Protocol):
@@ -53,8 +54,11 @@ class Axis(Protocol):
     def move_to(self, angle: float, speed: float) -> None:
         """Begin a move."""
 
+    def slow_down(self, deceleration: float) -> int:
+        """Drop what was under way and ramp down to rest, rad/s^2; return when the motor is there, us."""
+
     def halt(self) -> None:
-        """Come to rest here and drop what was under way."""
+        """Drop what was under way and stand still here."""
 
 
 class DriveNode:
@@ -72,6 +76,7 @@ class DriveNode:
         self.nameplate = nameplate
         self.axis = axis
         self.mute = False  # a broken drive for tests and drills: hears everything, says nothing
+        self.deaf = False  # another: answers, but and obeys no order to stop
         self._send = send
         self._sample_time_us = round(sample_time_s * 1e6)
         identity = {
@@ -81,6 +86,8 @@ class DriveNode:
         }
         self.objects = ObjectStore(od.virtual_drive_dictionary(), identity)
         self.scale = od.Scale.read({key: self.objects.number(key) for key in od.SCALE_OBJECTS})
+        deceleration = nameplate.quick_stop_deceleration / self.scale.velocity
+        self.objects.values[od.QUICK_STOP_DECELERATION] = round(min(max(deceleration, 1), 2**32 - 1))
         self.trace = TraceMemory(self.objects, self.scale, nameplate.saturated_torque_nm)
         self._connect_objects()
         self.boot(0)
@@ -90,6 +97,8 @@ class DriveNode:
         self.state = State.SWITCH_ON_DISABLED  # 0 and 1 are automatic
         self._controlword = 0
         self._acknowledge = False
+        self._rest_us: int | None = None  # when a ramp ends, and in which state the drive is then
+        self._state_at_rest = self.state
         self.axis.halt()
         self.nmt_state = PRE_OPERATIONAL
         self.sdo = SdoServer(self.objects, lambda frames: self.say(SEND_SDO, frames))
@@ -127,7 +136,10 @@ class DriveNode:
     def _obey(self, controlword: int) -> None:
         before, previous = self.state, self._controlword
         option = self.objects.number(od.QUICK_STOP_OPTION)
-        self.state, self._controlword = follow(before, controlword, previous, option), controlword
+        after = follow(before, controlword, previous, option)
+        if self.deaf and before is State.OPERATION_ENABLED is not after:
+            return
+        self.state, self._controlword = after, controlword
         self._leave(before)
         in_profile = self.objects.number(od.MODE) == od.PROFILE_POSITION
         if self.state is State.OPERATION_ENABLED and in_profile:
@@ -139,12 +151,27 @@ class DriveNode:
             self._acknowledge = bool(controlword & NEW_SET_POINT)
 
     def _leave(self, before: State) -> None:
-        """Halt where operation ended; a quick stop that does not stay ends with the voltage off (12)."""
-        if before is State.OPERATION_ENABLED and self.state is not before:
+        """Stop where operation ended: a quick stop takes its ramp, everything else switches the voltage off."""
+        option = self.objects.number(od.QUICK_STOP_OPTION)
+        if self.state is before or self.state is State.OPERATION_ENABLED:
+            return
+        if self.state is State.QUICK_STOP_ACTIVE and option:  # 0: voltage off at once
+            stays = option in QUICK_STOP_STAYS
+            self._ramp_down(State.QUICK_STOP_ACTIVE if stays else State.SWITCH_ON_DISABLED)  # 12
+        elif before in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            self.state = State.SWITCH_ON_DISABLED if self.state is State.QUICK_STOP_ACTIVE else self.state
+            self._rest_us = None
             self.axis.halt()
-        stays = self.objects.number(od.QUICK_STOP_OPTION) in QUICK_STOP_STAYS
-        if self.state is State.QUICK_STOP_ACTIVE and not stays:
-            self.state = State.SWITCH_ON_DISABLED
+
+    def _ramp_down(self, state_at_rest: State) -> None:
+        """Ramp down by 0x6085; the state changes when the motor stands."""
+        self._state_at_rest = state_at_rest
+        if self.axis.speed == 0:
+            self.axis.halt()
+            self.state = state_at_rest
+        else:
+            ramp = self.objects.number(od.QUICK_STOP_DECELERATION) * self.scale.velocity
+            self._rest_us = self.axis.slow_down(ramp)
 
     def _set_mode(self, mode: int) -> None:
         if mode not in SUPPORTED:
@@ -173,22 +200,32 @@ class DriveNode:
     # Faults and lost communication
 
     def fault(self, code: int) -> None:
-        """Stop because of an error of the drive: fault reaction (13), fault (14), and an EMCY that tells."""
-        self.axis.halt()
-        self.state = State.FAULT
+        """Stop as 0x605E says because of an error of the drive (13, 14); an EMCY tells at once."""
         self.objects.values[od.ERROR_CODE] = code
         self.objects.values[od.ERROR_REGISTER] = 1
         self.say(SEND_EMCY, [struct.pack("<HB5x", code, 1)])
+        if self.objects.number(od.FAULT_REACTION_OPTION):
+            self.state = State.FAULT_REACTION_ACTIVE
+            self._ramp_down(State.FAULT)
+        else:
+            self._rest_us, self.state = None, State.FAULT
+            self.axis.halt()
 
     def _lose_host(self) -> None:
-        """React to a silent host as 0x6007 asks."""
+        """Tell that the host is silent and react."""
         self._heard_us = None
+        if self.objects.number(od.ABORT_CONNECTION_OPTION) != 1:  # a fault brings its own EMCY
+            self.say(SEND_EMCY, [struct.pack("<HB5x", HEARTBEAT_LOST, 0x11)])
+        self._abort_connection()
+
+    def _abort_connection(self) -> None:
+        """React to a lost host or to being stopped by network management as 0x6007 asks."""
         option, before = self.objects.number(od.ABORT_CONNECTION_OPTION), self.state
+        if self.deaf:
+            return
         if option == 1:
             self.fault(HEARTBEAT_LOST)
-            return
-        self.say(SEND_EMCY, [struct.pack("<HB5x", HEARTBEAT_LOST, 0x11)])
-        if option in (2, 3):
+        elif option in (2, 3):
             quick_stop = self.objects.number(od.QUICK_STOP_OPTION)
             self.state = follow(before, 0x00 if option == 2 else 0x02, 0, quick_stop)
             self._leave(before)
@@ -202,11 +239,14 @@ class DriveNode:
         if data[0] in (RESET_NODE, RESET_COMMUNICATION):
             self.boot(now_us)
         wanted = {START: OPERATIONAL, STOP: STOPPED, ENTER_PRE_OPERATIONAL: PRE_OPERATIONAL}.get(data[0])
-        if wanted is not None:
-            before, self.nmt_state = self.state, wanted
-            if wanted != OPERATIONAL and before is State.OPERATION_ENABLED:
-                self.state = State.SWITCH_ON_DISABLED
-                self._leave(before)
+        if wanted is None:
+            return
+        before, self.nmt_state = self.state, wanted
+        if wanted == STOPPED:
+            self._abort_connection()
+        elif wanted != OPERATIONAL and before is State.OPERATION_ENABLED and not self.deaf:
+            self.state = State.SWITCH_ON_DISABLED
+            self._leave(before)
 
     def request(self, requests: Sequence[bytes]) -> None:
         """Take SDO requests; a stopped node has no SDO."""
@@ -223,7 +263,7 @@ class DriveNode:
 
     def next_event_us(self) -> int | None:
         """Return when this drive wants to act by itself."""
-        times = [self._next_heartbeat_us, self._deadline_us()]
+        times = [self._next_heartbeat_us, self._deadline_us(), self._rest_us]
         return min((time for time in times if time is not None), default=None)
 
     def _deadline_us(self) -> int | None:
@@ -233,6 +273,8 @@ class DriveNode:
     def act(self, now_us: int) -> None:
         """Do what is due at this time."""
         self.now_us = now_us
+        if self._rest_us is not None and now_us >= self._rest_us:
+            self._rest_us, self.state = None, self._state_at_rest
         deadline = self._deadline_us()
         if deadline is not None and now_us >= deadline:
             self._lose_host()

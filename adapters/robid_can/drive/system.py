@@ -117,7 +117,7 @@ class DriveSystem:
             self.now_ns = max(self.now_ns, due)
             run = self.motors.run
             if run is not None and self.now_ns >= run.end_ns:
-                self._end(complete=True)
+                self._end()
             for node in self.nodes:
                 node.act(self.now_ns // 1000)
 
@@ -147,21 +147,23 @@ class DriveSystem:
             node.trace.start()
         self.motors.track(reference, periods, kept, self.seed, self.now_ns)
 
-    def _end(self, complete: bool) -> None:
-        """End the run here and hand each drive what it traced."""
-        run = self.motors.run
-        assert run is not None
-        first, last = run.first_kept, run.taken(self.now_ns)
-        clock_us = (run.began_ns + first * run.sample_ns) // 1000
-        for axis, node in enumerate(self.nodes):
-            if node.trace.state is TraceState.RUNNING:
-                position, torque = run.position[first:last, axis], run.torque[first:last, axis]
-                node.trace.finish(position, torque, clock_us, complete)
+    def _end(self) -> None:
+        """End the run: each drive that is still in it keeps its trace."""
+        for axis in range(len(self.nodes)):
+            self._keep_trace(axis, complete=True)
         self.motors.settle(self.now_ns)
 
-    def halt(self, axis: int) -> None:
-        """Bring a motor to rest here; a run under way ends for all."""
+    def _keep_trace(self, axis: int, complete: bool) -> None:
+        """Hand a drive that is in the run what it traced so far."""
+        run, trace = self.motors.run, self.nodes[axis].trace
+        if run is None or trace.state is not TraceState.RUNNING:
+            return
+        first, last = run.first_kept, run.taken(self.now_ns)
+        clock_us = (run.began_ns + first * run.sample_ns) // 1000
+        trace.finish(run.position[first:last, axis], run.torque[first:last, axis], clock_us, complete)
+
+    def slow_down(self, axis: int, deceleration: float) -> int:
+        """Let a motor ramp down to rest (rad/s^2) and leave the run; the others go on. Return when it rests, ns."""
         if self.motors.run is not None:
-            self._end(complete=False)
-        self.motors.angle[axis] = self.motors.angle_of(axis, self.now_ns)
-        self.motors.moves.pop(axis, None)
+            self._keep_trace(axis, complete=False)
+        return self.motors.slow_down(axis, deceleration, self.now_ns).end_ns

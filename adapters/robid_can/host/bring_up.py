@@ -13,13 +13,14 @@ from robid_can import dictionary as od
 from robid_can.host import state, watch
 from robid_can.host.link import Link
 from robid_can.host.remote import RemoteDrive
+from robid_can.host.stopping import STOP_S
 
 PRESENCE_S = 1.0  # by then every node has reported after a reset
 PROFILE_SPEED_SHARE = 0.2  # of the speed limit, for moves to a start position
 MOST_STEPS = 10  # controlwords from any state to operation enabled
 QUICK_STOP_ON_LOSS = 3  # 0x6007
 STOP_RAMP_THEN_OFF = 2  # 0x605A and 0x605E
-START, ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION = 0x01, 0x80, 0x82  # CiA 301: NMT commands
+START, RESET_COMMUNICATION = 0x01, 0x82  # CiA 301: NMT commands
 
 
 def find(link: Link, drives: Sequence[RemoteDrive], bitrate: int) -> None:
@@ -82,6 +83,17 @@ def configure(link: Link, drive: RemoteDrive, sample_time_s: float) -> None:
                 f"D08: {drive.name}: object 0x{key[0]:04X}:{key[1]:02X} is {found} after {value} was written "
                 "or asked for; this drive cannot be supervised as the run needs"
             )
+
+
+def see_ramp(link: Link, drive: RemoteDrive) -> None:
+    """Refuse a drive whose quick-stop ramp takes longer from the speed limit than a stop may."""
+    ramp = drive.read(od.QUICK_STOP_DECELERATION) * drive.scale.velocity
+    if drive.expected.speed_limit > ramp * STOP_S:
+        raise link.failure(
+            f"D08: {drive.name}: the quick-stop ramp 0x6085:00 is {ramp:.4g} rad/s^2, which takes more than {STOP_S:g} "
+            f"s from the speed limit of {drive.expected.speed_limit:.4g} rad/s; commission a steeper one, "
+            f"{drive.expected.speed_limit / STOP_S:.4g} rad/s^2 or more"
+        )
 
 
 def start(link: Link, drives: Sequence[RemoteDrive]) -> None:

@@ -16,12 +16,12 @@ from robid_can import dictionary as od
 from robid_can.host import bring_up, state
 from robid_can.host.link import Link
 from robid_can.host.remote import ExpectedDrive, RemoteDrive
-from robid_core import DataRejected, Experiment, MotionRefused, RobidError, Trace
+from robid_can.host.stopping import stop_all
+from robid_core import DataRejected, Experiment, Trace
 
 SYNC = 0x080
 STATE_CHECK_S = 1.0  # how often statuswords are read while the drives run by themselves
 GRACE_S = 2.0  # over the computed duration of a motion
-STOP_S = 2.0  # within which a quick stop must have ended
 START_WINDOW_RAD = 1e-3  # motor side; where the start position counts as reached
 IntArray = npt.NDArray[np.int32]
 
@@ -43,6 +43,7 @@ class Host:
             bring_up.identify(self.link, drive, self.dictionary)
         for drive in self.drives:
             bring_up.configure(self.link, drive, sample_time_s)
+            bring_up.see_ramp(self.link, drive)
         self.link.start_heartbeat()
         bring_up.start(self.link, self.drives)
         for drive in self.drives:
@@ -53,7 +54,9 @@ class Host:
     def perform(self, experiment: Experiment) -> Trace:
         """Move to the start, load the references, run them and read the traces."""
         if not experiment.cleared:
-            raise MotionRefused(f"D03: {experiment.label}: the commands are not the ones that were cleared")
+            raise self.link.failure(
+                f"D03: {experiment.label}: the commands are not the ones that were cleared"
+            )
         references = [
             od.increments(experiment.reference[:, axis], drive.scale.velocity, np.int32)
             for axis, drive in enumerate(self.drives)
@@ -169,25 +172,9 @@ class Host:
     # The way out
 
     def stop(self) -> list[str]:
-        """Stop and switch off whatever was ever there; returns what went wrong, never raises for a drive."""
-        problems: list[str] = []
+        """Stop and switch off whatever was ever there; returns what is not confirmed, never raises for a drive."""
         self.link.watch.expected_state = None
-        present = [drive for drive in self.drives if self.link.watch.boot_ups[drive.expected.node_id]]
-        for controlword in (state.QUICK_STOP, state.DISABLE_VOLTAGE):
-            for drive in present:
-                try:
-                    drive.write(od.CONTROLWORD, controlword)
-                    if controlword == state.QUICK_STOP:
-                        self._see_rest(drive)
-                except RobidError as error:
-                    problems.append(str(error))
+        boot_ups = self.link.watch.boot_ups
+        problems = stop_all(self.link, [d for d in self.drives if boot_ups[d.expected.node_id]])
         self.link.stop_heartbeat()
-        self.link.nmt.send_command(bring_up.ENTER_PRE_OPERATIONAL)
-        return list(dict.fromkeys(problems))
-
-    def _see_rest(self, drive: RemoteDrive) -> None:
-        """Judge the stop by the measured speed, not by the command."""
-        if not self.link.until(lambda: drive.read(od.VELOCITY_ACTUAL) == 0, STOP_S):
-            raise self.link.failure(
-                f"D06: {drive.name} still turns {STOP_S} s after quick stop: USE THE EMERGENCY STOP"
-            )
+        return problems

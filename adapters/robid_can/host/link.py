@@ -17,13 +17,14 @@ import canopen
 
 from robid_can.frame import Frame
 from robid_can.host.watch import HEARTBEAT, HEARTBEAT_S, HOST_NODE_ID, OPERATIONAL, SILENCE_S, Watch
-from robid_core import MotionAborted, MotionRefused, RobidError
+from robid_core import MotionAborted, MotionRefused, RobidError, heed
 
 # What canopen logs of its own ("transfer aborted by client") is raised by us with its place, not printed.
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 SDO_ANSWER = 0x580  # CiA 301: predefined connection set
 SEND_TIMEOUT_S = 1.0
+STOPPING_SEND_TIMEOUT_S = 0.05  # a bus that takes no frame must not keep the other drives waiting
 
 
 class Clock(Protocol):
@@ -57,6 +58,7 @@ class Link(canopen.Network):
         self.clock = clock
         self.watch = Watch(node_names)
         self.moving = False
+        self.stopping = False  # from then on nothing is waited for long
         self.log = log
         self._heartbeat_due: float | None = None
         self._bulk_identifier: int | None = None
@@ -80,9 +82,10 @@ class Link(canopen.Network):
     def send_burst(self, identifier: int, payloads: Iterable[bytes]) -> None:
         """Send frames of one identifier one behind the other."""
         send, time_s = self._can.send, self.clock.now()
+        timeout_s = STOPPING_SEND_TIMEOUT_S if self.stopping else SEND_TIMEOUT_S
         try:
             for payload in payloads:
-                send(Frame(identifier, payload, time_s), SEND_TIMEOUT_S)
+                send(Frame(identifier, payload, time_s), timeout_s)
         except can.CanError as error:
             raise self.failure(f"B11: the bus does not take frames ({error})") from error
 
@@ -148,15 +151,20 @@ class Link(canopen.Network):
             self._heartbeat_due = now + HEARTBEAT_S
             self.send_message(HEARTBEAT + HOST_NODE_ID, bytes([OPERATIONAL]))
 
-    def wait(self, seconds: float = HEARTBEAT_S) -> None:
-        """Let time pass under supervision; raises what the watch has to complain of."""
+    def attend(self, seconds: float) -> None:
+        """Let time pass and take in what comes, without judging it."""
         self.keep_alive()
         self.clock.let_pass(seconds)
         self.collect()
+
+    def wait(self, seconds: float = HEARTBEAT_S) -> None:
+        """Let time pass under supervision; raises what the watch has to complain of."""
+        self.attend(seconds)
         self.check()
 
     def check(self) -> None:
-        """Raise the first complaint; one that was raised is not raised again."""
+        """Raise KeyboardInterrupt where the run was told to stop, then the first complaint, and that only once."""
+        heed()
         if self.watch.expected_state is not None:
             self.watch.complaints += [
                 f"B07: {self.watch.names[node]} has been silent for {SILENCE_S * 1e3:.0f} ms"

@@ -12,7 +12,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from robid_can import dictionary as od
 from robid_can.host import state
-from robid_can.host.block import ANSWER_S, PATIENCE, BlockClient
+from robid_can.host.block import ANSWER_S, PATIENCE, SDO_REQUEST, BlockClient
 from robid_can.host.link import Link
 
 Key = tuple[int, int]
@@ -79,6 +79,34 @@ class RemoteDrive:
             self._sdo.download(*key, data)
         except (SdoAbortedError, SdoCommunicationError, struct.error) as error:
             raise self._link.failure(self._tell("writing", key, error)) from error
+
+    # Without waiting, for a stop: nobody's silence delays what the others are told and asked
+
+    def send_write(self, key: Key, value: int) -> None:
+        """Send the request to write a number of at most 4 bytes; the answer is not waited for."""
+        data = bytes(od.variable(self._dictionary, key).encode_raw(value))
+        command = 0x23 | (4 - len(data)) << 2  # CiA 301: initiate download, expedited, size indicated
+        self._send(struct.pack("<BHB4s", command, *key, data))
+
+    def send_read(self, key: Key) -> None:
+        """Send the request to read a number; `last_answer` gives what came."""
+        self._send(struct.pack("<BHB4x", 0x40, *key))  # initiate upload
+
+    def _send(self, request: bytes) -> None:
+        self._link.send_burst(SDO_REQUEST + self.expected.node_id, [request])
+
+    def last_answer(self, key: Key) -> int | None:
+        """Return the last number that came for this object since this was asked, None where none did."""
+        value, responses = None, self._sdo.responses
+        while not responses.empty():
+            answer = responses.get_nowait()
+            command, *place = struct.unpack_from("<BHB", answer.ljust(8, b"\0"))
+            if command & 0xE2 == 0x42 and tuple(place) == key:  # an expedited upload of this object
+                size = 4 - (command >> 2 & 0x03) if command & 0x01 else 4
+                number = od.variable(self._dictionary, key).decode_raw(answer[4 : 4 + size])
+                assert isinstance(number, int)
+                value = number
+        return value
 
     def _tell(self, what: str, key: Key, error: Exception) -> str:
         place = f"{what} 0x{key[0]:04X}:{key[1]:02X}"

@@ -110,7 +110,6 @@ def test_trees_with_sliding_joints_have_the_mass_and_weight_that_the_kernel_find
         np.testing.assert_allclose(ours.numpy(), theirs, rtol=0, atol=1e-12 * abs(theirs).max())
 
 
-@pytest.mark.filterwarnings("ignore:.torch.jit.script:DeprecationWarning")  # torch's own, by torch.func
 def test_weight_and_its_slope_are_the_derivatives_of_the_potential_energy() -> None:
     chain = _tree(11)
     tree = tree_of(chain, CPU)
@@ -122,10 +121,12 @@ def test_weight_and_its_slope_are_the_derivatives_of_the_potential_energy() -> N
 
     q = tensor(np.linspace(-1.5, 1.8, chain.n_coordinate), CPU)
     terms = terms_at(tree, q[None])
-    torch.testing.assert_close(terms.gravity_torque[0], torch.func.grad(energy)(q), rtol=1e-12, atol=1e-11)
-    torch.testing.assert_close(
-        terms.gravity_stiffness[0], torch.func.hessian(energy)(q), rtol=1e-12, atol=1e-11
+    slope, curvature = (
+        torch.autograd.functional.jacobian(energy, q),
+        torch.autograd.functional.hessian(energy, q),
     )
+    torch.testing.assert_close(terms.gravity_torque[0], slope, rtol=1e-12, atol=1e-11)
+    torch.testing.assert_close(terms.gravity_stiffness[0], curvature, rtol=1e-12, atol=1e-11)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of what pytorch-kinematics imports

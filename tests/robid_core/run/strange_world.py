@@ -120,7 +120,7 @@ class World:
         """Variables for another process."""
         return {
             **os.environ,
-            "PYTHONPATH": str(self.site),
+            "PYTHONPATH": os.pathsep.join(filter(None, [str(self.site), os.environ.get("PYTHONPATH")])),
             "STRANGE_CALLS": str(self.calls),
             "OMP_NUM_THREADS": "1",
         }

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import subprocess
+import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from robid_core.errors import NotTrustworthy, PluginError
+from robid_core.errors import MotionAborted, NotTrustworthy, PluginError
+from robid_core.interruption import SIGNALS
+from robid_core.run import confine
 
 
 def test_limits_that_are_kept_change_no_byte(world: Any) -> None:
@@ -50,3 +57,140 @@ def test_hardware_is_not_run_where_it_could_be_killed(world: Any) -> None:
     world.run(last="where")
     result = world.run(last="acquire", at_the_robot=True, deadline_s=0.2)
     assert result.outcomes["acquire"] == "made"
+
+
+# However early, however deaf, the process ends -------------------------------------------------------------
+
+
+def heard() -> None:
+    """Let a run hear signals that whoever runs the tests ignores."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_DFL)
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process has started and that live."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            state, parent = place.read_text().rpartition(")")[2].split()[:2]
+            if int(parent) == pid and state != "Z":
+                found.append(int(place.parent.name))
+    return found
+
+
+def stage_processes() -> list[int]:
+    """Return this process's living children but for multiprocessing's resource tracker."""
+    own = []
+    for pid in children_of(os.getpid()):
+        with contextlib.suppress(OSError):
+            if b"resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_bytes():
+                own.append(pid)
+    return own
+
+
+def test_a_deadline_that_passes_while_the_process_still_starts_ends_it(world: Any) -> None:
+    world.run(last="frf")
+    before = stage_processes()
+    began = time.monotonic()
+    with pytest.raises(PluginError, match=r"stage fit: R10: not finished after 0.1 s, and killed"):
+        world.run("stages.fit.with.hold=1000.0", deadline_s=0.1, last="fit")
+    assert time.monotonic() - began < 10  # it has no group of its own yet: killing that would kill nothing
+    assert stage_processes() == before
+    assert "fit" not in world.ran()
+
+
+def test_a_process_that_cannot_be_collected_is_not_waited_for(
+    world: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(confine, "GONE_S", 0.2)
+    spared: list[int] = []
+    kill, killpg = confine.multiprocessing.process.BaseProcess.kill, os.killpg
+    monkeypatch.setattr(
+        confine.multiprocessing.process.BaseProcess, "kill", lambda self: spared.append(self.pid)
+    )
+    monkeypatch.setattr(confine.os, "killpg", lambda pid, number: None)
+    world.run(last="frf")
+    began = time.monotonic()
+    with pytest.raises(PluginError, match="R10"):
+        world.run("stages.fit.with.hold=1000.0", deadline_s=0.1, last="fit")
+    assert time.monotonic() - began < 10
+    monkeypatch.undo()
+    assert f"process {spared[0]} of stage fit does not end" in caplog.text
+    with contextlib.suppress(ProcessLookupError):
+        killpg(spared[0], signal.SIGKILL)
+    os.kill(spared[0], signal.SIGKILL)
+    assert kill is confine.multiprocessing.process.BaseProcess.kill
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.5])
+def test_D18_signals_end_a_run_with_a_deadline_whenever_they_come(world: Any, delay_s: float) -> None:
+    world.run(last="frf")
+    world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 1000.0}}")
+    process = subprocess.Popen(
+        world.command(deadline_s=900.0), env=world.environment, stderr=subprocess.PIPE, preexec_fn=heard
+    )
+    limit = time.monotonic() + 60
+    while len(children_of(process.pid)) < 2:  # the resource tracker, and the stage's own process
+        assert time.monotonic() < limit
+        time.sleep(0.002)
+    time.sleep(delay_s)
+    began = time.monotonic()
+    for number in SIGNALS:
+        process.send_signal(number)
+    process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert time.monotonic() - began < 10
+    assert '"status": "interrupted"' in (world.folder / "manifest.json").read_text()
+
+
+STOPPING = """\
+        import signal
+        from robid_core import StopNotConfirmed
+
+        try:
+            os.kill(os.getppid(), signal.SIGTERM)  # the run is told to stop
+            time.sleep(1000.0)
+        except KeyboardInterrupt:
+            called("stopped")
+            OUTCOME
+            raise
+"""
+
+
+@pytest.mark.parametrize(
+    ("outcome", "error", "match"),
+    [
+        ("pass", KeyboardInterrupt, "^$"),
+        (
+            "raise StopNotConfirmed('axis_2 (node 2) still turns')",
+            MotionAborted,
+            "axis_2 .node 2. still turns",
+        ),
+    ],
+)
+def test_a_stage_with_drives_may_stop_them_before_it_is_killed(
+    world: Any, outcome: str, error: type[BaseException], match: str
+) -> None:
+    world.run(last="where")
+    world.edit('called("acquire")\n', 'called("acquire")\n' + STOPPING.replace("OUTCOME", outcome))
+    with pytest.raises(error, match=match):
+        world.run(last="acquire", deadline_s=60.0)
+    assert world.ran()[-2:] == ["acquire", "stopped"]
+    assert not stage_processes()
+
+
+def test_a_stage_with_drives_that_does_not_end_is_killed_all_the_same(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(confine, "STOPPING_S", 0.5)
+    world.run(last="where")
+    world.edit(
+        'called("acquire")\n', 'called("acquire")\n' + STOPPING.replace("OUTCOME", "time.sleep(1000.0)")
+    )
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        world.run(last="acquire", deadline_s=60.0)
+    assert time.monotonic() - began < 20
+    assert world.ran()[-2:] == ["acquire", "stopped"]
+    assert not stage_processes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 from robid_core.errors import StoreError
-from robid_core.run.interruption import signals_as_interrupt
+from robid_core.interruption import held, signals_as_interrupt
 from robid_core.run.lock import run_lock
 
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
@@ -103,6 +104,68 @@ def test_a_signal_that_is_ignored_stays_ignored() -> None:
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+UNLUCKY = """\
+
+
+class Unlucky:
+    def __del__(self):
+        import signal
+
+        signal.raise_signal(signal.SIGHUP)
+
+
+class Measure("""
+SWALLOWED = """\
+        try:
+            import signal
+
+            signal.raise_signal(signal.SIGTERM)
+        except BaseException:
+            pass
+        n_config"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (
+            'called("acquire")\n',
+            'called("acquire")\n        Unlucky()\n',
+        ),  # Python drops what is raised there
+        ("        n_config", SWALLOWED),  # the stage does
+    ],
+)
+def test_D18_an_interrupt_that_got_lost_ends_the_run_at_the_next_progress(
+    world: Any, old: str, new: str
+) -> None:
+    world.edit("\n\nclass Measure(", UNLUCKY)
+    text = world.source.read_text().replace(old, new, 1)
+    world.source.write_text(text)
+    process = start(world)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert world.ran() == ["where", "acquire"]
+    manifest = json.loads((world.folder / "manifest.json").read_text())
+    assert manifest["status"] == "interrupted"
+    assert list(manifest["stages"]) == ["where"]  # the stage itself was ended
+
+
+def test_D18_an_interrupt_ends_the_waiting_for_another_run(tmp_path: Path) -> None:
+    path = tmp_path / "run" / "store" / "lock"
+    path.parent.mkdir(parents=True)
+    with path.open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+
+        def wait_in_vain() -> None:
+            with held():  # it is lost, as in a weakref callback
+                signal.raise_signal(signal.SIGINT)
+            with run_lock(path, wait=True, waiting=lambda holder: None):
+                raise AssertionError("the lock was held")
+
+        with signals_as_interrupt(), pytest.raises(KeyboardInterrupt):
+            wait_in_vain()
 
 
 def test_sigterm_interrupts_and_the_next_run_goes_on(world: Any) -> None:

@@ -160,6 +160,7 @@ def test_the_search_beats_the_best_of_as_many_random_trajectories(criterion: Cri
     assert found.cost < best - gain
 
 
+@pytest.mark.full
 def test_with_six_axes_standard_errors_are_a_third_smaller_than_with_the_best_random_trajectory() -> None:
     robot, where = example_robot(6), np.array([0.0, 0.1, -0.2, 0.0, 0.5, 0.0])
     p, evaluations = problem_of(robot, where, Fourier()), 120

@@ -1,0 +1,172 @@
+"""A signal is never lost: it raises, or it waits in the latch until somebody looks (D18)."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+import weakref
+
+import pytest
+
+from robid_core import interruption
+from robid_core.interruption import at_safe_points, heed, held, requested, signals_as_interrupt
+
+ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
+@pytest.fixture(autouse=True)
+def _default_handlers():
+    """Whoever runs the tests may ignore signals, as a shell does for work in the background."""
+    before = [signal.signal(number, signal.SIG_DFL) for number in ALL]
+    yield
+    for number, handler in zip(ALL, before, strict=True):
+        signal.signal(number, handler)
+
+
+def later(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
+    """Let the clock of repeated signals be later."""
+    now = time.monotonic()
+    monkeypatch.setattr(interruption.time, "monotonic", lambda: now + seconds)
+
+
+@pytest.mark.parametrize("number", ALL)
+def test_each_signal_raises_once_and_stays_in_the_latch(number: signal.Signals) -> None:
+    with signals_as_interrupt():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+        assert requested()
+        for _ in range(3):  # who swallowed it meets it again
+            with pytest.raises(KeyboardInterrupt):
+                heed()
+    assert not requested()
+    heed()
+
+
+def test_a_signal_right_after_another_does_not_break_into_what_the_first_cleans_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cleaned = []
+
+    def work() -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            for number in ALL:
+                signal.raise_signal(number)
+            cleaned.append("all")
+
+    with signals_as_interrupt(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert cleaned == ["all"]
+    with signals_as_interrupt():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        later(monkeypatch, interruption.REPEATED_S + 0.1)
+        with pytest.raises(KeyboardInterrupt):  # a person who insists is heard
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("place", ["__del__", "weakref"])
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_signal_that_python_drops_is_met_at_the_next_look(place: str) -> None:
+    came = []
+
+    def hit(*_: object) -> None:
+        came.append(place)
+        signal.raise_signal(signal.SIGHUP)
+
+    class Unlucky:
+        __del__ = hit if place == "__del__" else None
+
+    with signals_as_interrupt():
+        thing = Unlucky() if place == "__del__" else threading.Event()
+        watcher = weakref.ref(thing, hit if place == "weakref" else None)
+        del thing  # Python prints "Exception ignored" and goes on
+        assert came == [place]
+        del watcher
+        with pytest.raises(KeyboardInterrupt):
+            heed()
+
+
+def test_at_safe_points_a_signal_waits_for_the_next_look() -> None:
+    reached = []
+
+    def move() -> None:
+        with at_safe_points():
+            for number in ALL:
+                signal.raise_signal(number)
+            reached.append("the look")
+            heed()
+            reached.append("what is behind it")
+
+    with signals_as_interrupt(), pytest.raises(KeyboardInterrupt):
+        move()
+    assert reached == ["the look"]
+
+
+def test_held_not_even_a_look_raises_and_holds_nest() -> None:
+    with signals_as_interrupt():
+        with held():
+            with held():
+                signal.raise_signal(signal.SIGTERM)
+                heed()
+            heed()
+        with pytest.raises(KeyboardInterrupt):
+            heed()
+
+
+def test_an_inner_listener_neither_forgets_nor_stops_listening() -> None:
+    with signals_as_interrupt():
+        with held():
+            signal.raise_signal(signal.SIGINT)
+        with signals_as_interrupt():
+            assert requested()
+        assert requested()
+        assert signal.getsignal(signal.SIGHUP) is interruption._hear
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL
+
+
+def test_another_thread_changes_no_handler() -> None:
+    def listen() -> None:
+        with signals_as_interrupt():
+            assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    thread.join()
+
+
+LOADING = """
+import builtins, os, signal, sys
+module, number, how = sys.argv[1:]
+for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(each, signal.SIG_DFL)
+real, hit = builtins.__import__, []
+def spy(name, *rest, **more):
+    if name == module and not hit:
+        hit.append(name)
+        try:
+            os.kill(os.getpid(), int(number))
+        except KeyboardInterrupt:
+            if how == "raised":
+                raise
+            raise ImportError("what some library makes of it") from None
+    return real(name, *rest, **more)
+builtins.__import__ = spy
+from robid_core.commands import main
+sys.argv = ["robid", "doctor"]
+main()
+"""
+
+
+@pytest.mark.parametrize("number", ALL)
+@pytest.mark.parametrize(("module", "how"), [("robid_core.commands.app", "raised"), ("typer", "swallowed")])
+def test_the_command_line_listens_before_it_loads_anything(
+    module: str, how: str, number: signal.Signals
+) -> None:
+    command = [sys.executable, "-c", LOADING, module, str(int(number)), how]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")

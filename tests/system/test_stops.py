@@ -1,0 +1,30 @@
+"""A few of the stops that `stops.py` makes by the hundred: all drives told at once, no hang, the right exit code."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+spec = importlib.util.spec_from_file_location("robid_stops", HERE / "stops.py")
+assert spec is not None
+assert spec.loader is not None
+stops = sys.modules["robid_stops"] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(stops)
+
+
+@pytest.mark.system
+def test_stops_with_disobeying_axes_and_repeated_signals_end_as_documented(tmp_path: Path) -> None:
+    site = stops.install(tmp_path)
+    project = stops.prepare(tmp_path, site)
+    cases = [stops.draw(stop, seed=2) for stop in range(6)]
+    assert {case.clock for case in cases} == {"simulated", "wall"}
+    assert {len(case.numbers) for case in cases} >= {1, 3}
+    with ThreadPoolExecutor(2) as threads:
+        outcomes = list(threads.map(lambda case: stops.perform(case, project, site), cases))
+    assert [(outcome.stop, outcome.why) for outcome in outcomes if not outcome.good] == []
+    assert "not stopped" in {outcome.drives for outcome in outcomes}
