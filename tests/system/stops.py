@@ -197,6 +197,14 @@ def _outcome(case: Case, drives: str, told_ms: float, seconds: float, code: int,
     return Outcome(case.stop, case.deadline, case.clock, *rounded, not why, why)
 
 
+def read_table(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a table, none where there is no file; lines with # say how it was made."""
+    if not path.exists():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
 def main() -> None:
     """Draw and perform stops; one line each."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -206,10 +214,7 @@ def main() -> None:
     parser.add_argument("--table", type=Path, default=None)
     arguments = parser.parse_args()
     columns = [field.name for field in fields(Outcome)]
-    known: set[int] = set()
-    if arguments.table and arguments.table.exists():
-        with arguments.table.open(newline="", encoding="utf-8") as file:
-            known = {int(row["stop"]) for row in csv.DictReader(file)}
+    known = {int(row["stop"]) for row in read_table(arguments.table)} if arguments.table else set()
     outcomes = []
     with tempfile.TemporaryDirectory() as top, ThreadPoolExecutor(arguments.jobs) as threads:
         site = install(Path(top))

@@ -28,3 +28,12 @@ def test_stops_with_disobeying_axes_and_repeated_signals_end_as_documented(tmp_p
         outcomes = list(threads.map(lambda case: stops.perform(case, project, site), cases))
     assert [(outcome.stop, outcome.why) for outcome in outcomes if not outcome.good] == []
     assert "not stopped" in {outcome.drives for outcome in outcomes}
+
+
+def test_the_table_of_two_hundred_stops_is_all_good() -> None:
+    rows = stops.read_table(HERE / "stops.csv")
+    assert [int(row["stop"]) for row in rows] == list(range(200))
+    assert {row["good"] for row in rows} == {"True"}
+    told = [float(row["told_ms"]) for row in rows if row["drives"] != "not up"]
+    assert len(told) > 100
+    assert max(told) < stops.CYCLE_MS
