@@ -1,25 +1,26 @@
 """Being told to stop: Ctrl-C, SIGTERM and a closed terminal all end a run the same way (fault D18).
 
 A signal raises KeyboardInterrupt in the main thread, and leaves a latch behind. Python drops an exception that is
-raised inside a `__del__` or a weakref callback, and a stage may swallow one; the latch stays, and whoever waits or
-reports progress looks at it by `heed()`. A signal that follows within a second only sets the latch, so that a
-second Ctrl-C does not break into what the first one cleans up.
+raised inside a `__del__` or a weakref callback, and a stage may swallow one. So the main thread is reminded every half
+second until the exception has come out, and whoever waits or reports progress looks at the latch by `heed()`. While
+a KeyboardInterrupt is being handled, in `finally` and `except` blocks, none is raised on top of it: a second Ctrl-C
+does not break into what the first one cleans up.
 
 Motion needs more care: while drives are up, `at_safe_points()` lets signals interrupt at calls of `heed()` only, and
-while they are being stopped, `held()` keeps signals waiting until that is done. State is the process's, as signals are.
+where something must be finished, `held()` keeps signals waiting. State is the process's, as signals are.
 """
 
 from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
-import time
 from collections.abc import Iterator
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-REPEATED_S = 1.0  # a signal so soon after one that was raised is the same wish
+REMIND_S = 0.5  # how often the main thread is reminded of a request that has not come out
 
 
 class _Latch:
@@ -27,8 +28,8 @@ class _Latch:
 
     def __init__(self) -> None:
         self.requested = False
-        self.raised_at = -REPEATED_S
         self.listening = self.held = self.at_safe_points = 0
+        self.over = threading.Event()  # nobody has to be reminded any more
 
 
 _latch = _Latch()
@@ -43,13 +44,14 @@ def signals_as_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or _latch.listening:
         yield
         return
-    _latch.requested, _latch.raised_at = False, -REPEATED_S
+    _latch.requested, _latch.over = False, threading.Event()
     heard = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, _hear) for number in heard}
     _latch.listening = 1
     try:
         yield
     finally:
+        _latch.over.set()
         _latch.listening = 0
         for number, handler in before.items():
             if signal.getsignal(number) is _hear:
@@ -59,15 +61,34 @@ def signals_as_interrupt() -> Iterator[None]:
 
 def _hear(number: int, frame: FrameType | None) -> None:
     """Set the latch, and raise where that is safe."""
-    _latch.requested = True
-    repeated = time.monotonic() - _latch.raised_at < REPEATED_S
-    if not (repeated or _latch.held or _latch.at_safe_points):
-        _raise()
+    first, _latch.requested = not _latch.requested, True
+    if first:
+        arguments = (number, threading.get_ident(), _latch.over)
+        threading.Thread(target=_remind, args=arguments, name="robid reminder", daemon=True).start()
+    if not (_latch.held or _latch.at_safe_points or _latch.over.is_set() or _being_handled()):
+        raise KeyboardInterrupt
 
 
-def _raise() -> None:
-    _latch.raised_at = time.monotonic()
-    raise KeyboardInterrupt
+def _remind(number: int, main: int, over: threading.Event) -> None:
+    """Send the signal to the main thread again and again: it wakes who sleeps, too."""
+    while not over.wait(REMIND_S):
+        with contextlib.suppress(ProcessLookupError):
+            signal.pthread_kill(main, number)
+
+
+def _being_handled() -> bool:
+    """Tell whether the main thread is cleaning up after a KeyboardInterrupt, or after what that became."""
+    error = sys.exc_info()[1]
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__context__
+    return False
+
+
+def settled() -> None:
+    """Take note that the request has come out: nobody is reminded any more. For who handles KeyboardInterrupt last."""
+    _latch.over.set()
 
 
 def no_longer() -> None:
@@ -82,9 +103,12 @@ def requested() -> bool:
 
 
 def heed() -> None:
-    """Raise KeyboardInterrupt where a signal has asked to stop; called wherever somebody waits or reports progress."""
-    if _latch.requested and not _latch.held:
-        _raise()
+    """Raise KeyboardInterrupt where a signal has asked to stop; called wherever somebody waits or reports progress.
+
+    Not while one is being handled already, nor where signals are held.
+    """
+    if _latch.requested and not _latch.held and not _being_handled():
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

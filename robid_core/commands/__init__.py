@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from robid_core.interruption import no_longer, requested, signals_as_interrupt
+from robid_core.interruption import no_longer, requested, settled, signals_as_interrupt
 
 INTERRUPTED = 130
 MOTION_ABORTED = 4  # says more than that the run was interrupted
@@ -33,10 +33,12 @@ def _exit_code(arguments: Sequence[str] | None) -> str | int | None:
 
         command_line(list(sys.argv[1:] if arguments is None else arguments))
     except SystemExit as end:
+        settled()
         code = end.code
     except KeyboardInterrupt:
-        pass
+        settled()
     except Exception:
+        settled()
         if not requested():  # an import that is interrupted fails in many ways
             raise
     if requested() and code not in (INTERRUPTED, MOTION_ABORTED):

@@ -28,7 +28,7 @@ from typing import Any
 
 from robid_core.artifacts import Artifact
 from robid_core.errors import MotionAborted, PluginError
-from robid_core.interruption import SIGNALS, heed, held, signals_as_interrupt
+from robid_core.interruption import SIGNALS, heed, held, settled, signals_as_interrupt
 from robid_core.stage import Stage
 
 LOG = logging.getLogger("robid.confine")
@@ -184,6 +184,7 @@ def _child(job: Job, memory_mb: int | None, pipe: Connection) -> None:
             _work(job, memory_mb, pipe)
             message: tuple[Any, ...] = ("done",)
         except BaseException as error:
+            settled()
             text = traceback.format_exc()
             error.robid_frames = list(traceback.extract_tb(error.__traceback__))  # type: ignore[attr-defined]
             message = ("error", error, text)

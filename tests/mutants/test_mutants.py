@@ -114,16 +114,23 @@ MUTANTS = [
     Mutant(
         "no latch",
         "robid_core/interruption.py",
-        '    """Set the latch, and raise where that is safe."""\n    _latch.requested = True',
-        '    """Set the latch, and raise where that is safe."""\n    _latch.requested = False',
+        "    first, _latch.requested = not _latch.requested, True",
+        "    first = False",
         f"{INTERRUPTION}::test_a_signal_that_python_drops_is_met_at_the_next_look",
     ),
     Mutant(
         "a second signal raises again",
         "robid_core/interruption.py",
-        "    if not (repeated or _latch.held or _latch.at_safe_points):",
-        "    if not (_latch.held or _latch.at_safe_points):",
+        "    if not (_latch.held or _latch.at_safe_points or _latch.over.is_set() or _being_handled()):",
+        "    if not (_latch.held or _latch.at_safe_points or _latch.over.is_set()):",
         f"{INTERRUPTION}::test_a_signal_right_after_another_does_not_break_into_what_the_first_cleans_up",
+    ),
+    Mutant(
+        "nobody is reminded",
+        "robid_core/interruption.py",
+        "    if first:\n",
+        "    if False:\n",
+        f"{INTERRUPTION}::test_a_signal_that_python_drops_wakes_who_sleeps_all_the_same",
     ),
     Mutant(
         "progress does not look",
