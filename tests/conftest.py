@@ -9,6 +9,14 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
+SHARED = (  # files whose tests share something that is dear to make: each stays with one worker, and begins early
+    "system/test_first_light.py",
+    "third_party/test_strangers_effect.py",
+    "third_party/test_strangers_package.py",
+    "reference/test_reference_bench.py",
+    "studies/test_frf_methods_page.py",
+    "studies/test_model_ladder.py",
+)
 SIMULATOR = [sys.executable, "-c", "from robid_core.mechanics import warm_up; warm_up()"]
 LOCAL_METHODS = [
     *(sys.executable, "-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider"),
@@ -26,3 +34,13 @@ def pytest_configure(config: pytest.Config) -> None:
         ]
         for process in started:
             process.wait()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the tests of some files together, and put them first: who begins late with them keeps the other waiting."""
+    for item in items:
+        file = item.path.relative_to(HERE).as_posix()
+        if file in SHARED:
+            item.add_marker(pytest.mark.xdist_group("third_party" if "third_party" in file else file))
+    items.sort(key=lambda item: item.path.relative_to(HERE).as_posix() not in SHARED)
