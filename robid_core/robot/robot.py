@@ -34,7 +34,9 @@ from robid_core.robot.effects import (
     signal_terms,
     structured,
 )
-from robid_core.robot.named_parameters import named_parameters, with_values
+from robid_core.robot.inheritance import inherited
+from robid_core.robot.named_parameters import with_values
+from robid_core.robot.problems import suggestion
 from robid_core.robot.reading import find_robot, read_description
 from robid_core.robot.unknowns import NamedUnknowns
 from robid_core.robot.wording import reason
@@ -130,6 +132,11 @@ class Robot(NamedUnknowns):
         return bound_effects(self)
 
     @functools.cached_property
+    def terms_of_effects(self) -> dict[str, tuple[ForceTerm | SignalTerm, ...]]:
+        """The laws of each force and signal effect by its label, as they were bound; filled when they are asked for."""
+        return {}
+
+    @functools.cached_property
     def forces(self) -> tuple[ForceTerm, ...]:
         """Laws that exert forces: the motors' friction and the force effects."""
         return force_terms(self)
@@ -164,23 +171,19 @@ class Robot(NamedUnknowns):
 
         Raises ConfigurationError for a name that this robot does not have, or a value it cannot have.
         """
-        known = named_parameters(self.description)
-        unknown = [name for name in values if name not in known]
+        unknown = [name for name in values if name not in self.layout]
         if unknown:
             raise ConfigurationError(
-                f"{self.name} has no parameter {', '.join(unknown)}; it has {', '.join(known)}"
+                f"{self.name} has no parameter {', '.join(unknown)}; {suggestion(unknown[0], self.layout, 'it has')}"
             )
         try:
-            changed = replace(self, description=with_values(self.description, dict(values)))
+            description = with_values(self.description, values, self.layout)
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
             raise ConfigurationError(f"{self.name}: {place}: {reason(first)}") from error
-        if not self.description.effects and not any(known[name].group == "inertia" for name in values):
-            # Springs, dampers and friction leave the chain as it is: a fit changes them thousands of times.
-            changed.__dict__.update(
-                {k: self.__dict__[k] for k in ("chain", "mechanism") if k in self.__dict__}
-            )
+        changed = replace(self, description=description)
+        changed.__dict__.update(inherited(self, description, (self.layout[name] for name in values)))
         return changed
 
     def to_urdf(self) -> str:
