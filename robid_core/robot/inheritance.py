@@ -48,13 +48,12 @@ def inherited(robot: Robot, changed: RobotDescription, places: Iterable[Paramete
     if "chain" in known and "modes" not in touched:
         kept["chain"] = _with_bodies(known["chain"], changed, places) if "body" in touched else known["chain"]
     if "mechanism" in known and "chain" in kept and "gear" not in touched:
-        rotors = np.array([axis.rotor_inertia for axis in changed.axes.values()])
-        same = kept["chain"] is known["chain"] and "rotor" not in touched
-        kept["mechanism"] = (
-            known["mechanism"]
-            if same
-            else replace(known["mechanism"], chain=kept["chain"], rotor_inertia=rotors)
-        )
+        kept["mechanism"] = known["mechanism"].with_bodies(kept["chain"])
+        if "rotor" in touched:
+            rotors = np.array([axis.rotor_inertia for axis in changed.axes.values()])
+            kept["mechanism"] = replace(kept["mechanism"], rotor_inertia=rotors)
+        elif kept["chain"] is known["chain"]:
+            kept["mechanism"] = known["mechanism"]
     if not touched & {"friction", "drive", "rotor", "gear"} and "drives" in known:
         kept["drives"] = known["drives"]
     if not touched & {"drive", "rotor", "gear", "modes"} and "effects" in known and "mechanism" in kept:
@@ -96,7 +95,7 @@ def _with_bodies(chain: Chain, changed: RobotDescription, places: tuple[Paramete
         body = changed.bodies[index]
         j = chain.index(last[body.joint])
         mass[j], centre[j], inertia[j] = body.mass, body.centre_of_mass, body.inertia
-    return replace(chain, mass=mass, centre_of_mass=centre, inertia=inertia)
+    return chain.with_bodies(mass, centre, inertia)
 
 
 def _at_its_spring(
