@@ -223,14 +223,18 @@ class Robot(NamedUnknowns):
         """Motor torque that holds the arm against gravity, shape (n_config, n_axis)."""
         return self.equilibrium(angle).torque
 
-    def equilibrium(self, angle: npt.ArrayLike) -> Equilibrium:
-        """Rest position under gravity at joint-side motor angles (n_config, n_axis), nonlinear springs included."""
+    def equilibrium(self, angle: npt.ArrayLike, partial: bool = False) -> Equilibrium:
+        """Rest position under gravity at joint-side motor angles (n_config, n_axis), nonlinear springs included.
+
+        Raises NotTrustworthy where a configuration has no stable rest; with `partial` such rows are NaN, and
+        `Equilibrium.refused` says why.
+        """
         from robid_core.mechanics import solve_equilibrium
 
         stiffness, _ = self.spring_arrays()
         motor = self.motor_angle(angle)
-        if self.bending_forces:
-            return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
+        if self.bending_forces or partial:
+            return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces, partial)
         return self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
 
     def second_order(
