@@ -47,9 +47,11 @@ if TYPE_CHECKING:
         Equilibrium,
         LinearModel,
         Mechanism,
+        MotorMotion,
         ResponseGradient,
         SecondOrderModel,
         Simulation,
+        SimulationState,
     )
     from robid_core.robot.plant import RobotPlant
 
@@ -399,6 +401,41 @@ class Robot(NamedUnknowns):
         if motor_speed is not None:
             state = state.moving(self.mechanism, np.asarray(motor_speed, dtype=float))
         return drive_open_loop(self, torque, state, **options)
+
+    def standing(self, angle: npt.ArrayLike) -> SimulationState:
+        """State of robots that stand still at joint-side motor angles (n_lane, n_axis), gravity held by springs."""
+        from robid_core.robot.plant import standing
+
+        return standing(self, self.motor_angle(angle))
+
+    def prescribe(
+        self, motion: MotorMotion, state: SimulationState | None = None, n_thread: int = 1
+    ) -> Simulation:
+        """Motor torques that a motion of the motors takes, springs, bodies and forces of this robot behind them.
+
+        Parameters
+        ----------
+        motion
+            Of the motors, in steps of `step_s`.
+        state
+            Where everything else begins; by default at rest about the first angles, moving along.
+        n_thread
+            As of `mechanics.prescribe`, which says more.
+        """
+        from robid_core.mechanics import prescribe
+
+        if state is None:
+            state = self.standing(self.joint_angle(motion.angle)).moving(self.mechanism, motion.speed)
+        return prescribe(
+            self.mechanism,
+            *self.spring_arrays(),
+            state,
+            motion,
+            forces=self.forces,
+            sample_time=self.sample_time_s,
+            step=self.step_s,
+            n_thread=n_thread,
+        )
 
     def plant(self) -> RobotPlant:
         """Return this robot as the plant behind simulated drives."""
