@@ -21,6 +21,7 @@ _HOME = {
     "robid_core.drives": (
         "Drives", "Experiment", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace", "assemble_record",
     ),
+    "robid_core.parameters": ("FreeParameters", "chosen_names"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
@@ -105,6 +106,10 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.interruption import (
         at_safe_points as at_safe_points,
         heed as heed,
+    )
+    from robid_core.parameters import (
+        FreeParameters as FreeParameters,
+        chosen_names as chosen_names,
     )
     from robid_core.registry import (
         Plugin as Plugin,

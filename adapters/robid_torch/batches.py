@@ -17,7 +17,7 @@ import torch  # type: ignore[import-not-found, unused-ignore]
 
 from robid_core import ConfigurationError
 from robid_core.mechanics import Equilibrium, Mechanism, ResponseGradient, SecondOrderModel, solve_equilibrium
-from robid_core.mechanics.equilibrium import ESCAPED, MAXIMUM_STEPS, SINGULAR, STEP_TOLERANCE
+from robid_core.mechanics.equilibrium import ESCAPED, NEWTON_STEPS, SINGULAR, STEP_TOLERANCE
 from robid_torch.lines import gradient_of_lines
 from robid_torch.trees import Tree, bytes_per_position, tensor, terms_at, tree_of
 
@@ -148,7 +148,7 @@ def _sag(tree: Tree, joints: torch.Tensor, spring: torch.Tensor, z: torch.Tensor
     A configuration at rest stays where it is while others still move: its neighbours do not change its bytes.
     """
     moving = torch.ones(len(z), 1, dtype=z.dtype, device=z.device)
-    for _ in range(MAXIMUM_STEPS):
+    for _ in range(NEWTON_STEPS):
         terms = terms_at(tree, z @ joints.T)
         residual = (terms.gravity_torque @ joints + z @ spring)[:, n_axis:]
         tangent = (joints.T @ terms.gravity_stiffness @ joints + spring)[:, n_axis:, n_axis:]

@@ -90,7 +90,8 @@ def random_configurations(
     allowed = gravity_share * robot.drives.torque_limit
 
     def acceptable(angle: FloatArray) -> BoolArray:
-        light: BoolArray = np.all(np.abs(robot.gravity_torque(angle)) <= allowed, axis=1)
+        torque = robot.equilibrium(angle, partial=True).torque  # NaN where the arm has no stable rest
+        light: BoolArray = np.all(np.abs(torque) <= allowed, axis=1)
         return light
 
     return draw_configurations(count, lower + room, upper - room, acceptable, generator)

@@ -127,7 +127,7 @@ def torque_columns(robot: Robot, motion: Motion, friction_speed: FloatArray) -> 
     return Columns(
         names=(*(_name(part, body) for body in chain.names for part in PARAMETERS), *motors),
         units=(*(UNITS * chain.n_coordinate), *(robot.parameter_unit(name) for name in motors)),
-        groups=(*("inertia",) * n_body, *(robot.parameter_group(name) for name in motors)),
+        groups=(*("inertia",) * n_body, *(robot.parameter_kind(name) for name in motors)),
         kinds=(*("inertia",) * n_body, *(kind for kind in per_motor for _ in robot.axis_names)),
         value=drives.parameters,
         regressor=motor_torque_regressor(drives, motion.position, motion.velocity, motion.acceleration),

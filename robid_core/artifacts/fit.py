@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
 
+NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
+
 
 @dataclass(frozen=True, eq=False)
 class ParameterTable(Artifact):
     """Named parameters of the robot: where the fit began, where it ended, and how sure it is.
 
     `standard_error` is in the parameter's own unit and NaN for a parameter that was held; `group` says what
-    it is for a reader (`stiffness`, `damping`, `friction`, `inertia`, ...); `reported` marks the rows that a
-    short table shows (the rest are nuisances).
+    it is for a reader (`stiffness`, `damping`, `friction`, `inertia`, ...; `nuisance` is no parameter of the robot);
+    `reported` marks the rows that a short table shows.
     """
 
     names: tuple[str, ...]
@@ -30,8 +32,9 @@ class ParameterTable(Artifact):
         return float(self.estimate[self.names.index(name)])
 
     def as_mapping(self) -> dict[str, float]:
-        """Return the estimates by name, as `Robot.with_parameters` takes them."""
-        return dict(zip(self.names, self.estimate.tolist(), strict=True))
+        """Return the estimates by name, as `Robot.with_parameters` takes them: nuisances are left out."""
+        rows = zip(self.names, self.groups, self.estimate.tolist(), strict=True)
+        return {name: value for name, group, value in rows if group != NUISANCE}
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,12 @@ from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import where
 from robid_core.mechanics.linearize import LinearModel, SecondOrderModel, linear_model, second_order_model
 from robid_core.mechanics.mechanism import Mechanism
+from robid_core.mechanics.prescribed import (
+    MotorMotion,
+    mean_over_held,
+    periodic_motion,
+    prescribe,
+)
 from robid_core.mechanics.response import ResponseGradient, response, response_with_gradient
 from robid_core.mechanics.simulate import (
     Controller,
@@ -47,6 +53,7 @@ __all__ = [
     "ForceTerm",
     "LinearModel",
     "Mechanism",
+    "MotorMotion",
     "ResponseGradient",
     "SecondOrderModel",
     "SignalTerm",
@@ -62,7 +69,10 @@ __all__ = [
     "friction_torque",
     "kernel",
     "linear_model",
+    "mean_over_held",
     "natural_logarithm",
+    "periodic_motion",
+    "prescribe",
     "response",
     "response_with_gradient",
     "rest_state",

@@ -9,6 +9,7 @@ is one modal coordinate of a flexible link (thesis section 2.6); `robid_core.mec
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -152,6 +153,16 @@ class Chain:
         from robid_core.mechanics.insertion import insert_elastic
 
         return insert_elastic(self, after, name, np.asarray(axis, dtype=np.float64))
+
+    def with_bodies(self, mass: FloatArray, centre_of_mass: FloatArray, inertia: FloatArray) -> Chain:
+        """Return the chain with other bodies on the same joints; shapes, units and errors as of the fields."""
+        from robid_core.mechanics.chain_check import check_chain
+
+        other = copy.copy(self)
+        for name, value in (("mass", mass), ("centre_of_mass", centre_of_mass), ("inertia", inertia)):
+            object.__setattr__(other, name, value.reshape(getattr(self, name).shape).copy())
+        check_chain(other)
+        return other
 
     def with_flexible(self, joint: str, name: str, body: FlexibleBody) -> Chain:
         """Make the body of a joint flexible: it is replaced, and the joint's children move to its tip.

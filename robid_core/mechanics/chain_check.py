@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import MODAL, PRISMATIC, REVOLUTE, spatial_inertia
@@ -33,9 +34,11 @@ def check_chain(chain: Chain) -> None:
         raise ConfigurationError(f"chain: body '{twice}': the name is used twice; names must differ")
     if not np.isfinite(chain.gravity).all():
         raise ConfigurationError(f"chain: gravity {chain.gravity} is not finite; give three numbers in m/s^2")
+    doubtful = ~_sound_bodies(chain)
     for j, name in enumerate(chain.names):
         where = f"chain: body '{name}':"
-        _check_body(chain, j, where)
+        if doubtful[j]:
+            _check_body(chain, j, where)
         if chain.joint_type[j] == MODAL:
             _check_modal(chain, j, where)
         elif (
@@ -46,6 +49,37 @@ def check_chain(chain: Chain) -> None:
             raise ConfigurationError(f"{where} it has modal fields, but is no modal joint; set joint type 2")
     for root in set(chain.flexible_root.tolist()) - {-1}:
         _check_flexible_body(chain, root)
+
+
+def _sound_bodies(chain: Chain) -> npt.NDArray[np.bool_]:
+    """Tell of all bodies at once whether `_check_body` has nothing to say of them, shape (n,).
+
+    A fit makes chains by the thousand; only where something is doubtful it is looked for what.
+    """
+    n = len(chain.names)
+    numbers = [getattr(chain, field).reshape(n, -1) for field in (*_RIGID_FIELDS, *_MODAL_FIELDS)]
+    finite = np.isfinite(np.concatenate(numbers, axis=1)).all(axis=1)
+    if not finite.all():
+        return np.zeros(n, dtype=np.bool_)  # look at each: what follows needs numbers
+    parents = (chain.parent >= -1) & (chain.parent < np.arange(n))
+    kinds = (chain.joint_type == REVOLUTE) | (chain.joint_type == PRISMATIC) | (chain.joint_type == MODAL)
+    length = np.sqrt((chain.axis**2).sum(axis=1))
+    axes = (chain.joint_type == MODAL) | (abs(length - 1) <= _UNIT_TOLERANCE)
+    turn = chain.rotation
+    off = abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    rotations = (off <= _UNIT_TOLERANCE) & (np.linalg.det(turn) >= 0)
+    inertia = chain.inertia
+    largest = abs(inertia).max(axis=(1, 2))
+    masses = (chain.mass > 0) | ((chain.mass == 0) & (largest == 0))
+    skew = abs(inertia - inertia.transpose(0, 2, 1)).max(axis=(1, 2))
+    moments = np.linalg.eigvalsh(inertia)
+    physical = (
+        (skew <= _INERTIA_TOLERANCE * largest)
+        & (moments[:, 0] >= -_INERTIA_TOLERANCE * moments[:, 2])
+        & (moments[:, 0] + moments[:, 1] >= moments[:, 2] * (1 - _INERTIA_TOLERANCE))
+    )
+    sound: npt.NDArray[np.bool_] = parents & kinds & axes & rotations & masses & physical
+    return sound
 
 
 def _check_body(chain: Chain, j: int, where: str) -> None:

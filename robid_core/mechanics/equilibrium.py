@@ -1,19 +1,21 @@
 """Static equilibrium under gravity with the motors held: the operating point of (2.4).
 
 The measured motor angle defines the configuration; arm and elastic joints sag until springs and gravity
-balance. Newton's method with the gravity stiffness converges in a few steps, springs being far stiffer.
+balance. Newton's method with the gravity stiffness converges in a few steps, springs being far stiffer. Rows in which
+it does not come to a stable rest, for a gap or a corner in a spring, go down the potential energy (see `descent`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.chain import FloatArray
+from robid_core.mechanics.descent import descend
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import rows_times, terms_at_rest
@@ -21,8 +23,9 @@ from robid_core.mechanics.static_laws import static_force
 from robid_core.mechanics.terms import ForceTerm
 
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
-MAXIMUM_STEPS = 50  # a robot needs 3 to 5; a spring that cannot hold its arm needs more than any number
+NEWTON_STEPS = 15  # a robot needs 3 to 5; who needs more goes another way
 STEP_TOLERANCE = 1e-13  # rad, times (1 + largest coordinate); Newton's error is the square of its last step
 
 ESCAPED = 1e6  # rad or m: a joint that a step sent there does not come back
@@ -41,6 +44,8 @@ class Equilibrium:
     """Joint coordinates q = T z, shape (..., n_joint)."""
     torque: FloatArray
     """Motor torque that holds the robot, N m at the motor shaft, shape (..., n_axis)."""
+    refused: Mapping[int, str] = field(default_factory=dict)
+    """Why a row has no rest, by its number; such a row is NaN."""
 
 
 def solve_equilibrium(
@@ -48,6 +53,7 @@ def solve_equilibrium(
     stiffness: FloatArray,
     motor_angle: FloatArray,
     forces: Sequence[ForceTerm] = (),
+    partial: bool = False,
 ) -> Equilibrium:
     """Rest position of arm and elastic joints at given motor angles.
 
@@ -64,11 +70,13 @@ def solve_equilibrium(
     forces
         Laws of effects: nonlinear springs count, friction rests. Laws at a motor do not: they are no matter of the
         arm's equilibrium, and a rest state does not hold them.
+    partial
+        Return what rests; rows without a stable rest are NaN, and `refused` says why.
 
     Raises
     ------
     NotTrustworthy
-        Where no stable equilibrium is found: the springs cannot hold the arm; the message names the coordinate.
+        Where some row has no stable equilibrium: the springs cannot hold the arm; the message names row and coordinate.
     """
     mechanism.check_springs(stiffness=stiffness)
     n_axis, n = mechanism.n_axis, mechanism.n_coordinate
@@ -86,45 +94,85 @@ def solve_equilibrium(
     undeformed[mechanism.arm] = mechanism.gear
     free = [mechanism.chain.index(name) for name in mechanism.coordinate_names[n_axis:]]
     z = np.concatenate((rows, rows_times(rows, undeformed[free].T)), axis=1)
-    if n > n_axis:
-        _sag(mechanism, spring_matrix, z, bending)
+    refused = _settle(mechanism, spring_matrix, z, bending) if n > n_axis else {}
+    if refused and not partial:
+        first = min(refused)
+        others = f" (and {len(refused) - 1} more of {len(rows)})" if len(refused) > 1 else ""
+        raise NotTrustworthy(f"equilibrium: configuration {first}{others}: {refused[first]}")
     torque = terms_at_rest(mechanism, z).bias + rows_times(z, spring_matrix) + static_force(bending, z).force
+    for row in refused:
+        z[row, n_axis:], torque[row] = np.nan, np.nan
     shape = motor.shape[:-1]
     return Equilibrium(
         z.reshape(*shape, n),
         rows_times(z, joints.T).reshape(*shape, -1),
         torque[:, :n_axis].reshape(*shape, n_axis),
+        refused,
     )
 
 
-def _sag(mechanism: Mechanism, spring_matrix: FloatArray, z: FloatArray, forces: Sequence[ForceTerm]) -> None:
-    """Move the coordinates behind the motors, in place, until nothing pulls on them; a row at rest stays there.
+def _settle(
+    mechanism: Mechanism, spring_matrix: FloatArray, z: FloatArray, forces: Sequence[ForceTerm]
+) -> dict[int, str]:
+    """Move the coordinates behind the motors, in place, to a stable rest; return why a row has none, by its number."""
+    free, start = slice(mechanism.n_axis, None), z.copy()
+    left = np.flatnonzero(~_sag(mechanism, spring_matrix, z, forces))
+    if not len(left):
+        return {}
 
-    With nonlinear springs a step of Newton's method that does not reduce what pulls is halved: their corners would
-    send it to and fro.
+    def pull(rows: IntArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        there = start[left[rows]]
+        there[:, free] = position
+        return _pull(mechanism, spring_matrix, there, forces)
+
+    found = descend(pull, start[left, free])
+    z[left, free] = found.position
+    names = mechanism.coordinate_names[mechanism.n_axis :]
+    return {
+        int(left[row]): _reason(
+            names[int(np.argmax(abs(found.softest[row])))], found.stiffness[row], bool(found.fallen[row])
+        )
+        for row in np.flatnonzero(~found.rests)
+    }
+
+
+def _reason(name: str, stiffness: float, fallen: bool) -> str:
+    """Say why a row has no rest."""
+    what = "falls, and nothing holds it" if fallen else "comes to no rest"
+    return (
+        f"coordinate '{name}' {what}: its stiffness with gravity is {stiffness:.4g} N m/rad where it was left; the "
+        "springs do not hold the arm; give a stiffer spring or check the masses"
+    )
+
+
+def _sag(
+    mechanism: Mechanism, spring_matrix: FloatArray, z: FloatArray, forces: Sequence[ForceTerm]
+) -> BoolArray:
+    """Move the coordinates by Newton's method, in place, until nothing pulls on them; tell which rows rest stably.
+
+    With nonlinear springs a step that does not reduce what pulls is halved: their corners would send it to and fro.
     """
     free = slice(mechanism.n_axis, None)
     moving = np.ones(len(z), dtype=np.bool_)
-    for _ in range(MAXIMUM_STEPS):
-        residual, tangent = _pull(mechanism, spring_matrix, z, forces)
-        step = residual.copy()
-        solve_rows(tangent.copy(), step)
-        before = z[:, free].copy()
-        z[moving, free] -= step[moving]
-        if forces:
-            _shorten(mechanism, spring_matrix, z, forces, before, step, residual, moving)
-        largest = abs(z[:, free]).max(axis=1)
-        if not (largest < ESCAPED).all():
-            break
-        moving &= abs(step).max(axis=1) > STEP_TOLERANCE * (1 + largest)
-        if not moving.any():
-            _refuse_unstable(mechanism, tangent)
-            return
-    _refuse_unstable(mechanism, tangent)
-    raise NotTrustworthy(
-        f"equilibrium: no rest position of '{', '.join(mechanism.coordinate_names[free])}' after {MAXIMUM_STEPS} "
-        "steps of Newton's method; is a stiffness far too low for the load?"
-    )
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rows that run away are found below
+        for _ in range(NEWTON_STEPS):
+            residual, tangent = _pull(mechanism, spring_matrix, z, forces)
+            step = residual.copy()
+            solve_rows(tangent.copy(), step)
+            step[~np.isfinite(step).all(axis=1)] = ESCAPED
+            before = z[:, free].copy()
+            z[moving, free] -= step[moving]
+            if forces:
+                _shorten(mechanism, spring_matrix, z, forces, before, step, residual, moving)
+            largest = abs(z[:, free]).max(axis=1)
+            escaped = ~(largest < ESCAPED)
+            z[escaped, free] = before[escaped]
+            moving &= abs(step).max(axis=1) > STEP_TOLERANCE * (1 + largest)
+            moving &= ~escaped
+            if not moving.any():
+                break
+    rests: BoolArray = ~moving & ~escaped & _stable(tangent)
+    return rests
 
 
 def _pull(
@@ -161,22 +209,15 @@ def _shorten(
         z[worse, free] = before[worse] - step[worse]
 
 
-def _refuse_unstable(mechanism: Mechanism, tangent: FloatArray) -> None:
+def _stable(tangent: FloatArray) -> BoolArray:
+    """Tell of each row whether its stiffness is positive in every direction."""
     floor = SINGULAR * abs(tangent).max(axis=(1, 2))
     try:
         np.linalg.cholesky(tangent - floor[:, None, None] * np.eye(tangent.shape[1]))
-        return  # ten times as fast as eigenvalues
+        return np.ones(len(tangent), dtype=np.bool_)  # ten times as fast as eigenvalues
     except np.linalg.LinAlgError:
-        lowest = np.linalg.eigvalsh(tangent)[:, 0]
-    if (lowest > floor).all():
-        return
-    row = int(np.argmin(lowest))
-    shape = np.linalg.eigh(tangent[row])[1][:, 0]
-    name = mechanism.coordinate_names[mechanism.n_axis + int(np.argmax(abs(shape)))]
-    raise NotTrustworthy(
-        f"equilibrium: configuration {row}, coordinate '{name}': stiffness with gravity is {lowest[row]:.4g} N m/rad; "
-        "the springs do not hold the arm; give a stiffer spring or check the masses"
-    )
+        stable: BoolArray = np.linalg.eigvalsh(tangent)[:, 0] > floor
+        return stable
 
 
 @kernel

@@ -8,6 +8,7 @@ wrists and elastic arms differ in T and e_s only.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -96,6 +97,12 @@ class Mechanism:
         object.__setattr__(self, "constraint_map", joints)
         object.__setattr__(self, "spring_directions", np.array(springs).reshape(-1, joints.shape[1]))
         object.__setattr__(self, "coordinate_names", names)
+
+    def with_bodies(self, chain: Chain) -> Mechanism:
+        """Return the mechanism on a chain with the same joints and other bodies."""
+        other = copy.copy(self)
+        object.__setattr__(other, "chain", chain)
+        return other
 
     @property
     def axis_names(self) -> tuple[str, ...]:

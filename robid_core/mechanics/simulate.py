@@ -221,14 +221,8 @@ def simulate(
         np.full(n_lane, -1, dtype=np.int64),
         np.zeros((n_lane, len(forces))),
     )
-    order = motors_last(mechanism)
     width = LANES if n_lane >= FEWEST_LANES else 1
-    sizes = dict.fromkeys(_ALL, n) | {
-        "law_state": sum(t.n_state for t in forces) + sum(t.n_state for t in signals)
-    }
-    lanes = LaneState(
-        *(_blocks(state, f.name, n_lane, sizes.get(f.name, n_axis), order, width) for f in fields(state))
-    )
+    lanes = lanes_of_state(state, mechanism, (*forces, *signals), n_lane, width)
     gains = np.column_stack([_axes(controller, field.name, n_axis) for field in fields(controller)])
     control = ControlArrays(np.ascontiguousarray(gains), float(sample_time), n_step, method == "runge_kutta")
     implicit_step = 0.0 if control.runge_kutta else step
@@ -237,21 +231,17 @@ def simulate(
     terms, entries = term_arrays(mechanism, forces, signals, width == 1, implicit_step, weight)
     _run(mechanism, robot_arrays(mechanism, plant, terms), control, lanes, channels, width, n_thread)
     del entries  # machine code of the laws, no longer called
-    back = np.argsort(order)
     result = Simulation(
         channels.position,
         channels.torque,
         channels.saturated / max(n_sample, 1),
-        channels.coordinates[..., back] if keep_coordinates else None,
-        SimulationState(
-            **{
-                name: _lanes(value, n_lane, sizes.get(name, n_axis))[:, back if name in _ALL else slice(None)]
-                for name, value in lanes._asdict().items()
-            }
-        ),
+        channels.coordinates[..., np.argsort(motors_last(mechanism))] if keep_coordinates else None,
+        state_of_lanes(lanes, mechanism, (*forces, *signals), n_lane),
     )
     if (channels.diverged >= 0).any():
-        raise _divergence(mechanism, forces, result, channels, sample_time)
+        raise divergence(
+            "simulate", mechanism, forces, result, channels.diverged, channels.force, sample_time
+        )
     return result
 
 
@@ -283,30 +273,35 @@ def _run(
         list(pool.map(share, edges[:-1], edges[1:]))
 
 
-def _divergence(
+def divergence(
+    what: str,
     mechanism: Mechanism,
     forces: Sequence[ForceTerm],
     result: Simulation,
-    channels: Signals,
+    diverged: IntArray,
+    force_then: FloatArray,
     sample_time: float,
 ) -> SimulationDiverged:
-    """Say when, where and by which effect; what was computed comes along."""
-    lost = np.flatnonzero(channels.diverged >= 0).tolist()
+    """Say when, where and by which effect a lane left all bounds; what was computed comes along.
+
+    `diverged` holds the sample of each lane, -1 where it did not; `force_then` the laws' forces at that sample.
+    """
+    lost = np.flatnonzero(diverged >= 0).tolist()
     for lane in lost:
         for signal in (result.position, result.torque, result.coordinates):
             if signal is not None:
-                signal[lane, channels.diverged[lane] + 1 :] = np.nan
+                signal[lane, diverged[lane] + 1 :] = np.nan
     lane = lost[0]
     largest = np.nan_to_num(
         np.abs(result.state.position[lane]) + np.abs(result.state.speed[lane]), nan=np.inf, posinf=np.inf
     )
     name = mechanism.coordinate_names[int(np.argmax(largest))]
     message = (
-        f"simulate: lane {lane} left all bounds at {channels.diverged[lane] * sample_time:.3f} s, "
+        f"{what}: lane {lane} left all bounds at {diverged[lane] * sample_time:.3f} s, "
         f"coordinate '{name}' first"
     )
     if len(forces):
-        force = np.nan_to_num(np.abs(channels.force[lane]), nan=np.inf, posinf=np.inf)
+        force = np.nan_to_num(np.abs(force_then[lane]), nan=np.inf, posinf=np.inf)
         worst = forces[int(np.argmax(force))]
         message += f"; the largest force of an effect there was {force.max():.3g} of '{worst.label}'"
     return SimulationDiverged(
@@ -314,6 +309,40 @@ def _divergence(
         "explicit method?",
         result,
     )
+
+
+def lanes_of_state(
+    state: SimulationState,
+    mechanism: Mechanism,
+    laws: Sequence[ForceTerm | SignalTerm],
+    n_lane: int,
+    width: int,
+) -> LaneState:
+    """Lay states out in blocks of `width` lanes, motors after the other coordinates."""
+    order, sizes = motors_last(mechanism), _sizes(mechanism, laws)
+    return LaneState(
+        *(_blocks(state, f.name, n_lane, sizes[f.name], order, width) for f in fields(SimulationState))
+    )
+
+
+def state_of_lanes(
+    lanes: LaneState, mechanism: Mechanism, laws: Sequence[ForceTerm | SignalTerm], n_lane: int
+) -> SimulationState:
+    """Return the states that stand in blocks of lanes."""
+    back, sizes = np.argsort(motors_last(mechanism)), _sizes(mechanism, laws)
+    return SimulationState(
+        **{
+            name: _lanes(value, n_lane, sizes[name])[:, back if name in _ALL else slice(None)]
+            for name, value in lanes._asdict().items()
+        }
+    )
+
+
+def _sizes(mechanism: Mechanism, laws: Sequence[ForceTerm | SignalTerm]) -> dict[str, int]:
+    """Length of each field of a state."""
+    sizes = dict.fromkeys((f.name for f in fields(SimulationState)), mechanism.n_axis)
+    whole = dict.fromkeys(_ALL, mechanism.n_coordinate)
+    return sizes | whole | {"law_state": sum(law.n_state for law in laws)}
 
 
 def _blocks(

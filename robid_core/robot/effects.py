@@ -51,6 +51,8 @@ class BoundEffect:
 def structured(robot: Robot) -> RobotDescription:
     """Return the description with its structure effects applied in their order, and without their entries."""
     entries = robot.description.effects
+    if not any(issubclass(_effect(label, entry), StructureEffect) for label, entry in entries.items()):
+        return robot.description
     robot = replace(robot, description=robot.description.model_copy(update={"effects": {}}))
     for label, entry in entries.items():
         effect = _effect(label, entry)
@@ -99,7 +101,8 @@ def force_terms(robot: Robot) -> tuple[ForceTerm, ...]:
     other: list[ForceTerm] = []
     for bound in robot.effects:
         if issubclass(bound.effect, ForceEffect):
-            for term in bound.effect.bind(bound.parameters, bound.place):
+            for term in _terms(robot, bound):
+                assert isinstance(term, ForceTerm)
                 transmits = any(np.array_equal(term.direction, row) for row in gears)
                 (gear if transmits else other).append(term)
     friction = friction_terms(robot.mechanism, d.coulomb, d.viscous, d.friction_speed, d.friction_offset)
@@ -111,8 +114,16 @@ def signal_terms(robot: Robot) -> tuple[SignalTerm, ...]:
     terms: list[SignalTerm] = []
     for bound in robot.effects:
         if issubclass(bound.effect, SignalEffect):
-            terms += bound.effect.bind(bound.parameters, bound.place)
+            terms += [term for term in _terms(robot, bound) if isinstance(term, SignalTerm)]
     return tuple(terms)
+
+
+def _terms(robot: Robot, bound: BoundEffect) -> tuple[ForceTerm | SignalTerm, ...]:
+    """Return the laws of an effect, bound once."""
+    known = robot.terms_of_effects
+    if bound.label not in known:
+        known[bound.label] = tuple(bound.effect.bind(bound.parameters, bound.place))
+    return known[bound.label]
 
 
 def place_of(robot: Robot, label: str, on: str | None, side: str) -> Place:
@@ -221,9 +232,15 @@ def channel_gain(robot: Robot, channel: str, omega: FloatArray) -> ComplexArray:
 def motor_viscosity(robot: Robot) -> FloatArray:
     """Viscous part of all friction at the motors, N m s/rad, shape (n_axis,)."""
     rows = np.zeros((1, robot.mechanism.n_coordinate))
-    there = [term for term in robot.forces if not term.coordinate[robot.n_axis :].any()]
+    forces = [bound for bound in robot.effects if issubclass(bound.effect, ForceEffect)]
+    there = [
+        term
+        for bound in forces
+        for term in _terms(robot, bound)
+        if isinstance(term, ForceTerm) and not term.coordinate[robot.n_axis :].any()
+    ]
     damping: FloatArray = viscous_damping(there, rows)[0].diagonal()[: robot.n_axis].copy()
-    return damping
+    return damping + robot.drives.viscous
 
 
 def motor_damping(robot: Robot, speed_rms: FloatArray, slow_sine_speed: FloatArray) -> FloatArray:

@@ -1,136 +1,98 @@
 """What can be estimated or set in a robot by name: `gear_stiffness.axis_2`, `effect.grease.breakaway`.
 
-A name leads to a number of the description, its unit and its group. Parameters of effects come from the tables of
-their plugins: those that the file leaves at the default have names too, and setting one writes it down.
+A name leads to a number of the description, its unit, kind and group (see `parameter_places`). Parameters of effects
+come from the tables of their plugins: those that the file leaves at the default have names too, and setting one writes
+it down.
 """
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
 from robid_core.errors import ConfigurationError
 from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.description import EffectEntry, RobotDescription
+from robid_core.robot.parameter_places import (
+    DYNAMIC,
+    ParameterPlace,
+    TableRow,
+    places_of_structure,
+)
 from robid_core.robot.part import Part, Path, line_errors
 
-# (group, unit, path) of every named parameter; {} is the name of the axis or bearing.
-_AXIS_PARAMETERS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
-    ("gear_stiffness.{}", "stiffness", "N m/rad", ("gear", "stiffness")),
-    ("gear_damping.{}", "damping", "N m s/rad", ("gear", "damping")),
-    ("rotor_inertia.{}", "inertia", "kg m^2", ("rotor_inertia",)),
-    ("torque_constant.{}", "drive", "N m/A", ("torque_constant",)),
-    ("friction.{}.coulomb", "friction", "N m", ("friction", "coulomb")),
-    ("friction.{}.viscous", "friction", "N m s/rad", ("friction", "viscous")),
-    ("friction.{}.offset", "friction", "N m", ("friction", "offset")),
-)
-_BEARING_PARAMETERS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
-    ("bearing_stiffness.{}", "stiffness", "N m/rad", ("stiffness",)),
-    ("bearing_damping.{}", "damping", "N m s/rad", ("damping",)),
-)
-_LINEAR_UNITS = {
-    "N m/rad": "N/m",
-    "N m s/rad": "N s/m",
-    "kg m^2": "kg",
-    "N m/A": "N/A",
-    "N m": "N",
-}
-
-
-class TableRow(Protocol):
-    """What is read of a row in an effect's table (`robid_core.effect.Parameter`)."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def default(self) -> float: ...
-    @property
-    def lower(self) -> float: ...
-    @property
-    def upper(self) -> float: ...
+Layout = Mapping[str, ParameterPlace]
 
 
 class NamedParameter(NamedTuple):
     """A parameter of the robot: its value, and where it stands in the description."""
 
     name: str
+    kind: str
     group: str
-    """stiffness, damping, modal, inertia, friction, drive or effect."""
     unit: str
     path: Path
     value: float
 
 
-def named_parameters(description: RobotDescription) -> dict[str, NamedParameter]:
-    """Return every parameter that can be estimated or set by name, in the order of the file.
+def layout_of(description: RobotDescription) -> dict[str, ParameterPlace]:
+    """Return the place of every number that has a name, in the order of the file, effects last.
 
     Raises
     ------
     ConfigurationError
         Where an effect is not installed, or has no parameter of a name that the description sets.
     """
-    found: list[NamedParameter] = []
-    where: Path
-    prismatic = {body.joint for body in description.bodies if body.type == "prismatic"}
-    for pattern, group, unit, path in _AXIS_PARAMETERS:
-        for name, axis in description.axes.items():
-            if path[0] == "gear" and axis.gear is None:
-                continue
-            linear = (axis.joint or name) in prismatic
-            unit_here = _LINEAR_UNITS[unit] if linear else unit
-            place = ("axes", name, *path)
-            found.append(NamedParameter(pattern.format(name), group, unit_here, place, _number(axis, path)))
-    for pattern, group, unit, path in _BEARING_PARAMETERS:
-        for name, bearing in description.bearings.items():
-            place = ("bearings", name, *path)
-            found.append(NamedParameter(pattern.format(name), group, unit, place, _number(bearing, path)))
-    for pattern, group, unit, path in _BEARING_PARAMETERS:
-        for index, body in enumerate(description.bodies):
-            if body.elastic is not None:
-                unit_here = _LINEAR_UNITS[unit] if body.joint in prismatic else unit
-                where = ("bodies", index, "elastic", *path)
-                value = _number(body.elastic, path)
-                found.append(NamedParameter(pattern.format(body.joint), group, unit_here, where, value))
-    for index, body in enumerate(description.bodies):
-        reduced = body.flexible.reduced if body.flexible is not None else None
-        for k, mode in enumerate(reduced.modes if reduced is not None else ()):
-            for kind, unit, value in (
-                ("stiffness", "1/s^2", mode.stiffness),
-                ("damping", "1/s", mode.damping),
-            ):
-                inside: Path = ("bodies", index, "flexible", "reduced", "modes", k, kind)
-                name = f"modal_{kind}.{body.joint}_mode_{k + 1}"
-                found.append(NamedParameter(name, "modal", unit, inside, value))
-    for index, body in enumerate(description.bodies):
-        if body.mass > 0:
-            where = ("bodies", index, "mass")
-            found.append(NamedParameter(f"mass.{body.joint}", "inertia", "kg", where, body.mass))
-    found += effect_parameters(description)
-    return {parameter.name: parameter for parameter in found}
+    return places_of_structure(description) | places_of_effects(description)
 
 
-def effect_parameters(description: RobotDescription) -> list[NamedParameter]:
-    """Return the parameters of every effect, those at their default included; raises as `named_parameters`."""
-    found = []
+def places_of_effects(description: RobotDescription) -> dict[str, ParameterPlace]:
+    """Return the place of every parameter of an effect, those at their default included; raises as `layout_of`."""
+    found = {}
     for label, entry in description.effects.items():
         table = effect_table(entry.use)
-        wrong = misfits(entry.use, entry.with_, table)
-        if wrong:
-            raise ConfigurationError(
-                "\n".join(
-                    f"{description.name}: effects.{label}: {name}: {reason}" for name, reason in wrong.items()
-                )
-            )
+        _refuse_misfits(description, label, entry, table)
         for row in table:
-            place = ("effects", label, "with", row.name)
-            value = float(entry.with_.get(row.name, row.default))
-            found.append(NamedParameter(f"effect.{label}.{row.name}", "effect", row.unit, place, value))
+            name = f"effect.{label}.{row.name}"
+            path = ("effects", label, "with", row.name)
+            found[name] = ParameterPlace(name, "effect", DYNAMIC, row.unit, path, row)
     return found
+
+
+def _refuse_misfits(
+    description: RobotDescription, label: str, entry: EffectEntry, table: Sequence[TableRow]
+) -> None:
+    wrong = misfits(entry.use, entry.with_, table)
+    if wrong:
+        raise ConfigurationError(
+            "\n".join(
+                f"{description.name}: effects.{label}: {name}: {reason}" for name, reason in wrong.items()
+            )
+        )
+
+
+def named_parameters(description: RobotDescription) -> dict[str, NamedParameter]:
+    """Return every parameter that can be estimated or set by name, with its value; raises as `layout_of`."""
+    return {
+        name: NamedParameter(
+            name, place.kind, place.group, place.unit, place.path, number_at(description, place)
+        )
+        for name, place in layout_of(description).items()
+    }
+
+
+def number_at(description: RobotDescription, place: ParameterPlace) -> float:
+    """Return the value of one parameter."""
+    section, entry, *inner = place.path
+    if place.row is not None:
+        return float(description.effects[str(entry)].with_.get(place.row.name, place.row.default))
+    value: Any = getattr(description, str(section))[entry]
+    for key in inner:
+        value = value[key] if isinstance(key, int) else getattr(value, key)
+    return float(value)
 
 
 def effect_table(use: str) -> Sequence[TableRow]:
@@ -161,8 +123,10 @@ def misfits(use: str, values: Mapping[str, float], table: Sequence[TableRow]) ->
     return wrong
 
 
-def with_values(description: RobotDescription, values: Mapping[str, float]) -> RobotDescription:
-    """Return the description with some named parameters changed.
+def with_values(
+    description: RobotDescription, values: Mapping[str, float], layout: Layout | None = None
+) -> RobotDescription:
+    """Return the description with some named parameters changed; `layout` is that of the description, if known.
 
     Raises
     ------
@@ -173,62 +137,62 @@ def with_values(description: RobotDescription, values: Mapping[str, float]) -> R
     ConfigurationError
         For a value outside the bounds of an effect's table.
     """
-    parameters = named_parameters(description)
-    numbers = {parameters[name].path: float(value) for name, value in values.items()}
+    layout = layout_of(description) if layout is None else layout
+    numbers: dict[Path, float] = {}
+    for name, value in values.items():
+        path = layout[name].path
+        numbers[path] = float(value)
+        if "inertia" in path:  # symmetric: both entries
+            numbers[(*path[:-2], path[-1], path[-2])] = float(value)
     sections: dict[str, Any] = {}
-    for (section, entry), inner in _grouped(numbers).items():
-        old = sections.get(section, getattr(description, section))
-        part = _replaced(old[entry], inner, (section, entry))
-        sections[section] = (
-            {**old, entry: part} if isinstance(old, dict) else (*old[:entry], part, *old[entry + 1 :])
-        )
+    for section, inside in _by_first(numbers).items():
+        sections[str(section)] = _replaced(getattr(description, str(section)), inside, (section,))
     changed = description.model_copy(update=sections)
-    if "effects" in sections:
-        effect_parameters(changed)  # bounds of the tables
+    for label in {str(path[1]) for path in numbers if path[0] == "effects"}:
+        entry = changed.effects[label]
+        _refuse_misfits(changed, label, entry, effect_table(entry.use))
     return changed
 
 
-def _grouped(numbers: Mapping[Path, float]) -> dict[tuple[str, Any], dict[Path, float]]:
-    """Return the numbers of each entry of a section, by their path inside it."""
-    found: dict[tuple[str, Any], dict[Path, float]] = {}
-    for (section, entry, *inner), value in numbers.items():
-        found.setdefault((str(section), entry), {})[tuple(inner)] = value
+def _by_first(numbers: Mapping[Path, float]) -> dict[str | int, dict[Path, float]]:
+    """Return the numbers by the first step of their path, with the rest of it."""
+    found: dict[str | int, dict[Path, float]] = {}
+    for (first, *rest), value in numbers.items():
+        found.setdefault(first, {})[tuple(rest)] = value
     return found
 
 
-def _replaced(part: Part, numbers: Mapping[Path, float], place: Path) -> Part:
-    """Return a part with some numbers replaced; only the parts that hold them are checked again."""
-    own: dict[str, Any] = {}
-    nested: dict[str, dict[Path, float]] = {}
-    for (key, *inner), value in numbers.items():
-        if isinstance(part, EffectEntry):
-            own.setdefault("with", dict(part.with_))[str(inner[0])] = value
-        elif inner:
-            nested.setdefault(str(key), {})[tuple(inner)] = value
-        else:
-            own[str(key)] = value
-    for key, inside in nested.items():
-        old = getattr(part, key)
-        if isinstance(old, tuple):  # of parts: one more step down
-            own[key] = tuple(
-                _replaced(entry, {p[1:]: v for p, v in inside.items() if p[0] == k}, (*place, key, k))
-                if any(p[0] == k for p in inside)
-                else entry
-                for k, entry in enumerate(old)
-            )
-        else:
-            own[key] = _replaced(old, inside, (*place, key))
-    if own.keys() == nested.keys():
-        return part.model_copy(update=own)
-    fields = {info.alias or name: getattr(part, name) for name, info in type(part).model_fields.items()}
+def _replaced(old: Any, numbers: Mapping[Path, float], place: Path) -> Any:
+    """Return a part of the description with some numbers replaced; only parts that hold them are checked again."""
+    if () in numbers:
+        return numbers[()]
+    if isinstance(old, EffectEntry):
+        with_ = dict(old.with_) | {str(path[1]): value for path, value in numbers.items()}
+        return _checked(old, {"with": with_}, place)
+    inside = _by_first(numbers)
+    if isinstance(old, tuple):
+        return tuple(
+            _replaced(entry, inside[k], (*place, k)) if k in inside else entry for k, entry in enumerate(old)
+        )
+    if isinstance(old, dict):
+        return {
+            key: _replaced(entry, inside[key], (*place, key)) if key in inside else entry
+            for key, entry in old.items()
+        }
+    own = {str(key): _replaced(getattr(old, str(key)), rest, (*place, key)) for key, rest in inside.items()}
+    if all(isinstance(value, Part) or _holds_parts(value) for value in own.values()):
+        return old.model_copy(update=own)
+    return _checked(old, own, place)
+
+
+def _checked(old: Part, own: dict[str, Any], place: Path) -> Part:
+    """Return a part with some fields replaced, checked; errors are told at its place in the description."""
+    fields = {info.alias or name: getattr(old, name) for name, info in type(old).model_fields.items()}
     try:
-        return type(part).model_validate(fields | own)
+        return type(old).model_validate(fields | own)
     except ValidationError as error:
         raise ValidationError.from_exception_data(error.title, line_errors(error, place)) from None
 
 
-def _number(part: Part, path: Path) -> float:
-    value: Any = part
-    for key in path:
-        value = getattr(value, str(key))
-    return float(value)
+def _holds_parts(value: Any) -> bool:
+    return isinstance(value, tuple) and bool(value) and isinstance(value[0], Part)

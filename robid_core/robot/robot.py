@@ -34,7 +34,9 @@ from robid_core.robot.effects import (
     signal_terms,
     structured,
 )
-from robid_core.robot.named_parameters import named_parameters, with_values
+from robid_core.robot.inheritance import inherited
+from robid_core.robot.named_parameters import with_values
+from robid_core.robot.problems import suggestion
 from robid_core.robot.reading import find_robot, read_description
 from robid_core.robot.unknowns import NamedUnknowns
 from robid_core.robot.wording import reason
@@ -45,9 +47,11 @@ if TYPE_CHECKING:
         Equilibrium,
         LinearModel,
         Mechanism,
+        MotorMotion,
         ResponseGradient,
         SecondOrderModel,
         Simulation,
+        SimulationState,
     )
     from robid_core.robot.plant import RobotPlant
 
@@ -130,6 +134,11 @@ class Robot(NamedUnknowns):
         return bound_effects(self)
 
     @functools.cached_property
+    def terms_of_effects(self) -> dict[str, tuple[ForceTerm | SignalTerm, ...]]:
+        """The laws of each force and signal effect by its label, as they were bound; filled when they are asked for."""
+        return {}
+
+    @functools.cached_property
     def forces(self) -> tuple[ForceTerm, ...]:
         """Laws that exert forces: the motors' friction and the force effects."""
         return force_terms(self)
@@ -164,23 +173,19 @@ class Robot(NamedUnknowns):
 
         Raises ConfigurationError for a name that this robot does not have, or a value it cannot have.
         """
-        known = named_parameters(self.description)
-        unknown = [name for name in values if name not in known]
+        unknown = [name for name in values if name not in self.layout]
         if unknown:
             raise ConfigurationError(
-                f"{self.name} has no parameter {', '.join(unknown)}; it has {', '.join(known)}"
+                f"{self.name} has no parameter {', '.join(unknown)}; {suggestion(unknown[0], self.layout, 'it has')}"
             )
         try:
-            changed = replace(self, description=with_values(self.description, dict(values)))
+            description = with_values(self.description, values, self.layout)
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
             raise ConfigurationError(f"{self.name}: {place}: {reason(first)}") from error
-        if not self.description.effects and not any(known[name].group == "inertia" for name in values):
-            # Springs, dampers and friction leave the chain as it is: a fit changes them thousands of times.
-            changed.__dict__.update(
-                {k: self.__dict__[k] for k in ("chain", "mechanism") if k in self.__dict__}
-            )
+        changed = replace(self, description=description)
+        changed.__dict__.update(inherited(self, description, (self.layout[name] for name in values)))
         return changed
 
     def to_urdf(self) -> str:
@@ -220,14 +225,18 @@ class Robot(NamedUnknowns):
         """Motor torque that holds the arm against gravity, shape (n_config, n_axis)."""
         return self.equilibrium(angle).torque
 
-    def equilibrium(self, angle: npt.ArrayLike) -> Equilibrium:
-        """Rest position under gravity at joint-side motor angles (n_config, n_axis), nonlinear springs included."""
+    def equilibrium(self, angle: npt.ArrayLike, partial: bool = False) -> Equilibrium:
+        """Rest position under gravity at joint-side motor angles (n_config, n_axis), nonlinear springs included.
+
+        Raises NotTrustworthy where a configuration has no stable rest; with `partial` such rows are NaN, and
+        `Equilibrium.refused` says why.
+        """
         from robid_core.mechanics import solve_equilibrium
 
         stiffness, _ = self.spring_arrays()
         motor = self.motor_angle(angle)
-        if self.bending_forces:
-            return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
+        if self.bending_forces or partial:
+            return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces, partial)
         return self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
 
     def second_order(
@@ -392,6 +401,41 @@ class Robot(NamedUnknowns):
         if motor_speed is not None:
             state = state.moving(self.mechanism, np.asarray(motor_speed, dtype=float))
         return drive_open_loop(self, torque, state, **options)
+
+    def standing(self, angle: npt.ArrayLike) -> SimulationState:
+        """State of robots that stand still at joint-side motor angles (n_lane, n_axis), gravity held by springs."""
+        from robid_core.robot.plant import standing
+
+        return standing(self, self.motor_angle(angle))
+
+    def prescribe(
+        self, motion: MotorMotion, state: SimulationState | None = None, n_thread: int = 1
+    ) -> Simulation:
+        """Motor torques that a motion of the motors takes, springs, bodies and forces of this robot behind them.
+
+        Parameters
+        ----------
+        motion
+            Of the motors, in steps of `step_s`.
+        state
+            Where everything else begins; by default at rest about the first angles, moving along.
+        n_thread
+            As of `mechanics.prescribe`, which says more.
+        """
+        from robid_core.mechanics import prescribe
+
+        if state is None:
+            state = self.standing(self.joint_angle(motion.angle)).moving(self.mechanism, motion.speed)
+        return prescribe(
+            self.mechanism,
+            *self.spring_arrays(),
+            state,
+            motion,
+            forces=self.forces,
+            sample_time=self.sample_time_s,
+            step=self.step_s,
+            n_thread=n_thread,
+        )
 
     def plant(self) -> RobotPlant:
         """Return this robot as the plant behind simulated drives."""

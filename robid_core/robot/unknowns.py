@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.robot.description import RobotDescription
-from robid_core.robot.named_parameters import named_parameters
+from robid_core.robot.named_parameters import layout_of, number_at
+from robid_core.robot.parameter_places import ParameterPlace, places_of_structure
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,43 +27,64 @@ class NamedUnknowns:
         @property
         def structure(self) -> RobotDescription: ...
 
+    @functools.cached_property
+    def layout(self) -> dict[str, ParameterPlace]:
+        """The place of every number of the file that has a name, in the order of the file."""
+        return layout_of(self.description)
+
     def parameters(self) -> dict[str, float]:
         """Return every named parameter with its value."""
-        return {name: parameter.value for name, parameter in named_parameters(self.description).items()}
+        return {name: number_at(self.description, place) for name, place in self.layout.items()}
+
+    def parameter(self, name: str) -> float:
+        """Return the value of a named parameter."""
+        return number_at(self.description, self.layout[name])
 
     def parameter_unit(self, name: str) -> str:
         """Return the unit of a named parameter."""
-        return named_parameters(self.description)[name].unit
+        return self.layout[name].unit
+
+    def parameter_kind(self, name: str) -> str:
+        """Return what a named parameter is of: stiffness, damping, inertia, friction, drive, effect..."""
+        return self.layout[name].kind
 
     def parameter_group(self, name: str) -> str:
-        """Return the group of a named parameter: stiffness, damping, modal, inertia, friction, drive or effect."""
-        return named_parameters(self.description)[name].group
+        """Return the group of the thesis that a named parameter belongs to: static, separate or dynamic."""
+        return self.layout[name].group
 
     @functools.cached_property
     def stiffness_names(self) -> tuple[str, ...]:
         """Names of the springs' stiffness: gears in the order of axes, then bearings."""
-        return tuple(n for n, p in named_parameters(self.structure).items() if p.group == "stiffness")
+        return tuple(n for n, p in places_of_structure(self.structure).items() if p.kind == "stiffness")
 
     @functools.cached_property
     def damping_names(self) -> tuple[str, ...]:
         """Names of the dampers beside the springs, in the order of `stiffness_names`."""
-        return tuple(n for n, p in named_parameters(self.structure).items() if p.group == "damping")
+        return tuple(name.replace("stiffness", "damping", 1) for name in self.stiffness_names)
 
     @functools.cached_property
     def spring_names(self) -> tuple[str, ...]:
         """Names of all springs in the order of `spring_arrays`: `stiffness_names`, then the modes of flexible links."""
-        modal = (n for n in named_parameters(self.structure) if n.startswith("modal_stiffness."))
+        modal = (n for n in places_of_structure(self.structure) if n.startswith("modal_stiffness."))
         return (*self.stiffness_names, *modal)
+
+    @functools.cached_property
+    def spring_places(self) -> tuple[tuple[ParameterPlace, ParameterPlace], ...]:
+        """Where stiffness and damping of each spring stand in `structure`, in the order of `spring_names`."""
+        places = places_of_structure(self.structure)
+        return tuple(
+            (places[name], places[name.replace("stiffness", "damping", 1)]) for name in self.spring_names
+        )
 
     def spring_arrays(self) -> tuple[FloatArray, FloatArray]:
         """Return (stiffness, damping), each (n_spring,), in the order of `spring_names`."""
-        known = named_parameters(self.structure)
-        modal = self.spring_names[len(self.stiffness_names) :]
-        dampers = (*self.damping_names, *(name.replace("stiffness", "damping", 1) for name in modal))
-        return (
-            np.array([known[name].value for name in self.spring_names]),
-            np.array([known[name].value for name in dampers]),
-        )
+        structure = self.structure
+        rows = [
+            (number_at(structure, spring), number_at(structure, damper))
+            for spring, damper in self.spring_places
+        ]
+        stiffness, damping = np.array(rows).reshape(-1, 2).T.copy()
+        return stiffness, damping
 
     def to_yaml(self) -> str:
         """Write the whole robot, bodies inline: equal robots give equal text."""

@@ -134,7 +134,7 @@ def example_fit(robot: Robot) -> Fit:
     table = ParameterTable(
         names=names,
         units=tuple(robot.parameter_unit(name) for name in names),
-        groups=tuple(robot.parameter_group(name) for name in names),
+        groups=tuple(robot.parameter_kind(name) for name in names),
         start=1.2 * estimate,
         estimate=estimate,
         standard_error=0.03 * estimate,

@@ -86,7 +86,7 @@ def reference_plant(index: int, base: str = "six_axis") -> ReferencePlant:
         {
             name: value * log_uniform(spread[group], chance[group])
             for name, value in known.parameters().items()
-            if (group := known.parameter_group(name)) in spread
+            if (group := known.parameter_kind(name)) in spread
         }
     )
     return ReferencePlant(index, machine, known, drawn_poses(known, N_POSE, chance["pose"]))

@@ -49,7 +49,7 @@ def test_the_same_seed_gives_the_same_plant() -> None:
     assert once.robot == twice.robot
     assert np.array_equal(once.pose, twice.pose)
     for name, value in once.robot.parameters().items():
-        if once.robot.parameter_group(name) in ("stiffness", "damping", "friction") and value:
+        if once.robot.parameter_kind(name) in ("stiffness", "damping", "friction") and value:
             assert value != other.robot.parameters()[name], name
     assert not np.isclose(once.pose, other.pose).any()
 

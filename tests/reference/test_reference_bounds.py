@@ -34,7 +34,7 @@ class Case:
         springs = {
             name: value
             for name, value in plant.robot.parameters().items()
-            if plant.robot.parameter_group(name) in ("stiffness", "damping")
+            if plant.robot.parameter_kind(name) in ("stiffness", "damping")
         }
         self.robot, self.pose = plant.nominal.with_parameters(springs), plant.pose[:3]
         self.motor_damping = np.tile(3 * self.robot.drives.viscous, (3, 1))

@@ -31,7 +31,7 @@ def drawn_plant(seed: int) -> tuple[str, dict[str, float]]:
     drawn = {
         name: value * (1 + generator.uniform(-SPREAD, SPREAD))
         for name, value in nominal.parameters().items()
-        if nominal.parameter_group(name) in ("stiffness", "damping", "friction")
+        if nominal.parameter_kind(name) in ("stiffness", "damping", "friction")
     }
     lines = [f"  {name}: {value!r}" for name, value in drawn.items()]
     text = "\n".join(["robid_robot: 1", "name: drawn", "base: six_axis", "parameters:", *lines, ""])

@@ -118,7 +118,7 @@ def test_its_parameters_have_names_in_a_robot_file_and_change_the_motion(name: s
     for key, row in named.items():
         assert found[key] == LIVELY.get(name, {}).get(row.name, row.default)
         assert robot.parameter_unit(key) == row.unit
-        assert robot.parameter_group(key) == "effect"
+        assert robot.parameter_kind(key) == "effect"
     key = f"effect.cause.{TELLING.get(name, effect.parameters[0].name)}"
     row = named[key]
     other = 0.7 * found[key] if row.lower <= 0.7 * found[key] != 0.0 else 0.99 * row.lower + 0.01 * row.upper

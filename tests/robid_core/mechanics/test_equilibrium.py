@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics import Chain, Mechanism, solve_equilibrium
@@ -99,17 +100,43 @@ def test_a_fully_rigid_axis_needs_no_torque_on_a_level_rail(carriage: Any) -> No
     np.testing.assert_array_equal(rest.torque, [[0.0]])
 
 
-def test_a_spring_too_weak_for_a_mass_overhead_is_refused_by_name() -> None:
-    # Straight up the weight destiffens by m g l = 9.81 N m/rad.
-    overhead = np.array([[20 * np.pi / 2]])
-    mechanism, stiffness = _pendulum(9.82)
-    solve_equilibrium(mechanism, stiffness, overhead)
-    with pytest.raises(NotTrustworthy, match="coordinate 'swing'.*-0.01 N m/rad"):
-        solve_equilibrium(mechanism, stiffness - 0.02, overhead)
+OVERHEAD = np.array([[20 * np.pi / 2]])  # straight up the weight destiffens by m g l = 9.81 N m/rad
+
+
+@pytest.mark.parametrize("stiffness", [9.82, 9.80, 9.0])
+def test_a_mass_overhead_leans_to_a_side_where_its_spring_is_softer_than_its_weight(stiffness: float) -> None:
+    """The upright pose is a rest with the first spring only; then the arm leans until k x = m g l sin(x)."""
+    mechanism, springs = _pendulum(stiffness)
+    rest = solve_equilibrium(mechanism, springs, OVERHEAD)
+    lean = abs(rest.position[0, 1] - np.pi / 2)
+    if stiffness > 9.81:
+        assert lean < 1e-12
+        return
+    expected = brentq(lambda x: stiffness * x - 9.81 * np.sin(x), 1e-3, 1.5, xtol=1e-14)
+    # A residual of eps * 9.81 N m over the stiffness that is left there, k - m g l cos(x) >= 0.02 N m/rad.
+    assert lean == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_spring_too_weak_for_a_mass_overhead_is_refused_by_name_and_row() -> None:
+    mechanism, springs = _pendulum(3.0)
+    hanging = np.array([[-20 * np.pi / 2]])
+    motor = np.concatenate([hanging, OVERHEAD, hanging, OVERHEAD])
+    with pytest.raises(
+        NotTrustworthy, match=r"configuration 1 \(and 1 more of 4\): coordinate 'swing' falls"
+    ):
+        solve_equilibrium(mechanism, springs, motor)
+    rest = solve_equilibrium(mechanism, springs, motor, partial=True)
+    assert sorted(rest.refused) == [1, 3]
+    assert np.isnan(rest.position[[1, 3], 1]).all()
+    assert np.isnan(rest.torque[[1, 3]]).all()
+    alone = solve_equilibrium(mechanism, springs, hanging)
+    np.testing.assert_array_equal(rest.position[[0, 2]], np.repeat(alone.position, 2, axis=0))
 
 
 def test_a_joint_that_nothing_holds_is_refused_by_name(two_mass: Any) -> None:
-    with pytest.raises(NotTrustworthy, match="coordinate 'axis_1': stiffness with gravity is 0"):
+    with pytest.raises(
+        NotTrustworthy, match="coordinate 'axis_1' comes to no rest: its stiffness with gravity is 0"
+    ):
         solve_equilibrium(two_mass.mechanism, np.zeros(1), np.zeros((1, 1)))
 
 

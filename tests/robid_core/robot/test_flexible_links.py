@@ -133,7 +133,7 @@ def test_modes_have_names_units_and_a_group_of_their_own(folder: Path) -> None:
     robot = robot_of(ARM, folder)
     name, damper = "modal_stiffness.shoulder_mode_3", "modal_damping.shoulder_mode_3"
     assert (robot.parameter_unit(name), robot.parameter_unit(damper)) == ("1/s^2", "1/s")
-    assert robot.parameter_group(name) == robot.parameter_group(damper) == "modal"
+    assert robot.parameter_kind(name) == robot.parameter_kind(damper) == "modal"
     changed = robot.with_parameters({name: 1e6, damper: 7.0, "gear_stiffness.shoulder": 3e4})
     index = robot.spring_names.index(name)
     assert changed.spring_arrays()[0][[0, index]].tolist() == [3e4, 1e6]

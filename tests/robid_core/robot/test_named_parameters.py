@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from robid_core import ConfigurationError
 from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.named_parameters import effect_parameters, named_parameters, with_values
+from robid_core.robot.named_parameters import NamedParameter, named_parameters, with_values
 from robid_core.robot.part import with_tuples
 from robid_core.robot.reading import find_robot, read_description
 
@@ -27,7 +27,7 @@ def one() -> RobotDescription:
 
 
 def test_an_effect_has_a_name_for_every_row_of_its_table(one: RobotDescription) -> None:
-    rows = {p.name: (p.value, p.unit, p.group) for p in effect_parameters(one)}
+    rows = {n: (p.value, p.unit, p.kind) for n, p in named_parameters(one).items() if p.kind == "effect"}
     assert rows == {
         "effect.grease.breakaway": (1.2, "N m", "effect"),
         "effect.grease.speed": (2.0, "rad/s", "effect"),
@@ -35,17 +35,78 @@ def test_an_effect_has_a_name_for_every_row_of_its_table(one: RobotDescription) 
     assert rows.keys() <= named_parameters(one).keys()
 
 
+def other(parameter: NamedParameter) -> float:
+    """Another value that a body, a controller or a spring may have."""
+    if parameter.name.startswith("inertia."):
+        return 1.01 * parameter.value  # of one moment alone: a body keeps its triangle
+    return 0.75 * parameter.value + 1e-3
+
+
 def test_every_named_parameter_can_be_set_and_changes_nothing_else() -> None:
     six = read_description(find_robot("six_axis"))
     before = named_parameters(six)
+    assert len(before) > 170
     for name, parameter in before.items():
-        after = named_parameters(with_values(six, {name: 1.25 * parameter.value + 1e-3}))
+        after = named_parameters(with_values(six, {name: other(parameter)}))
         changed = {n: p.value for n, p in after.items() if p != before[n]}
-        assert changed == {name: 1.25 * parameter.value + 1e-3}
-    together = with_values(six, {name: p.value * 1.5 + 1e-3 for name, p in before.items()})
+        assert changed == ({name: other(parameter)} if other(parameter) != parameter.value else {})
+    together = with_values(six, {name: other(p) for name, p in before.items()})
     assert {n: p.value for n, p in named_parameters(together).items()} == {
-        n: p.value * 1.5 + 1e-3 for n, p in before.items()
+        n: other(p) for n, p in before.items()
     }
+
+
+def test_every_number_that_physics_knows_has_a_name_kind_group_and_unit() -> None:
+    """What is left without a name are limits of what may be commanded, geometry, and words."""
+    six = read_description(find_robot("six_axis"))
+    named = named_parameters(six)
+    found = {p.path for p in named.values()}
+
+    def numbers(node: object, path: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+        if isinstance(node, dict):
+            return [place for key, value in node.items() for place in numbers(value, (*path, key))]
+        if isinstance(node, list | tuple):
+            return [place for key, value in enumerate(node) for place in numbers(value, (*path, key))]
+        return [path] if isinstance(node, float) else []
+
+    left = {
+        tuple(key for key in place if isinstance(key, str) and not key.startswith("axis_"))
+        for place in numbers(six.model_dump())
+        if place not in found and not ("inertia" in place and place[-1] < place[-2])  # type: ignore[operator]
+    }
+    assert left <= {
+        ("gravity",), ("sample_time_s",), ("step_s",),
+        ("bodies", "axis"), ("bodies", "translation"), ("bodies", "rotation"), ("bearings", "axis"),
+        ("axes", "speed_limit"), ("axes", "acceleration_limit"), ("axes", "position_limits"),
+    }  # fmt: skip
+    assert {p.group for p in named.values()} == {"static", "separate", "dynamic"}
+    assert {n.partition(".")[0] for n, p in named.items() if p.group == "dynamic"} == {
+        "gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping",
+    }  # fmt: skip
+    assert all(p.unit and p.kind for p in named.values())
+
+
+def test_a_product_of_inertia_stands_on_both_sides_of_the_diagonal() -> None:
+    six = read_description(find_robot("six_axis"))
+    inertia = with_values(six, {"inertia.axis_2.xz": 0.123}).bodies[1].inertia
+    assert inertia[0][2] == inertia[2][0] == 0.123
+
+
+def test_an_inertia_that_no_body_has_is_refused_at_its_place() -> None:
+    six = read_description(find_robot("six_axis"))
+    with pytest.raises(ValidationError, match="no body has the largest above the sum of the others"):
+        with_values(six, {"inertia.axis_2.xx": 1e3})
+
+
+def test_gears_that_couple_axes_have_a_name_for_every_entry_of_their_matrix() -> None:
+    six = read_description(find_robot("six_axis"))
+    rows = [[1 / six.axes[f"axis_{i + 1}"].gear_ratio if i == j else 0.0 for j in range(6)] for i in range(6)]
+    coupled = six.model_copy(update={"coupling": tuple(map(tuple, rows))})
+    assert "gear_ratio.axis_1" not in named_parameters(coupled)
+    changed = with_values(coupled, {"coupling.axis_6.axis_5": 0.01})
+    assert changed.coupling is not None
+    assert changed.coupling[5][4] == 0.01
+    assert changed.coupling[4] == coupled.coupling[4]
 
 
 def test_a_value_is_found_at_the_stated_path_of_the_dumped_description(one: RobotDescription) -> None:

@@ -55,7 +55,7 @@ def test_an_effects_parameter_is_set_by_name_like_any_other(tmp_path: Path) -> N
     robot = Robot.load("robot.yaml", tmp_path)
     name = "effect.a_curve.lost_motion"
     assert robot.parameter_unit(name) == "rad"
-    assert robot.parameter_group(name) == "effect"
+    assert robot.parameter_kind(name) == "effect"
     changed = robot.with_parameters({name: 1e-3})
     assert {n for n, v in changed.parameters().items() if v != robot.parameters()[n]} == {name}
     assert changed.parameters()[name] == 1e-3

@@ -33,6 +33,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "excitation.multisine": {"band_hz": (10, 80), "lines": 12, "period_s": 1.0, "slow_sine_rad_s": 9},
     "fit.log_response": {"starts": 1},
     "fit.rigid": {},
+    "fit.torque_residual": {"passes": 2},
     "frf.ari": {},
     "frf.h1": {},
     "frf.harmonic": {},

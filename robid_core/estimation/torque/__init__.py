@@ -1,0 +1,1 @@
+"""The torque residual: measured motor torque against what the measured motion takes, in every bin of the spectrum."""

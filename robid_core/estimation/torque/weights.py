@@ -1,0 +1,51 @@
+"""Weights of the torque residual: covariances between axes, averaged over poses and experiments, smooth over bins."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+HALF_WINDOW = 8  # bins on either side
+SMALLEST = 1e-12  # of the largest variance; keeps a bin without noise from being singular
+
+
+def covariance_of(residual: ComplexArray, freedom: float | None = None) -> ComplexArray:
+    """Covariance of residuals at each bin, smoothed over neighbouring bins, shape (n_bin, n_axis, n_axis).
+
+    Parameters
+    ----------
+    residual
+        Shape (..., n_bin, n_axis); the leading axes are averaged over.
+    freedom
+        What the sum is divided by; the number of leading entries where left out.
+
+    The zero bin stands alone: there the residual is real, and its variance is that of its lowest neighbours.
+    """
+    rows = residual.reshape(-1, *residual.shape[-2:])
+    total = np.einsum("xfa,xfb->fab", rows, rows.conj()) / (len(rows) if freedom is None else freedom)
+    smooth: ComplexArray = np.empty_like(total)
+    smooth[1:] = _running_mean(total[1:])
+    smooth[0] = smooth[1 : 2 + HALF_WINDOW].mean(axis=0).real
+    return smooth
+
+
+def _running_mean(values: ComplexArray) -> ComplexArray:
+    """Mean over HALF_WINDOW bins on either side, fewer at the ends."""
+    n = len(values)
+    first = np.maximum(np.arange(n) - HALF_WINDOW, 0)
+    last = np.minimum(np.arange(n) + HALF_WINDOW + 1, n)
+    sums = np.concatenate((np.zeros((1, *values.shape[1:]), dtype=values.dtype), np.cumsum(values, axis=0)))
+    mean: ComplexArray = (sums[last] - sums[first]) / (last - first)[:, None, None]
+    return mean
+
+
+def whitener(covariance: ComplexArray) -> ComplexArray:
+    """Inverse Cholesky factors L^-1 with C = L L^H, shape of the covariance."""
+    n = covariance.shape[-1]
+    floor = SMALLEST * np.einsum("faa->f", covariance).real.max()
+    lower: ComplexArray = np.linalg.cholesky(covariance + floor * np.eye(n))
+    factor: ComplexArray = np.linalg.inv(lower).astype(np.complex128)
+    return factor

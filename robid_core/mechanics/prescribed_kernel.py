@@ -1,0 +1,142 @@
+"""The compiled steps of prescribed motion: motors move as told, the rest follows, and out comes the torque.
+
+The step is that of `integrator.hold_torque` by the linearly implicit midpoint rule, with the motors' accelerations
+given and their torques asked for: the other coordinates are solved, the motors' rows then tell what was missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid_core.mechanics.closed_loop import note_diverged, plant_views, scatter, step_views, term_views
+from robid_core.mechanics.integrator import add_forces, advance_laws, assemble_arm, pass_torque
+from robid_core.mechanics.kernel import fused_kernel, kernel
+from robid_core.mechanics.recursion import chain_views, work_views
+from robid_core.mechanics.simulation_arrays import LaneState
+from robid_core.mechanics.views import lane_view, row_of
+
+
+@fused_kernel
+def eliminate_free(system, right, pivot, n_free):  # type: ignore[no-untyped-def]
+    """Solve the first n_free rows of system x = right in place, symmetric, lower triangle: U D U^T from below."""
+    for k in range(n_free - 1, -1, -1):
+        inverse = 1.0 / system[k, k]
+        pivot[k] = inverse
+        for i in range(k):
+            factor = system[k, i] * inverse
+            right[i] = right[i] - factor * right[k]
+            for j in range(i + 1):
+                system[i, j] = system[i, j] - factor * system[k, j]
+    for k in range(n_free):
+        right[k] = right[k] * pivot[k]
+        for i in range(k + 1, n_free):
+            right[i] = right[i] - system[i, k] * right[k]
+
+
+@fused_kernel
+def hold_motion(chain, plant, terms, chain_work, work, state, given, step):  # type: ignore[no-untyped-def]
+    """Advance by one step under given motor accelerations (n_axis,); the torques that takes stand in `work.command`."""
+    position, speed, acceleration, law_state = (
+        state.position,
+        state.speed,
+        state.acceleration,
+        state.law_state,
+    )
+    middle, middle_speed, spring, right = work.middle, work.middle_speed, work.spring, work.right
+    system, fill, torque = work.system, plant.fill, work.command
+    n, n_axis, n_term = right.shape[0], torque.shape[0], terms.force.shape[0]
+    n_free, half = n - n_axis, 0.5 * step
+    for i in range(n):
+        v = speed[i] + half * acceleration[i]
+        middle_speed[i] = v
+        middle[i] = position[i] + 0.5 * half * (speed[i] + v)
+        spring[i], right[i] = position[i] + half * speed[i], speed[i]
+        work.start[i] = position[i]
+    force = row_of(work.stage, 0)
+    for i in range(n):
+        moment = 0.0 * middle[0]
+        for e in range(plant.spring_start[i], plant.spring_start[i + 1]):
+            j = plant.spring_column[e]
+            moment = moment - (plant.spring_value[e, 0] * spring[j] + plant.spring_value[e, 1] * right[j])
+        force[i] = moment
+    # A rigid gear passes the motor's torque less what its rotor takes: that of the step before, as its acceleration.
+    pass_torque(plant, terms, work, torque, law_state, acceleration, step, step, False)
+    for a in range(n_axis):
+        i = n_free + a
+        system[i, i] = plant.constant[i, i]
+        for e in range(1, fill[a, 0] + 1):
+            system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
+    add_forces(terms, work, law_state, force, half, step)
+    assemble_arm(chain, plant, chain_work, work, force)
+    for t in range(n_term):
+        first, last = terms.force[t, 6], terms.force[t, 7]
+        for e in range(first, last):
+            i = terms.column[e]
+            for f in range(first, e + 1):
+                j = terms.column[f]
+                system[i, j] = system[i, j] + terms.value[e] * terms.value[f] * work.slope[t]
+    for a in range(n_axis):
+        i = n_free + a
+        torque[a] = system[i, i] * given[a] - right[i]
+    for a in range(n_axis):
+        i = n_free + a
+        for e in range(1, fill[a, 0] + 1):
+            j = fill[a, e]
+            if j < n_free:
+                right[j] = right[j] - system[i, j] * given[a]
+            else:
+                torque[a] = torque[a] + system[i, j] * given[j - n_free]
+                torque[j - n_free] = torque[j - n_free] + system[i, j] * given[a]
+    eliminate_free(system, right, work.pivot, n_free)
+    for a in range(n_axis):
+        i = n_free + a
+        right[i] = given[a]
+        for e in range(1, fill[a, 0] + 1):
+            j = fill[a, e]
+            if j < n_free:
+                torque[a] = torque[a] + system[i, j] * right[j]
+    for i in range(n):
+        acceleration[i] = right[i]
+        position[i] = position[i] + step * (speed[i] + half * right[i])
+        speed[i] = speed[i] + step * right[i]
+    advance_laws(terms, work, law_state, position, step)
+
+
+@kernel
+def run_prescribed(  # type: ignore[no-untyped-def]
+    arrays, work, state, motion, n_step, sample_time, outputs, single, first_block, last_block
+):
+    """Run blocks first_block to last_block - 1; `single` is None where a block is one lane.
+
+    `motion` holds the motors' accelerations, (n_lane, n_sample * n_step, n_axis); torques are means over a sample.
+    """
+    chain = chain_views(arrays.chain)
+    plant = plant_views(arrays.plant)
+    terms = term_views(arrays.terms)
+    chain_work, step_work = work_views(work.chain, single), step_views(work.step, single)
+    n_axis, width, step = motion.shape[2], state.position.shape[2], sample_time / n_step
+    given, mean = np.zeros((n_axis, width)), np.zeros((n_axis, width))
+    given_view, command = lane_view(given, single), work.step.command
+    for block in range(first_block, last_block):
+        first_lane = block * width
+        position, speed = state.position[block], state.speed[block]
+        views = LaneState(
+            lane_view(position, single), lane_view(speed, single), lane_view(state.acceleration[block], single),
+            lane_view(state.integral[block], single), lane_view(state.reference[block], single),
+            lane_view(state.measured[block], single), lane_view(state.holding_torque[block], single),
+            lane_view(state.law_state[block], single),
+        )  # fmt: skip
+        command[:] = state.holding_torque[block]
+        for sample in range(outputs.torque.shape[1]):
+            scatter(outputs.coordinates, position, first_lane, sample)
+            mean[:] = 0.0
+            for part in range(n_step):
+                for a in range(n_axis):
+                    for lane in range(width):
+                        row = min(first_lane + lane, motion.shape[0] - 1)
+                        given[a, lane] = motion[row, sample * n_step + part, a]
+                hold_motion(chain, plant, terms, chain_work, step_work, views, given_view, step)
+                mean += command / n_step
+            scatter(outputs.torque, mean, first_lane, sample)
+            if not note_diverged(outputs, position, speed, work.step.force, first_lane, sample):
+                break

@@ -1,0 +1,152 @@
+"""Free parameters as a vector without units, zero at the nominal robot, and the robots that such vectors mean.
+
+Positive numbers change by their logarithm. A centre of mass moves in radii of gyration. The six moments of a body
+change together: with the second moments ``S = tr(I) / 2 - I`` about the centre of mass, ``S = R exp(E) R`` with R the
+root of the nominal one and E symmetric, so that no vector leads to a body that cannot be (P. M. Wensing, S. Kim, J.-J.
+Slotine, Linear matrix inequalities for physically consistent inertial parameter identification, 2018: S is positive).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.errors import ConfigurationError
+from robid_core.parameters.choice import prior_of
+from robid_core.parameters.scales import (
+    LARGEST_CHANGE,
+    LINEAR,
+    LOGARITHM,
+    MOMENT,
+    default_prior,
+    linear_scale,
+    scale_kind,
+)
+from robid_core.robot import Robot
+from robid_core.robot.parameter_places import MOMENTS
+
+FloatArray = npt.NDArray[np.float64]
+
+SMALLEST_SHARE = 1e-6  # of the largest second moment: below it a body counts as flat, and stays so
+
+
+@dataclass(frozen=True, eq=False)
+class FreeParameters:
+    """Names, start values, priors and bounds of what a fit may change, in the order of the robot's names."""
+
+    robot: Robot
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    """How each is changed: logarithm, linear or moment."""
+    start: FloatArray
+    """Nominal values, shape (n,)."""
+    scale: FloatArray
+    """Unit of those that are changed by adding; 1 for the others."""
+    prior: FloatArray
+    """Standard deviation in the natural scale, shape (n,)."""
+    root: Mapping[str, FloatArray]
+    """Root of the second moments of each body whose moments are free, (3, 3), by its joint."""
+
+    @classmethod
+    def of_robot(
+        cls, robot: Robot, names: Sequence[str], priors: Mapping[str, float] | None = None
+    ) -> FreeParameters:
+        """Free some parameters of a robot; `priors` are standard deviations by pattern.
+
+        Raises
+        ------
+        ConfigurationError
+            Where a body has only some of its moments free, or a prior is given to what is held.
+        """
+        layout = robot.layout
+        given = prior_of(names, dict(priors or {}), list(layout))
+        start = np.array([robot.parameter(name) for name in names])
+        kinds = tuple(scale_kind(layout[name], value) for name, value in zip(names, start, strict=True))
+        root = {}
+        for joint in dict.fromkeys(n.split(".")[1] for n, k in zip(names, kinds, strict=True) if k == MOMENT):
+            missing = [m for m in MOMENTS if f"inertia.{joint}.{m}" not in names]
+            if missing:
+                raise ConfigurationError(
+                    f"inertia.{joint}: its moments are free together or not at all; free inertia.{joint}.*"
+                )
+            root[joint] = _root(_second_moments(robot, joint))
+        scale = np.array(
+            [
+                1.0
+                if kind != LINEAR
+                else _gyration(robot, name)
+                if name.startswith("centre_of_mass.")
+                else linear_scale(layout[name], value)
+                for name, kind, value in zip(names, kinds, start, strict=True)
+            ]
+        )
+        prior = np.array([given.get(name, default_prior(layout[name])) for name in names])
+        return cls(robot, tuple(names), kinds, start, scale, prior, root)
+
+    @property
+    def lower(self) -> FloatArray:
+        """Smallest coordinates, shape (n,)."""
+        return np.full(len(self.names), -LARGEST_CHANGE)
+
+    @property
+    def upper(self) -> FloatArray:
+        """Largest coordinates, shape (n,)."""
+        return np.full(len(self.names), LARGEST_CHANGE)
+
+    def values(self, point: FloatArray) -> dict[str, float]:
+        """Return the parameters at a vector of coordinates, in their own units."""
+        value = np.where(
+            np.array(self.kinds) == LOGARITHM, self.start * np.exp(point), self.start + self.scale * point
+        )
+        found = dict(zip(self.names, value.tolist(), strict=True))
+        index = {name: i for i, name in enumerate(self.names)}
+        for joint, root in self.root.items():
+            change = np.zeros((3, 3))
+            for moment, (i, j) in MOMENTS.items():
+                change[i, j] = change[j, i] = point[index[f"inertia.{joint}.{moment}"]]
+            eigen, axes = np.linalg.eigh(change)
+            second = root @ (axes * np.exp(eigen)) @ axes.T @ root
+            inertia = np.trace(second) * np.eye(3) - second
+            found |= {f"inertia.{joint}.{moment}": float(inertia[entry]) for moment, entry in MOMENTS.items()}
+        return found
+
+    def robot_at(self, point: FloatArray) -> Robot:
+        """Return the robot that a vector of coordinates means."""
+        return self.robot.with_parameters(self.values(point))
+
+    def jacobian(self, point: FloatArray) -> FloatArray:
+        """Derivative of the values for the coordinates, shape (n, n), by central differences of 1e-6: exact to 1e-9."""
+        step, columns = 1e-6, []
+        for i in range(len(point)):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = point.copy()
+                moved[i] += sign * step
+                ends.append(np.array(list(self.values(moved).values())))
+            columns.append((ends[0] - ends[1]) / (2 * step))
+        return np.stack(columns, axis=1)
+
+
+def _second_moments(robot: Robot, joint: str) -> FloatArray:
+    """Second moments of a body about its centre of mass, kg m^2, shape (3, 3)."""
+    inertia = np.array(next(body.inertia for body in robot.description.bodies if body.joint == joint))
+    result: FloatArray = np.trace(inertia) / 2 * np.eye(3) - inertia
+    return result
+
+
+def _root(second: FloatArray) -> FloatArray:
+    """Symmetric root; flat bodies get a little thickness."""
+    eigen, axes = np.linalg.eigh(second)
+    root: FloatArray = (axes * np.sqrt(np.maximum(eigen, SMALLEST_SHARE * eigen[-1]))) @ axes.T
+    return root
+
+
+def _gyration(robot: Robot, name: str) -> float:
+    """Radius of gyration of the body that a centre of mass belongs to, m."""
+    joint = name.split(".")[1]
+    mass = robot.parameter(f"mass.{joint}")
+    radius = float(np.sqrt(max(np.trace(_second_moments(robot, joint)), 0.0) / mass))
+    return radius if radius > 0 else 0.1  # a point mass: a decimetre

@@ -1,0 +1,82 @@
+"""Spectra of the torque residual: laws as held torques, noise between periods, weights that whiten."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robid_core import DataRejected
+from robid_core.estimation.torque.spectra import periodic_motion_of, speed_functions
+from robid_core.estimation.torque.weights import covariance_of, whitener
+
+T, N = 1e-3, 1000
+LINES = np.array([5, 21])
+
+
+def motion_of(position: np.ndarray, torque: np.ndarray):
+    return periodic_motion_of(position, torque, T, LINES, 100.0)
+
+
+def swings(n_period: int = 2) -> np.ndarray:
+    """Two axes in one configuration, block and experiment."""
+    time = T * np.arange(N)
+    angle = np.stack(
+        [0.1 * np.sin(2 * np.pi * 5 * time), 0.02 * np.cos(2 * np.pi * 21 * time) + 1.0], axis=-1
+    )
+    return np.tile(angle, (1, 1, 1, n_period, 1, 1))
+
+
+def test_acceleration_of_a_line_is_exact_and_the_mean_stays() -> None:
+    motion = motion_of(swings(), swings())
+    assert motion.frequency_hz[[0, 5, -1]] == pytest.approx([0.0, 5.0, 100.0])
+    found = motion.acceleration_spectrum[0, 0]
+    np.testing.assert_allclose(found[5, 0], -((2 * np.pi * 5) ** 2) * 0.05 * -1j, rtol=1e-10)
+    np.testing.assert_allclose(found[21, 1], -((2 * np.pi * 21) ** 2) * 0.01, rtol=1e-9)
+    assert motion.angle_spectrum[0, 0, 0, 1] == pytest.approx(1.0)
+    assert motion.excited.sum() == 2
+
+
+def test_a_viscous_law_is_the_speed_over_the_hold_factor() -> None:
+    motion = motion_of(swings(), swings())
+    held = motion.held_spectrum(motion.fine_speed())
+    expected = 1j * motion.omega[:, None] * motion.angle_spectrum[0, 0] / motion.hold[:, None]
+    np.testing.assert_allclose(held[0, 0], expected, atol=1e-12)
+
+
+def test_a_sharp_law_is_what_a_grid_a_hundred_times_finer_says() -> None:
+    motion = motion_of(swings(), swings())
+    law = speed_functions((0.5,))[0]
+    found = motion.held_spectrum(law(motion.fine_speed()))[0, 0, :, 0] * motion.hold
+    time = T / 100 * np.arange(100 * N)
+    fine = np.fft.rfft(np.tanh(0.1 * 2 * np.pi * 5 * np.cos(2 * np.pi * 5 * time) / 0.5))[:101] / len(time)
+    # Harmonics above half the grid's 4 kHz fold back: those of tanh fall by exp(-pi w / 2 per unit of phase).
+    np.testing.assert_allclose(found, fine, atol=1e-9)
+
+
+def test_odd_functions_are_odd_and_the_last_is_even() -> None:
+    speed = np.linspace(-3, 3, 61)
+    *odd, even = speed_functions((0.2, 1.0, 4.0))
+    for law in odd:
+        np.testing.assert_allclose(law(-speed), -law(speed))
+    np.testing.assert_allclose(even(-speed), even(speed))
+
+
+def test_weights_whiten_correlated_noise_of_any_colour() -> None:
+    generator = np.random.default_rng(5)
+    mix = np.array([[1.0, 0.0], [0.7, 0.2]])
+    colour = 1.0 + np.arange(101) / 20
+    raw = generator.standard_normal((400, 101, 2)) + 1j * generator.standard_normal((400, 101, 2))
+    noise = colour[:, None] * (raw @ mix.T)
+    white = np.einsum("fab,xfb->xfa", whitener(covariance_of(noise)), noise)
+    share = np.einsum("xfa,xfb->fab", white, white.conj()) / len(white)
+    # 400 x 17 complex values a bin tell a variance to 1.2 %; colour changes by 8 % over a window, its square by 0.3 %.
+    np.testing.assert_allclose(share[12:-12].mean(axis=0), np.eye(2), atol=0.02)
+
+
+def test_what_cannot_be_transformed_is_refused() -> None:
+    broken = swings()
+    broken[0, 0, 0, 1, 7, 0] = np.nan
+    with pytest.raises(DataRejected, match="A05"):
+        motion_of(swings(), broken)
+    with pytest.raises(DataRejected, match="a band up to 600 Hz"):
+        periodic_motion_of(swings(), swings(), T, LINES, 600.0)
