@@ -43,7 +43,7 @@ class Unknowns:
         factors = tuple(f"friction_factor.{axis}" for axis in robot.axis_names)
         return cls(
             names=springs + dampers + factors,
-            groups=("stiffness",) * len(springs) + ("damping",) * len(dampers) + ("friction",) * len(factors),
+            groups=("stiffness",) * len(springs) + ("damping",) * len(dampers) + ("nuisance",) * len(factors),
             units=tuple(robot.parameter_unit(n) for n in springs + dampers) + ("1",) * len(factors),
             start=np.concatenate([stiffness, np.maximum(damping, 1e-9 * stiffness), np.ones(len(factors))]),
         )

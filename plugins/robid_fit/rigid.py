@@ -79,7 +79,7 @@ class RigidBodyFit(Estimator):
     """Inertia and friction of a rigid robot by inverse-dynamics least squares.
 
     Estimates go by the robot's own names: mass.<joint>, rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous,
-    .offset; base parameters that the robot file cannot hold are first_moment.<joint>.x and inertia.<joint>.xx,
+    .offset; base parameters that the robot file cannot hold are first_moment.<joint>.x and joint_inertia.<joint>.xx,
     about the joint's frame.
 
         fit:

@@ -135,6 +135,6 @@ def torque_columns(robot: Robot, motion: Motion, friction_speed: FloatArray) -> 
 
 
 def _name(part: str, body: str) -> str:
-    """Name `inertia.xx` of a body `inertia.axis_2.xx`, in the order of the robot's other names."""
+    """Name `joint_inertia.xx` of a body `joint_inertia.axis_2.xx`: about the joint, not the centre of mass."""
     noun, _, component = part.partition(".")
     return f"{noun}.{body}.{component}" if component else f"{noun}.{body}"

@@ -51,6 +51,14 @@ NUMERICAL = (
 WEAK = 0.5  # posterior over prior: above it the data hardly see a parameter
 
 
+def default_patterns(robot: Robot) -> tuple[str, ...]:
+    """Springs, dampers, viscous friction and inertia, as far as the robot has them."""
+    heads = {name.partition(".")[0] for name in robot.layout}
+    nouns = ("gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping", "rotor_inertia")
+    found = [noun for noun in (*nouns, "mass", "centre_of_mass", "inertia") if noun in heads]
+    return ("friction.*.viscous", *(f"{noun}.*" for noun in found))
+
+
 class TorqueResidualFit(Estimator):
     """Fit a robot to the torque that its measured motion takes, in all bins up to a limit.
 
@@ -59,18 +67,9 @@ class TorqueResidualFit(Estimator):
         fit: {use: fit.torque_residual, with: {free: [gear_*, bearing_*, friction.*.viscous, mass.*, inertia.*]}}
     """
 
-    free: tuple[str, ...] = (
-        "gear_stiffness.*",
-        "gear_damping.*",
-        "bearing_stiffness.*",
-        "bearing_damping.*",
-        "friction.*.viscous",
-        "rotor_inertia.*",
-        "mass.*",
-        "centre_of_mass.*",
-        "inertia.*",
-    )
-    """Patterns of the parameters that are estimated; effects by `effect.<label>.*`."""
+    free: tuple[str, ...] | None = None
+    """Patterns of the parameters that are estimated, effects by `effect.<label>.*`; null: springs, dampers, viscous
+    friction, and the inertia of bodies and rotors."""
     fixed: tuple[str, ...] = ()
     """Patterns of parameters that are held all the same."""
     prior: dict[str, PositiveFloat] = {}
@@ -131,7 +130,8 @@ class TorqueResidualFit(Estimator):
         return periodic_motion_of(position, torque, run.sample_time_s, record.line, self.highest_hz)
 
     def _problem(self, robot: Robot, motion: PeriodicMotion) -> TorqueProblem:
-        names = chosen_names(list(robot.layout), self.free, self.fixed)
+        patterns = default_patterns(robot) if self.free is None else self.free
+        names = chosen_names(list(robot.layout), patterns, self.fixed)
         for name in names:
             if robot.parameter_kind(name) in UNSEEN:
                 raise ConfigurationError(f"free '{name}': the torque residual does not depend on it; hold it")

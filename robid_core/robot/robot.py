@@ -10,7 +10,7 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ from robid_core.robot.effects import (
     structured,
 )
 from robid_core.robot.inheritance import inherited
+from robid_core.robot.motions import Motions
 from robid_core.robot.named_parameters import with_values
 from robid_core.robot.problems import suggestion
 from robid_core.robot.reading import find_robot, read_description
@@ -47,13 +48,9 @@ if TYPE_CHECKING:
         Equilibrium,
         LinearModel,
         Mechanism,
-        MotorMotion,
         ResponseGradient,
         SecondOrderModel,
-        Simulation,
-        SimulationState,
     )
-    from robid_core.robot.plant import RobotPlant
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -62,7 +59,7 @@ KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
 
 @dataclass(frozen=True)
-class Robot(NamedUnknowns):
+class Robot(NamedUnknowns, Motions):
     """Chain, drives and elastic coordinates of one robot, with names for its unknowns."""
 
     description: RobotDescription
@@ -343,102 +340,3 @@ class Robot(NamedUnknowns):
         d = self.drives
         own = equivalent_damping(speed_rms, slow_sine_speed, d.coulomb, d.viscous, d.friction_speed)
         return own + motor_damping(self, speed_rms, slow_sine_speed) if self.effects else own
-
-    # Simulation ---------------------------------------------------------------------------------------
-
-    def simulate(
-        self,
-        speed_reference: FloatArray,
-        angle: npt.ArrayLike,
-        seed: int | None = None,
-        position_reference: FloatArray | None = None,
-        **options: Any,
-    ) -> Simulation:
-        """Closed loop from rest at the gravity equilibrium.
-
-        Parameters
-        ----------
-        speed_reference
-            rad/s at the motors, shape (n_lane, n_sample, n_axis).
-        angle
-            Joint-side motor angles at the start, shape (n_lane, n_axis).
-        seed
-            Draws the sensors' noise; None: none.
-        position_reference
-            Motor angles asked for, shape of `speed_reference`; by default its integral.
-        options
-            Of `mechanics.simulate`: torque_feedforward, step, method, keep_coordinates, n_thread.
-
-        Raises
-        ------
-        SimulationDiverged
-            Where a lane leaves all bounds.
-        """
-        from robid_core.robot.plant import simulate_robot
-
-        start = np.asarray(angle, dtype=float)
-        return simulate_robot(self, speed_reference, start, seed, position_reference, **options)
-
-    def drive(
-        self, torque: FloatArray, angle: npt.ArrayLike, motor_speed: FloatArray | None = None, **options: Any
-    ) -> Simulation:
-        """Open loop: the motion under given (recorded) motor torques.
-
-        Parameters
-        ----------
-        torque
-            N m at the motors, held between samples, shape (n_lane, n_sample, n_axis).
-        angle
-            Joint-side motor angles at the start, shape (n_lane, n_axis); springs bent by gravity.
-        motor_speed
-            At the start, rad/s at the motors, shape (n_lane, n_axis), the arm moving along; rest if left out.
-        options
-            Of `mechanics.simulate`.
-        """
-        from robid_core.robot.plant import drive_open_loop, standing
-
-        state = standing(self, self.motor_angle(angle))
-        if motor_speed is not None:
-            state = state.moving(self.mechanism, np.asarray(motor_speed, dtype=float))
-        return drive_open_loop(self, torque, state, **options)
-
-    def standing(self, angle: npt.ArrayLike) -> SimulationState:
-        """State of robots that stand still at joint-side motor angles (n_lane, n_axis), gravity held by springs."""
-        from robid_core.robot.plant import standing
-
-        return standing(self, self.motor_angle(angle))
-
-    def prescribe(
-        self, motion: MotorMotion, state: SimulationState | None = None, n_thread: int = 1
-    ) -> Simulation:
-        """Motor torques that a motion of the motors takes, springs, bodies and forces of this robot behind them.
-
-        Parameters
-        ----------
-        motion
-            Of the motors, in steps of `step_s`.
-        state
-            Where everything else begins; by default at rest about the first angles, moving along.
-        n_thread
-            As of `mechanics.prescribe`, which says more.
-        """
-        from robid_core.mechanics import prescribe
-
-        if state is None:
-            state = self.standing(self.joint_angle(motion.angle)).moving(self.mechanism, motion.speed)
-        return prescribe(
-            self.mechanism,
-            *self.spring_arrays(),
-            state,
-            motion,
-            forces=self.forces,
-            sample_time=self.sample_time_s,
-            step=self.step_s,
-            n_thread=n_thread,
-        )
-
-    def plant(self) -> RobotPlant:
-        """Return this robot as the plant behind simulated drives."""
-        from robid_core.robot.plant import RobotPlant
-
-        return RobotPlant(self)

@@ -18,8 +18,10 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 # Order of the ten parameters of a body: mass, mass times centre of mass, inertia about the joint frame's origin.
-PARAMETERS = ("mass", "first_moment.x", "first_moment.y", "first_moment.z",
-              "inertia.xx", "inertia.xy", "inertia.xz", "inertia.yy", "inertia.yz", "inertia.zz")  # fmt: skip
+PARAMETERS = (
+    "mass", "first_moment.x", "first_moment.y", "first_moment.z", "joint_inertia.xx", "joint_inertia.xy",
+    "joint_inertia.xz", "joint_inertia.yy", "joint_inertia.yz", "joint_inertia.zz",
+)  # fmt: skip
 UNITS = ("kg", "kg m", "kg m", "kg m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2")
 
 

@@ -156,12 +156,12 @@ def test_the_verdict_tells_errors_in_units_place_and_gain(tmp_path: Path) -> Non
     position, force = exact_run(reference(), 0.1)
     force = force.copy()
     force[1234] += 50.0
-    verdict = diagnose(robot, record(robot, (position, force)), {**TRUE, "inertia.x.xx": 1.0}).verdict
+    verdict = diagnose(robot, record(robot, (position, force)), {**TRUE, "joint_inertia.x.xx": 1.0}).verdict
     assert "motor position within" in verdict
     assert "motor force within" in verdict
     assert "at most 50 N, on x at 1.23 s" in verdict
     assert "with the robot file's parameters" in verdict
-    assert "no place for them: inertia.x.xx." in verdict
+    assert "no place for them: joint_inertia.x.xx." in verdict
 
 
 def test_a_fit_that_did_not_converge_is_not_simulated(tmp_path: Path) -> None:

@@ -147,5 +147,5 @@ def test_log_covariance_is_first_order_error_propagation() -> None:
 
 def test_the_unknowns_are_springs_dampers_and_one_friction_factor_per_axis() -> None:
     unknowns = Unknowns.of_robot(Robot.load("six_axis"))
-    assert unknowns.groups == ("stiffness",) * 12 + ("damping",) * 12 + ("friction",) * 6
+    assert unknowns.groups == ("stiffness",) * 12 + ("damping",) * 12 + ("nuisance",) * 6
     assert len(set(unknowns.names)) == 30

@@ -26,7 +26,7 @@ from robid_core.estimation.torque.spectra import periodic_motion_of
 from robid_core.stage import map_in_process
 from robid_fit.torque_columns import body_derivatives, parameter_columns, passive_motion
 from robid_fit.torque_problem import TorqueProblem
-from robid_fit.torque_residual import TorqueResidualFit
+from robid_fit.torque_residual import TorqueResidualFit, default_patterns
 
 T = 1e-3
 
@@ -112,7 +112,7 @@ def test_derivatives_are_those_of_the_linear_torque(nominal: Robot, six: Record)
     motion = periodic_motion_of(
         run.values("motor_position")[:, :, :2], run.values("motor_torque")[:, :, :2], T, six.line, 80.0
     )
-    names = chosen_names(list(nominal.layout), TorqueResidualFit().free)
+    names = chosen_names(list(nominal.layout), default_patterns(nominal))
     free = FreeParameters.of_robot(nominal, names)
     problem = TorqueProblem(free, motion, (0.5,), np.ones(len(motion.frequency_hz), dtype=bool))
     point = np.zeros(problem.n_unknown)

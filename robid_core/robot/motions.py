@@ -1,0 +1,121 @@
+"""How a robot moves, three ways: in closed loop, under given torques, and as told to move."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from robid_core.mechanics import MotorMotion, Simulation, SimulationState
+    from robid_core.robot.plant import RobotPlant
+    from robid_core.robot.robot import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Motions:
+    """What a `Robot` does when it moves; a part of that class, in a file of its own."""
+
+    @property
+    def _robot(self) -> Robot:
+        return cast("Robot", self)
+
+    def simulate(
+        self,
+        speed_reference: FloatArray,
+        angle: npt.ArrayLike,
+        seed: int | None = None,
+        position_reference: FloatArray | None = None,
+        **options: Any,
+    ) -> Simulation:
+        """Closed loop from rest at the gravity equilibrium.
+
+        Parameters
+        ----------
+        speed_reference
+            rad/s at the motors, shape (n_lane, n_sample, n_axis).
+        angle
+            Joint-side motor angles at the start, shape (n_lane, n_axis).
+        seed
+            Draws the sensors' noise; None: none.
+        position_reference
+            Motor angles asked for, shape of `speed_reference`; by default its integral.
+        options
+            Of `mechanics.simulate`: torque_feedforward, step, method, keep_coordinates, n_thread.
+
+        Raises
+        ------
+        SimulationDiverged
+            Where a lane leaves all bounds.
+        """
+        from robid_core.robot.plant import simulate_robot
+
+        start = np.asarray(angle, dtype=float)
+        return simulate_robot(self._robot, speed_reference, start, seed, position_reference, **options)
+
+    def drive(
+        self, torque: FloatArray, angle: npt.ArrayLike, motor_speed: FloatArray | None = None, **options: Any
+    ) -> Simulation:
+        """Open loop: the motion under given (recorded) motor torques.
+
+        Parameters
+        ----------
+        torque
+            N m at the motors, held between samples, shape (n_lane, n_sample, n_axis).
+        angle
+            Joint-side motor angles at the start, shape (n_lane, n_axis); springs bent by gravity.
+        motor_speed
+            At the start, rad/s at the motors, shape (n_lane, n_axis), the arm moving along; rest if left out.
+        options
+            Of `mechanics.simulate`.
+        """
+        from robid_core.robot.plant import drive_open_loop, standing
+
+        state = standing(self._robot, self._robot.motor_angle(angle))
+        if motor_speed is not None:
+            state = state.moving(self._robot.mechanism, np.asarray(motor_speed, dtype=float))
+        return drive_open_loop(self._robot, torque, state, **options)
+
+    def standing(self, angle: npt.ArrayLike) -> SimulationState:
+        """State of robots that stand still at joint-side motor angles (n_lane, n_axis), gravity held by springs."""
+        from robid_core.robot.plant import standing
+
+        return standing(self._robot, self._robot.motor_angle(angle))
+
+    def prescribe(
+        self, motion: MotorMotion, state: SimulationState | None = None, n_thread: int = 1
+    ) -> Simulation:
+        """Motor torques that a motion of the motors takes, springs, bodies and forces of this robot behind them.
+
+        Parameters
+        ----------
+        motion
+            Of the motors, in steps of `step_s`.
+        state
+            Where everything else begins; by default at rest about the first angles, moving along.
+        n_thread
+            As of `mechanics.prescribe`, which says more.
+        """
+        from robid_core.mechanics import prescribe
+
+        robot = self._robot
+        if state is None:
+            state = self.standing(robot.joint_angle(motion.angle)).moving(robot.mechanism, motion.speed)
+        return prescribe(
+            robot.mechanism,
+            *robot.spring_arrays(),
+            state,
+            motion,
+            forces=robot.forces,
+            sample_time=robot.sample_time_s,
+            step=robot.step_s,
+            n_thread=n_thread,
+        )
+
+    def plant(self) -> RobotPlant:
+        """Return this robot as the plant behind simulated drives."""
+        from robid_core.robot.plant import RobotPlant
+
+        return RobotPlant(self._robot)
