@@ -1,7 +1,8 @@
-"""Before the workers of a whole run begin: the largest kernels are compiled once, side by side."""
+"""Before the tests begin: signals as a terminal sets them, and in a whole run the largest kernels compiled once."""
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -25,7 +26,15 @@ LOCAL_METHODS = [
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Warm the caches up; with them warm it takes three seconds. A run of named tests compiles what it needs itself."""
+    """Let signals through, also to child processes, and warm the caches up (three seconds where they are warm).
+
+    A shell lets what it starts in the background ignore SIGINT; a run that ignores a signal cannot be tested with it.
+    A run of named tests compiles what it needs itself.
+    """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.collectonly
     if whole and not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
         started = [
