@@ -21,10 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
 HIGHEST_HZ = 250.0  # of the motion that is prescribed; above it angles are noise
-FIRST_PERIODS, NEXT_PERIODS = (
-    3,
-    2,
-)  # until it has rung out: from the linear motion, from where the last run ended
+FIRST_PERIODS = 3  # until it has rung out, from the linear motion
+NEXT_PERIODS = 2  # likewise, from where the last run ended
 
 
 def impedance(robot: Robot, angle: FloatArray, motion: PeriodicMotion, hold: str) -> ComplexArray:

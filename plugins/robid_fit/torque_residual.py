@@ -45,9 +45,7 @@ STEPS = 6  # of Gauss-Newton with the derivatives of one point
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 ENOUGH = 0.2  # of the stated error: a pass that changes the springs by less is the last
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
-NUMERICAL = (
-    1.2e-4  # of a parameter: what steps of integration and band limits leave, common to all poses and bins
-)
+NUMERICAL = 1.2e-4  # of a parameter: what steps of integration and band limits leave, alike in all poses
 WEAK = 0.5  # posterior over prior: above it the data hardly see a parameter
 
 
@@ -169,9 +167,8 @@ class TorqueResidualFit(Estimator):
         """Whitener of noise and model error."""
         torque = problem.motion.torque_spectrum
         size = covariance_of(torque)
-        size[0] = (np.abs(torque[:, :, 0]) ** 2).mean(
-            axis=(0, 1)
-        )  # the mean is no neighbour of the lowest bins
+        mean = np.abs(torque[:, :, 0]) ** 2
+        size[0] = mean.mean(axis=(0, 1))  # the mean is no neighbour of the lowest bins
         return whitener(problem.noise(point) + self.model_error**2 * size * np.eye(size.shape[-1]))
 
     def _renew(
@@ -185,6 +182,7 @@ class TorqueResidualFit(Estimator):
         coordinates = point[: problem.n_free]
         robot = free.robot_at(coordinates)
         problem.remainder, state = remainder(robot, angle, motion, state)
+        here = impedance(robot, angle, motion, "zero_order_hold")
         columns = []
         for i, name in enumerate(free.names):
             kind = robot.parameter_kind(name)
@@ -195,8 +193,7 @@ class TorqueResidualFit(Estimator):
             moved[i] += DIFFERENCE
             other = free.robot_at(moved)
             left, _ = remainder(other, angle, motion, state)
-            change = impedance(other, angle, motion, "zero_order_hold")
-            change = change - impedance(robot, angle, motion, "zero_order_hold")
+            change = impedance(other, angle, motion, "zero_order_hold") - here
             linear = np.einsum("cfab,cxfb->cxfa", change, motion.acceleration_spectrum) / DIFFERENCE
             columns.append(EffectColumn(i, point[i], (left - problem.remainder) / DIFFERENCE, linear))
         problem.effects = tuple(columns)

@@ -125,12 +125,7 @@ def run_blocks(arrays, work, control, state, signals, single, first_block, last_
     for block in range(first_block, last_block):
         first_lane = block * width
         position, speed = state.position[block], state.speed[block]
-        views = LaneState(
-            lane_view(position, single), lane_view(speed, single), lane_view(state.acceleration[block], single),
-            lane_view(state.integral[block], single), lane_view(state.reference[block], single),
-            lane_view(state.measured[block], single), lane_view(state.holding_torque[block], single),
-            lane_view(state.law_state[block], single),
-        )  # fmt: skip
+        views = state_views(state, block, single)
         saturated[:] = 0.0
         for sample in range(signals.speed_reference.shape[1]):
             gather(wanted, signals.speed_reference, first_lane, sample)
@@ -168,6 +163,17 @@ def term_views(terms):  # type: ignore[no-untyped-def]
     return TermArrays(
         view_of(terms.force), view_of(terms.signal), view_of(terms.column), view_of(terms.value),
         view_of(terms.argument), view_of(terms.weight), view_of(terms.loads),
+    )  # fmt: skip
+
+
+@kernel
+def state_views(state, block, single):  # type: ignore[no-untyped-def]
+    """Views of the states of one block of lanes."""
+    return LaneState(
+        lane_view(state.position[block], single), lane_view(state.speed[block], single),
+        lane_view(state.acceleration[block], single), lane_view(state.integral[block], single),
+        lane_view(state.reference[block], single), lane_view(state.measured[block], single),
+        lane_view(state.holding_torque[block], single), lane_view(state.law_state[block], single),
     )  # fmt: skip
 
 

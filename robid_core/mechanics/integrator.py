@@ -19,6 +19,23 @@ from robid_core.mechanics.views import address_of, call_law, row_of
 
 
 @fused_kernel
+def eliminate_free(system, right, pivot, n_free):  # type: ignore[no-untyped-def]
+    """Solve the first n_free rows of system x = right in place, symmetric, lower triangle: U D U^T from below."""
+    for k in range(n_free - 1, -1, -1):
+        inverse = 1.0 / system[k, k]
+        pivot[k] = inverse
+        for i in range(k):
+            factor = system[k, i] * inverse
+            right[i] = right[i] - factor * right[k]
+            for j in range(i + 1):
+                system[i, j] = system[i, j] - factor * system[k, j]
+    for k in range(n_free):
+        right[k] = right[k] * pivot[k]
+        for i in range(k + 1, n_free):
+            right[i] = right[i] - system[i, k] * right[k]
+
+
+@fused_kernel
 def eliminate(system, right, pivot, fill):  # type: ignore[no-untyped-def]
     """Solve system x = right in place, symmetric, lower triangle: U D U^T from the last coordinate up."""
     n, n_axis = right.shape[0], fill.shape[0]
@@ -34,18 +51,7 @@ def eliminate(system, right, pivot, fill):  # type: ignore[no-untyped-def]
             for f in range(1, e + 1):
                 j = fill[a, f]
                 system[i, j] = system[i, j] - factor * system[k, j]
-    for k in range(n_free - 1, -1, -1):
-        inverse = 1.0 / system[k, k]
-        pivot[k] = inverse
-        for i in range(k):
-            factor = system[k, i] * inverse
-            right[i] = right[i] - factor * right[k]
-            for j in range(i + 1):
-                system[i, j] = system[i, j] - factor * system[k, j]
-    for k in range(n_free):
-        right[k] = right[k] * pivot[k]
-        for i in range(k + 1, n_free):
-            right[i] = right[i] - system[i, k] * right[k]
+    eliminate_free(system, right, pivot, n_free)
     for a in range(n_axis):
         k = n_free + a
         total = right[k]

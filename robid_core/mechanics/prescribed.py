@@ -13,7 +13,6 @@ times the angle, not quite ``-w^2``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,6 +28,7 @@ from robid_core.mechanics.simulate import (
     FEWEST_LANES,
     Simulation,
     SimulationState,
+    deal,
     divergence,
     lanes_of_state,
     state_of_lanes,
@@ -139,13 +139,7 @@ def prescribe(
         single = None if width == 1 else width
         run_prescribed(arrays, work, lanes, acceleration, n_step, sample_time, outputs, single, first, last)
 
-    edges = np.linspace(0, len(lanes.position), max(1, min(n_thread, len(lanes.position))) + 1)
-    ends = edges.round().astype(int).tolist()
-    if len(ends) == 2:
-        share(*ends)
-    else:
-        with ThreadPoolExecutor(len(ends) - 1) as pool:
-            list(pool.map(share, ends[:-1], ends[1:]))
+    deal(len(lanes.position), n_thread, share)
     del entries  # machine code of the laws, no longer called
     coordinates = outputs.coordinates[..., np.argsort(motors_last(mechanism))]
     result = Simulation(

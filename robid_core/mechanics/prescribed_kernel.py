@@ -8,29 +8,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core.mechanics.closed_loop import note_diverged, plant_views, scatter, step_views, term_views
-from robid_core.mechanics.integrator import add_forces, advance_laws, assemble_arm, pass_torque
+from robid_core.mechanics.closed_loop import (
+    note_diverged,
+    plant_views,
+    scatter,
+    state_views,
+    step_views,
+    term_views,
+)
+from robid_core.mechanics.integrator import (
+    add_forces,
+    advance_laws,
+    assemble_arm,
+    eliminate_free,
+    pass_torque,
+)
 from robid_core.mechanics.kernel import fused_kernel, kernel
 from robid_core.mechanics.recursion import chain_views, work_views
-from robid_core.mechanics.simulation_arrays import LaneState
 from robid_core.mechanics.views import lane_view, row_of
-
-
-@fused_kernel
-def eliminate_free(system, right, pivot, n_free):  # type: ignore[no-untyped-def]
-    """Solve the first n_free rows of system x = right in place, symmetric, lower triangle: U D U^T from below."""
-    for k in range(n_free - 1, -1, -1):
-        inverse = 1.0 / system[k, k]
-        pivot[k] = inverse
-        for i in range(k):
-            factor = system[k, i] * inverse
-            right[i] = right[i] - factor * right[k]
-            for j in range(i + 1):
-                system[i, j] = system[i, j] - factor * system[k, j]
-    for k in range(n_free):
-        right[k] = right[k] * pivot[k]
-        for i in range(k + 1, n_free):
-            right[i] = right[i] - system[i, k] * right[k]
 
 
 @fused_kernel
@@ -120,12 +115,7 @@ def run_prescribed(  # type: ignore[no-untyped-def]
     for block in range(first_block, last_block):
         first_lane = block * width
         position, speed = state.position[block], state.speed[block]
-        views = LaneState(
-            lane_view(position, single), lane_view(speed, single), lane_view(state.acceleration[block], single),
-            lane_view(state.integral[block], single), lane_view(state.reference[block], single),
-            lane_view(state.measured[block], single), lane_view(state.holding_torque[block], single),
-            lane_view(state.law_state[block], single),
-        )  # fmt: skip
+        views = state_views(state, block, single)
         command[:] = state.holding_torque[block]
         for sample in range(outputs.torque.shape[1]):
             scatter(outputs.coordinates, position, first_lane, sample)

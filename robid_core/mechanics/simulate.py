@@ -6,7 +6,7 @@ it causes. Each lane is one experiment, computed alone, so that results do not d
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from typing import Literal
@@ -258,14 +258,17 @@ def _run(
     width: int,
     n_thread: int,
 ) -> None:
-    n_block = len(lanes.position)
-    n_thread = max(1, min(n_thread, n_block))
-    edges = np.linspace(0, n_block, n_thread + 1).round().astype(int).tolist()
-
     def share(first: int, last: int) -> None:
         work = work_memory(mechanism, len(arrays.terms.force), lanes.law_state.shape[1], width)
         run_blocks(arrays, work, control, lanes, channels, None if width == 1 else width, first, last)
 
+    deal(len(lanes.position), n_thread, share)
+
+
+def deal(n_block: int, n_thread: int, share: Callable[[int, int], None]) -> None:
+    """Deal blocks to threads: `share(first, last)` runs blocks first to last - 1."""
+    n_thread = max(1, min(n_thread, n_block))
+    edges = np.linspace(0, n_block, n_thread + 1).round().astype(int).tolist()
     if n_thread == 1:
         share(*edges)
         return

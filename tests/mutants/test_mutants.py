@@ -199,23 +199,30 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def tested(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
+    """Run tests on the copied sources, a test at a time, until one fails."""
+    paths = [str(copy / name) for name in (".", "plugins", "adapters")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-n0", "-p", "no:cacheprovider", *tests]
+    return subprocess.run(
+        command, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=180
+    )
+
+
+@pytest.mark.full
+def test_the_sound_copy_passes(copy: Path) -> None:
+    done = tested(copy, *dict.fromkeys(mutant.test for mutant in MUTANTS))
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
 def test_a_mutant_is_caught(mutant: Mutant, copy: Path) -> None:
     file = copy / mutant.file
     sound = file.read_text(encoding="utf-8")
-    paths = [str(copy / name) for name in (".", "plugins", "adapters")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-m", "pytest", "-x", "-n0", "-p", "no:cacheprovider", mutant.test]
-
-    def tested() -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            command, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=180
-        )
-
     file.write_text(sound.replace(mutant.old, mutant.new), encoding="utf-8")
     try:
-        done = tested()
+        done = tested(copy, mutant.test)
     except subprocess.TimeoutExpired:
         return  # it hangs: caught
     finally:

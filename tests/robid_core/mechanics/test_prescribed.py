@@ -14,6 +14,7 @@ from robid_core.mechanics.prescribed import (
     periodic_motion,
     prescribe,
 )
+from robid_core.mechanics.simulate import Simulation
 from robid_core.robot.plant import standing
 
 STEP = 2.5e-4
@@ -56,6 +57,16 @@ def integrated(angle: np.ndarray, step: float) -> MotorMotion:
     return MotorMotion(angle[:, 0], np.zeros_like(angle[:, 0]), np.stack(found, axis=1))
 
 
+def prescribed_again(robot: Robot, angle: np.ndarray, coordinates: np.ndarray) -> Simulation:
+    """Prescribe what the motors did in a simulation that began at rest at these joint angles."""
+    motion = integrated(coordinates[..., : robot.n_axis], STEP)
+    state = standing(robot, robot.motor_angle(angle))
+    arrays = robot.spring_arrays()
+    return prescribe(
+        robot.mechanism, *arrays, state, motion, forces=robot.forces, sample_time=STEP, step=STEP
+    )
+
+
 @pytest.mark.parametrize("n_lane", [1, 3])
 @pytest.mark.parametrize(
     ("base", "effects"), [("six_axis", ""), ("six_axis", EVERYTHING), ("one_axis", ""), ("six_axis_flex", "")]
@@ -68,17 +79,7 @@ def test_a_simulated_motion_gives_back_its_torques(
     angle, reference = ANGLE[:n_lane, :n_axis], shaken(robot, n_lane, 400, STEP)
     run = robot.simulate(reference, angle, sample_time=STEP, step=STEP, keep_coordinates=True)
     assert run.coordinates is not None
-    state = standing(robot, robot.motor_angle(angle))
-    motion = integrated(run.coordinates[..., :n_axis], STEP)
-    back = prescribe(
-        robot.mechanism,
-        *robot.spring_arrays(),
-        state,
-        motion,
-        forces=robot.forces,
-        sample_time=STEP,
-        step=STEP,
-    )
+    back = prescribed_again(robot, angle, run.coordinates)
     # Accelerations from angles: eps * 100 rad / h^2 * 400 steps of an alternating sum = 1.4e-4 rad/s^2, times an
     # inertia of 3e-3 kg m^2 at the motor; bodies move the angles by rounding only.
     np.testing.assert_allclose(back.torque, run.torque[:, :-1], rtol=0, atol=1e-6)
@@ -97,17 +98,7 @@ def test_rigid_gears_and_coupled_wrists_give_back_their_torques(tmp_path: Path) 
     reference = shaken(robot, 3, 400, STEP)
     run = robot.simulate(reference, ANGLE, sample_time=STEP, step=STEP, keep_coordinates=True)
     assert run.coordinates is not None
-    motion = integrated(run.coordinates[..., :6], STEP)
-    state = standing(robot, robot.motor_angle(ANGLE))
-    back = prescribe(
-        robot.mechanism,
-        *robot.spring_arrays(),
-        state,
-        motion,
-        forces=robot.forces,
-        sample_time=STEP,
-        step=STEP,
-    )
+    back = prescribed_again(robot, ANGLE, run.coordinates)
     np.testing.assert_allclose(back.torque, run.torque[:, :-1], rtol=0, atol=1e-6)
 
 
