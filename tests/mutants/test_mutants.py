@@ -199,7 +199,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def tested(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
+def _pytest_in(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
     """Run tests on the copied sources, a test at a time, until one fails."""
     paths = [str(copy / name) for name in (".", "plugins", "adapters")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -211,7 +211,7 @@ def tested(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.full
 def test_the_sound_copy_passes(copy: Path) -> None:
-    done = tested(copy, *dict.fromkeys(mutant.test for mutant in MUTANTS))
+    done = _pytest_in(copy, *dict.fromkeys(mutant.test for mutant in MUTANTS))
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
 
 
@@ -222,7 +222,7 @@ def test_a_mutant_is_caught(mutant: Mutant, copy: Path) -> None:
     sound = file.read_text(encoding="utf-8")
     file.write_text(sound.replace(mutant.old, mutant.new), encoding="utf-8")
     try:
-        done = tested(copy, mutant.test)
+        done = _pytest_in(copy, mutant.test)
     except subprocess.TimeoutExpired:
         return  # it hangs: caught
     finally:
