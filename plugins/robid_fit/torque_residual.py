@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
@@ -26,26 +25,11 @@ from robid_core import (
     Robot,
     chosen_names,
 )
-from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
-from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
-from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of, whitener
-from robid_core.mechanics import SimulationState
-from robid_fit.torque_problem import EffectColumn, Linearisation, TorqueProblem
-from robid_fit.torque_remainder import impedance, remainder
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from robid_core.residual import Solution, TorqueBlock, TorqueProblem, misfit, solve
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
-EVERY = 5  # of the bins that are no lines, in the first pass
-FIRST_LINEARISATIONS = 5  # of the linear model, each with new weights
-STEPS = 6  # of Gauss-Newton with the derivatives of one point
-SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
-ENOUGH = 0.2  # of the stated error: a pass that changes the springs by less is the last
-DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
-NUMERICAL = 1.2e-4  # of a parameter: what steps of integration and band limits leave, alike in all poses
 WEAK = 0.5  # posterior over prior: above it the data hardly see a parameter
 
 
@@ -85,25 +69,9 @@ class TorqueResidualFit(Estimator):
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
-        motion = self._motion(record)
-        problem = self._problem(robot, motion)
-        point = self._first_pass(problem, context)
-        state: SimulationState | None = None
-        changes: list[float] = []
-        for number in range(self.passes):
-            context.progress(number + 1, self.passes + 1, "torque of the measured motion")
-            state = self._renew(problem, point, state)
-            weight = self._weight(problem, point)
-            about = problem.linearise(point, weight)
-            before, point = point, self._minimise(problem, point, weight, about)
-            covariance = self._covariance(problem, point, about)
-            moved = np.abs(point - before) / np.sqrt(np.diag(covariance))
-            changes.append(float(moved[self._springs(problem)].max(initial=0.0)))
-            if changes[-1] < ENOUGH:
-                break
-        context.progress(self.passes + 1, self.passes + 1, "")
-        covariance = covariance + np.outer(point - before, point - before)
-        return self._result(problem, point, covariance, changes)
+        problem = self._problem(robot, self._motion(record))
+        solution = solve(problem, self.passes, self.model_error, context.progress)
+        return self._result(problem, solution)
 
     # Data and unknowns
 
@@ -140,122 +108,15 @@ class TorqueResidualFit(Estimator):
         levels = {
             n: 0.0 for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))
         }
-        free = FreeParameters.of_robot(robot.with_parameters(levels), names, self.prior)
-        used = np.ones(len(motion.frequency_hz), dtype=np.bool_)
-        return TorqueProblem(free, motion, self.friction_widths, used)
-
-    # Passes
-
-    def _first_pass(self, problem: TorqueProblem, context: Context) -> FloatArray:
-        """Fit the linear model on the lines and some other bins, weighted by what it leaves; bodies are held.
-
-        What it leaves out is a percent of the torque and smooth: bodies would bend to it, and so would the mean torque.
-        """
-        context.progress(0, self.passes + 1, "linear model")
-        motion, point = problem.motion, np.zeros(problem.n_unknown)
-        problem.used = motion.excited | (np.arange(len(motion.excited)) % EVERY == 0)
-        problem.used[0], problem.bodies_held = False, True
-        size = covariance_of(motion.torque_spectrum)
-        weight = whitener(0.01 * size * np.eye(size.shape[-1]))
-        for _ in range(FIRST_LINEARISATIONS):
-            point = self._minimise(problem, point, weight, problem.linearise(point, weight))
-            weight = whitener(covariance_of(problem.residual(point)))
-        problem.used, problem.bodies_held = np.ones_like(problem.used), False
-        return point
-
-    def _weight(self, problem: TorqueProblem, point: FloatArray) -> ComplexArray:
-        """Whitener of noise and model error."""
-        torque = problem.motion.torque_spectrum
-        size = covariance_of(torque)
-        mean = np.abs(torque[:, :, 0]) ** 2
-        size[0] = mean.mean(axis=(0, 1))  # the mean is no neighbour of the lowest bins
-        return whitener(problem.noise(point) + self.model_error**2 * size * np.eye(size.shape[-1]))
-
-    def _renew(
-        self, problem: TorqueProblem, point: FloatArray, state: SimulationState | None
-    ) -> SimulationState:
-        """Prescribe the measured motion to the present model, and differentiate what only that knows.
-
-        With nonlinear springs it knows the linear ones, too: what they do depends on how far the others are bent.
-        """
-        free, motion, angle = problem.free, problem.motion, problem.angle
-        coordinates = point[: problem.n_free]
-        robot = free.robot_at(coordinates)
-        problem.remainder, state = remainder(robot, angle, motion, state)
-        here = impedance(robot, angle, motion, "zero_order_hold")
-        columns = []
-        for i, name in enumerate(free.names):
-            kind = robot.parameter_kind(name)
-            elastic = kind in ("stiffness", "damping")
-            if kind in ("inertia", "friction") or (elastic and not robot.bending_forces):
-                continue  # the linear columns are enough
-            moved = coordinates.copy()
-            moved[i] += DIFFERENCE
-            other = free.robot_at(moved)
-            left, _ = remainder(other, angle, motion, state)
-            change = impedance(other, angle, motion, "zero_order_hold") - here
-            linear = np.einsum("cfab,cxfb->cxfa", change, motion.acceleration_spectrum) / DIFFERENCE
-            columns.append(EffectColumn(i, point[i], (left - problem.remainder) / DIFFERENCE, linear))
-        problem.effects = tuple(columns)
-        return state
-
-    @staticmethod
-    def _minimise(
-        problem: TorqueProblem, point: FloatArray, weight: ComplexArray, about: Linearisation
-    ) -> FloatArray:
-        """Take damped Gauss-Newton steps with the derivatives of one point."""
-        precision = 1 / problem.prior**2
-        whole = about.matrices.sum(axis=0) + np.diag(precision)
-
-        def equations(at: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-            slope = precision * at - problem.gradients(at, about).sum(axis=0)
-            return 0.5 * problem.cost(at, weight), slope, whole
-
-        open_end = np.full(problem.n_unknown - problem.n_free, np.inf)
-        return levenberg_marquardt(
-            equations,
-            lambda at: 0.5 * problem.cost(at, weight),
-            point,
-            np.concatenate((problem.free.lower, -open_end)),
-            np.concatenate((problem.free.upper, open_end)),
-            STEPS,
-            SMALL_GAIN,
-        ).point
+        bare = robot.with_parameters(levels)
+        free = FreeParameters.of_robot(bare, names, self.prior)
+        laws = (*(f"odd_{width:g}" for width in self.friction_widths), "even", "constant")
+        return TorqueProblem(free, (TorqueBlock.of_record(bare, motion, self.friction_widths),), laws)
 
     # What is stated
 
-    @staticmethod
-    def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
-        """Of all unknowns: formal, widened by what leaving out a configuration moves."""
-        whole = about.matrices.sum(axis=0) + np.diag(1 / problem.prior**2)
-        formal: FloatArray = np.linalg.inv(whole)
-        if len(about.matrices) < 2:
-            covariance = formal
-        else:
-            shifts = jackknife_shifts(whole, problem.gradients(point, about), about.matrices)
-            covariance = covariance_with_model_error(formal, shifts)
-        floor = np.zeros(len(formal))
-        floor[: problem.n_free] = NUMERICAL**2
-        return covariance + np.diag(floor)
-
-    @staticmethod
-    def _springs(problem: TorqueProblem) -> npt.NDArray[np.int64]:
-        kinds = [problem.free.robot.parameter_kind(name) for name in problem.free.names]
-        return np.flatnonzero(np.array([kind in ("stiffness", "effect") for kind in kinds]))
-
-    @staticmethod
-    def misfit(problem: TorqueProblem, point: FloatArray) -> float:
-        """Weighted residual per degree of freedom against the noise alone, corrected for few periods."""
-        motion = problem.motion
-        n_config, n_exp, n_period, _, n_axis = motion.torque_deviation.shape
-        white = np.einsum("fab,cxfb->cxfa", whitener(problem.noise(point)), problem.residual(point))[:, :, 1:]
-        freedom = n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1)
-        return float((np.abs(white) ** 2).mean() * (freedom - n_axis) / freedom)
-
-    def _result(
-        self, problem: TorqueProblem, point: FloatArray, covariance: FloatArray, changes: list[float]
-    ) -> Fit:
-        free, n = problem.free, problem.n_free
+    def _result(self, problem: TorqueProblem, solution: Solution) -> Fit:
+        free, n, point, covariance = problem.free, problem.n_free, solution.point, solution.covariance
         slope = np.eye(len(point))
         slope[:n, :n] = free.jacobian(point[:n])
         error = np.sqrt(np.diag(slope @ covariance @ slope.T))
@@ -278,14 +139,13 @@ class TorqueResidualFit(Estimator):
             reported=stiff,
             at_bound=at_bound,
         )
-        misfit = self.misfit(problem, point)
-        converged = changes[-1] < ENOUGH
-        status = "converged" if converged else f"{self.passes} passes were not enough"
+        status = "converged" if solution.converged else f"{self.passes} passes were not enough"
         status += (
-            f"; the last of {len(changes)} passes moved the springs by {changes[-1]:.2g} standard errors"
+            f"; the last of {len(solution.changes)} passes moved the springs by {solution.changes[-1]:.2g} standard "
+            "errors"
         )
-        if len(changes) > 1 and changes[-2] > 0:
-            status += f" ({changes[-1] / changes[-2]:.2g} of the one before)"
+        if np.isfinite(solution.contraction):
+            status += f" (a pass leaves {solution.contraction:.2g} of a deviation)"
         weak = np.sqrt(np.diag(covariance))[:n] > WEAK * free.prior
         weak &= np.array([kind == "stiffness" for kind in kinds])
         if weak.any():
@@ -294,8 +154,8 @@ class TorqueResidualFit(Estimator):
         return Fit(
             method="torque residual in all bins, friction as free functions of speed",
             status=status,
-            converged=converged,
-            misfit=misfit,
+            converged=solution.converged,
+            misfit=misfit(problem, point),
             n_starts=1,
             n_agree=1,
             parameters=table,

@@ -8,8 +8,8 @@ Slotine, Linear matrix inequalities for physically consistent inertial parameter
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +85,17 @@ class FreeParameters:
         )
         prior = np.array([given.get(name, default_prior(layout[name])) for name in names])
         return cls(robot, tuple(names), kinds, start, scale, prior, root)
+
+    def without(self, held: Callable[[str], bool]) -> FreeParameters:
+        """Return those of which `held` is not true; moments of a body are held together or not at all."""
+        keep = [i for i, name in enumerate(self.names) if not held(name)]
+        rows = np.array(keep, dtype=np.int64)
+        names, kinds = (tuple(values[i] for i in keep) for values in (self.names, self.kinds))
+        root = {joint: value for joint, value in self.root.items() if f"inertia.{joint}.xx" in names}
+        return replace(
+            self, names=names, kinds=kinds, start=self.start[rows], scale=self.scale[rows],
+            prior=self.prior[rows], root=root,
+        )  # fmt: skip
 
     @property
     def lower(self) -> FloatArray:

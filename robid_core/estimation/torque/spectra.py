@@ -8,7 +8,8 @@ would have to be (its spectrum over the hold's factor).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -19,34 +20,40 @@ from robid_core.mechanics.response import hold_factor
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
+EVERY = 5  # of the bins that are no lines stands for the others
 FINER = 4  # points a sample on which laws are evaluated
 SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle is noise
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicMotion:
-    """Angles and torques of a periodic record as spectra over all bins up to a limit; axes (config, exp, bin, axis).
+class MotionSpectra:
+    """Angles, torques and accelerations of a record as spectra over bins up to a limit; axes (config, exp, bin, axis).
 
-    Experiments of all blocks stand one behind the other. Spectra are those of one period over its number of samples;
-    bin 0 is the mean.
+    Experiments of all blocks stand one behind the other. Spectra are sums over samples, over their number; the first
+    bin is the mean.
     """
 
     sample_time_s: float
-    frequency_hz: FloatArray
-    """Of the bins, the first is 0, shape (n_bin,)."""
+    n_sample: int
+    """Samples that are transformed; bins are multiples of the inverse of their time."""
+    bin: IntArray
+    """Numbers of the bins, the first is 0, shape (n_bin,)."""
     excited: BoolArray
     """Whether a bin is an excited line, shape (n_bin,)."""
     angle: FloatArray
-    """Motor angles, mean over the periods, rad, shape (n_config, n_exp, n_sample, n_axis)."""
+    """Motor angles over time, rad, shape (n_config, n_exp, n_time, n_axis)."""
     torque_spectrum: ComplexArray
-    """Of the motor torques, mean over the periods, N m, shape (n_config, n_exp, n_bin, n_axis)."""
-    angle_spectrum: ComplexArray
-    """Of the motor angles, likewise, rad."""
-    torque_deviation: ComplexArray
-    """Each period's torque spectrum less their mean, shape (n_config, n_exp, n_period, n_bin, n_axis)."""
-    angle_deviation: ComplexArray
-    """Likewise of the angles."""
+    """Of the motor torques, N m, shape (n_config, n_exp, n_bin, n_axis)."""
+    acceleration_spectrum: ComplexArray
+    """Of the motor accelerations, likewise, rad/s^2."""
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Of the bins, shape (n_bin,)."""
+        frequency: FloatArray = self.bin / (self.n_sample * self.sample_time_s)
+        return frequency
 
     @property
     def omega(self) -> FloatArray:
@@ -54,21 +61,42 @@ class PeriodicMotion:
         return 2 * np.pi * self.frequency_hz
 
     @property
-    def acceleration_spectrum(self) -> ComplexArray:
-        """Of the motor accelerations, rad/s^2."""
-        return -(self.omega[:, None] ** 2) * self.angle_spectrum
+    def angle_spectrum(self) -> ComplexArray:
+        """Accelerations twice integrated, zero at the first bin, rad."""
+        spectrum = np.zeros_like(self.acceleration_spectrum)
+        spectrum[:, :, 1:] = -self.acceleration_spectrum[:, :, 1:] / (self.omega[1:, None] ** 2)
+        return spectrum
 
     @property
     def hold(self) -> ComplexArray:
         """Factor of a held torque, 1 for the mean, shape (n_bin,)."""
-        factor = np.ones(len(self.frequency_hz), dtype=np.complex128)
+        factor = np.ones(len(self.bin), dtype=np.complex128)
         factor[1:] = hold_factor(self.omega[1:], self.sample_time_s)[0]
         return factor
 
-    @property
-    def n_sample(self) -> int:
-        """Samples of a period."""
-        return int(self.angle.shape[2])
+    def representative(self) -> IntArray:
+        """Return the numbers of the mean, the lines, and every fifth other bin."""
+        keep = self.excited | (np.arange(len(self.bin)) % EVERY == 0)
+        return np.flatnonzero(keep)
+
+    def thinned(self, keep: IntArray) -> Self:
+        """Return the same with some of the bins only; `keep` counts among the present ones and begins with 0."""
+        chosen: dict[str, Any] = {"bin": self.bin[keep], "excited": self.excited[keep]}
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if np.iscomplexobj(value):
+                chosen[entry.name] = value[..., keep, :]
+        return replace(self, **chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicMotion(MotionSpectra):
+    """Spectra of one period, the mean of those measured, with what each period differs by."""
+
+    torque_deviation: ComplexArray
+    """Each period's torque spectrum less their mean, shape (n_config, n_exp, n_period, n_bin, n_axis)."""
+    acceleration_deviation: ComplexArray
+    """Likewise of the accelerations."""
 
     def fine_speed(self) -> FloatArray:
         """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""
@@ -83,8 +111,7 @@ class PeriodicMotion:
 
     def held_spectrum(self, fine_torque: FloatArray) -> ComplexArray:
         """Spectrum of the held torque that acts as one on the finer grid does, (n_config, n_exp, n_bin, n_axis)."""
-        n_bin = len(self.frequency_hz)
-        spectrum = np.fft.rfft(fine_torque, axis=2)[:, :, :n_bin] / fine_torque.shape[2]
+        spectrum = np.fft.rfft(fine_torque, axis=2)[:, :, self.bin] / fine_torque.shape[2]
         result: ComplexArray = spectrum / self.hold[:, None]
         return result
 
@@ -123,17 +150,20 @@ def periodic_motion_of(
         )
     rows = (n_config, -1, n_period, n_sample, n_axis)
     angle, pull = position.reshape(rows), torque.reshape(rows)
+    bins = np.arange(n_bin)
+    omega = 2 * np.pi * bins / (n_sample * sample_time_s)
     angles, torques = (np.fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
-    frequency = np.arange(n_bin) / (n_sample * sample_time_s)
+    accelerations = -(omega[:, None] ** 2) * angles
     return PeriodicMotion(
         sample_time_s,
-        frequency,
-        np.isin(np.arange(n_bin), lines),
+        n_sample,
+        bins,
+        np.isin(bins, lines),
         angle.mean(axis=2),
         torques.mean(axis=2),
-        angles.mean(axis=2),
+        accelerations.mean(axis=2),
         torques - torques.mean(axis=2, keepdims=True),
-        angles - angles.mean(axis=2, keepdims=True),
+        accelerations - accelerations.mean(axis=2, keepdims=True),
     )
 
 

@@ -22,11 +22,8 @@ from robid_core import (
     chosen_names,
     load_plugin,
 )
-from robid_core.estimation.torque.spectra import periodic_motion_of
 from robid_core.stage import map_in_process
-from robid_fit.torque_columns import body_derivatives, parameter_columns, passive_motion
-from robid_fit.torque_problem import TorqueProblem
-from robid_fit.torque_residual import TorqueResidualFit, default_patterns
+from robid_fit.torque_residual import TorqueResidualFit
 
 T = 1e-3
 
@@ -104,35 +101,6 @@ def test_springs_of_a_plant_with_other_bodies_and_friction_are_found(
     )
     assert "torque lags by" in fit.status
     assert set(table.groups) >= {"stiffness", "damping", "inertia", "nuisance"}
-
-
-def test_derivatives_are_those_of_the_linear_torque(nominal: Robot, six: Record) -> None:
-    """Oracle: central differences of the inverse response, for every spring, damper, viscous friction and body."""
-    run = six.run
-    motion = periodic_motion_of(
-        run.values("motor_position")[:, :, :2], run.values("motor_torque")[:, :, :2], T, six.line, 80.0
-    )
-    names = chosen_names(list(nominal.layout), default_patterns(nominal))
-    free = FreeParameters.of_robot(nominal, names)
-    problem = TorqueProblem(free, motion, (0.5,), np.ones(len(motion.frequency_hz), dtype=bool))
-    point = np.zeros(problem.n_unknown)
-    bodies = body_derivatives(free, point[: len(names)], problem.angle)
-    passive = passive_motion(nominal, problem.angle, motion.omega[1:])
-    columns = parameter_columns(free, nominal, motion, 0, passive[0], bodies)
-    for i, name in enumerate(names):
-        if name.startswith(("mass.axis_1", "inertia.axis_1")):
-            continue  # hardly moved, differences are rounding
-        h = 1e-3
-        ends = []
-        for sign in (1, -1):
-            moved = point.copy()
-            moved[i] += sign * h
-            ends.append(problem.residual(moved)[0])
-        expected = (ends[1] - ends[0]) / (2 * h)
-        size = abs(expected[:, 1:]).max()
-        # The equilibrium moves with springs and bodies (a factor gravity over spring stiffness, below 1 %), and images
-        # of a held torque are not in the derivative (below 1e-3).
-        assert abs(columns[:, 1:, :, i] - expected[:, 1:]).max() < 0.02 * size + 1e-12, name
 
 
 def test_a_hidden_effect_is_found_where_the_file_frees_it(tmp_path: Path) -> None:

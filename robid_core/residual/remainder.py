@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Robot
-from robid_core.estimation.torque.spectra import PeriodicMotion
+from robid_core.estimation.torque.spectra import MotionSpectra, PeriodicMotion
 from robid_core.mechanics import MotorMotion, SimulationState, mean_over_held, periodic_motion
-from robid_fit.torque_columns import passive_motion
+from robid_core.residual.columns import passive_motion
+from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -25,7 +25,7 @@ FIRST_PERIODS = 3  # until it has rung out, from the linear motion
 NEXT_PERIODS = 2  # likewise, from where the last run ended
 
 
-def impedance(robot: Robot, angle: FloatArray, motion: PeriodicMotion, hold: str) -> ComplexArray:
+def impedance(robot: Robot, angle: FloatArray, motion: MotionSpectra, hold: str) -> ComplexArray:
     """Motor torque per motor acceleration at each bin, (n_config, n_bin, n_axis, n_axis), zero at bin 0."""
     response = robot.response(angle, motion.frequency_hz[1:], hold=hold)
     n_config, _, n_axis, _ = response.shape
@@ -57,8 +57,8 @@ def remainder(
     periods = FIRST_PERIODS if state is None else NEXT_PERIODS
     start = linear_state(robot, angle, motion, whole) if state is None else state
     run = robot.prescribe(replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1))), start)
-    n_bin = len(motion.frequency_hz)
-    torque = np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, :n_bin] / n_sample
+    n_bin = len(motion.bin)
+    torque = np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample
     torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s)[:, None]
     smooth = impedance(robot, angle, motion, "continuous") / motion.hold[:, None, None]
     linear = np.einsum("cfab,cxfb->cxfa", smooth, motion.acceleration_spectrum)

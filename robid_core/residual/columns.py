@@ -1,0 +1,167 @@
+"""Derivatives of the torque that a measured motion takes: springs by transfer vectors, bodies by differences.
+
+With all coordinates per motor angle ``x = X X_m^-1``, ``X = (K - w^2 M + i w D)^-1 B`` (X_m its motor rows), torque is
+``T = (i w)^2 Z Q / H0``, and a change of the matrices moves it by ``x^T (dK - w^2 dM + i w dD) x Q / H0``: for spring
+s a product of its deflection per motor angle, ``y = e_s^T x``, with its deflection in this motion. H0 is the hold's
+factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.parameters import FreeParameters
+from robid_core.robot import Robot
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+IntArray = npt.NDArray[np.int64]
+
+BODY_STEP = 1e-4  # in natural scales; matrices are nearly linear in them
+
+
+def passive_motion(robot: Robot, angle: FloatArray, omega: FloatArray) -> ComplexArray:
+    """All coordinates per motor angle of the linear model, shape (n_config, n_bin, n_coordinate, n_axis)."""
+    model = robot.second_order(angle)
+    w = omega[:, None, None]
+    impedance = model.stiffness[:, None] - w**2 * model.mass[:, None] + 1j * w * model.damping[:, None]
+    push = np.broadcast_to(model.input_map.astype(complex), (*impedance.shape[:2], *model.input_map.shape))
+    moved = np.linalg.solve(impedance, push)
+    result: ComplexArray = np.matmul(moved, np.linalg.inv(moved[:, :, : robot.n_axis]))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class BodyDerivatives:
+    """What mass matrix, stiffness and weight change by for each inertial parameter, at fixed poses."""
+
+    index: tuple[int, ...]
+    """Numbers of these parameters among the free ones."""
+    mass: FloatArray
+    """Shape (n_config, n_coordinate, n_coordinate, n)."""
+    stiffness: FloatArray
+    """Of gravity, likewise."""
+    weight: FloatArray
+    """Of the motor torque that holds the arm, shape (n_config, n_axis, n)."""
+
+    def groups(self) -> list[tuple[IntArray, IntArray]]:
+        """Return (parameters, coordinates): which parameters move which coordinates, rotors apart from bodies."""
+        touched = (self.mass != 0).any(axis=(0, 2)) | (self.stiffness != 0).any(axis=(0, 2))
+        kinds: dict[bytes, list[int]] = {}
+        n_axis = self.weight.shape[1]
+        for k in range(len(self.index)):
+            kinds.setdefault(touched[:n_axis, k].any().tobytes(), []).append(k)
+        return [
+            (np.array(members), np.flatnonzero(touched[:, members].any(axis=1))) for members in kinds.values()
+        ]
+
+
+def body_derivatives(
+    free: FreeParameters, robot: Robot, point: FloatArray, angle: FloatArray
+) -> BodyDerivatives:
+    """Differentiate by steps of BODY_STEP.
+
+    Parameters
+    ----------
+    free
+        The parameters.
+    robot
+        On which they are set.
+    point
+        Their coordinates, shape (n_free,).
+    angle
+        Joint-side poses, shape (n_config, n_axis).
+    """
+    here = robot.with_parameters(free.values(point))
+    base, weight = here.second_order(angle), here.gravity_torque(angle)
+    index = tuple(i for i, name in enumerate(free.names) if free.robot.parameter_kind(name) == "inertia")
+    columns = []
+    for i in index:
+        moved = point.copy()
+        moved[i] += BODY_STEP
+        other = robot.with_parameters(free.values(moved))
+        model = other.second_order(angle)
+        columns.append(
+            (model.mass - base.mass, model.stiffness - base.stiffness, other.gravity_torque(angle) - weight)
+        )
+    shapes = (base.mass.shape, base.mass.shape, weight.shape)
+    mass, stiffness, hold = (
+        np.stack([c[k] for c in columns], axis=-1) / BODY_STEP if columns else np.zeros((*shape, 0))
+        for k, shape in enumerate(shapes)
+    )
+    return BodyDerivatives(index, mass, stiffness, hold)
+
+
+def parameter_columns(
+    free: FreeParameters,
+    robot: Robot,
+    motion: MotionSpectra,
+    config: int,
+    passive: ComplexArray,
+    bodies: BodyDerivatives,
+) -> ComplexArray:
+    """Derivatives of the torque spectra of one configuration, shape (n_bin, n_exp, n_axis, n_free).
+
+    `passive` is `passive_motion` of this configuration at all bins but the first. Parameters that are neither springs,
+    dampers, viscous friction nor inertia have columns of zeros.
+    """
+    n_exp, n_bin, n_axis = motion.torque_spectrum.shape[1:]
+    columns = np.zeros((n_bin, n_exp, n_axis, len(free.names)), dtype=np.complex128)
+    place = {name: i for i, name in enumerate(free.names)}
+    omega, hold = motion.omega[1:], motion.hold[1:]
+    swing = motion.angle_spectrum[config][:, 1:].transpose(1, 0, 2)  # (n_bin - 1, n_exp, n_axis)
+    per_motor = np.matmul(robot.mechanism.spring_directions.astype(np.complex128), passive)
+    deflection = np.matmul(swing, per_motor.transpose(0, 2, 1))
+    per_motor = per_motor / hold[:, None, None]
+    for s, (stiffness, damping) in enumerate(zip(*robot.spring_arrays(), strict=True)):
+        name = robot.spring_names[s]
+        damper = name.replace("stiffness", "damping", 1)
+        if name not in place and damper not in place:
+            continue
+        torque = deflection[:, :, s, None] * per_motor[:, None, s]
+        if name in place:
+            columns[1:, :, :, place[name]] = stiffness * torque
+        if damper in place:
+            columns[1:, :, :, place[damper]] = damping * 1j * omega[:, None, None] * torque
+    for a, axis in enumerate(robot.axis_names):
+        name = f"friction.{axis}.viscous"
+        if name in place:
+            columns[1:, :, a, place[name]] = (
+                robot.drives.viscous[a] * 1j * omega[:, None] * swing[:, :, a] / hold[:, None]
+            )
+    if bodies.index:
+        moving = np.matmul(swing, passive.transpose(0, 2, 1)) / hold[:, None, None]
+        for members, coordinates in bodies.groups():
+            change = _of_bodies(bodies, config, members, coordinates, passive, moving, omega)
+            columns[1:, :, :, np.array(bodies.index)[members]] = change
+        columns[0, :, :, list(bodies.index)] = bodies.weight[config].T[:, None]
+    return columns
+
+
+def _of_bodies(
+    bodies: BodyDerivatives,
+    config: int,
+    members: IntArray,
+    coordinates: IntArray,
+    passive: ComplexArray,
+    moving: ComplexArray,
+    omega: FloatArray,
+) -> ComplexArray:
+    """``x^T (dK - w^2 dM) x Q / H0`` for some inertial parameters, shape (n_bin, n_exp, n_axis, n_member)."""
+    n, count = len(coordinates), len(members)
+    n_bin, n_exp, _ = moving.shape
+    inside = np.ix_(coordinates, coordinates, members)
+    matrix = np.concatenate((bodies.stiffness[config][inside], bodies.mass[config][inside])).reshape(
+        2 * n, -1
+    )
+    rows = moving[:, :, coordinates]
+    rows = np.concatenate((rows, -(omega[:, None, None] ** 2) * rows), axis=2).reshape(n_bin * n_exp, 2 * n)
+    change = np.empty((len(rows), matrix.shape[1]), dtype=np.complex128)
+    change.real, change.imag = rows.real @ matrix, rows.imag @ matrix
+    turned = np.ascontiguousarray(passive[:, coordinates].transpose(0, 2, 1))
+    result: ComplexArray = np.matmul(turned[:, None], change.reshape(n_bin, n_exp, n, count))
+    return result

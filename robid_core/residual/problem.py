@@ -1,0 +1,145 @@
+"""The torque residual as a least-squares problem: blocks of records that share parameters, and priors.
+
+Unknowns, in this order: coordinates of the free parameters (natural scales, zero at the start); sizes of the friction
+functions, of each axis; a common delay of the measured torques.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.parameters import FreeParameters
+from robid_core.residual.block import TorqueBlock
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+FRICTION_PRIOR = 0.3  # of the torque limit: no told level, which would freeze what is told as zero
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Weighted derivatives of the residual at one point, and the weights; both hold for many steps about it."""
+
+    weights: tuple[ComplexArray, ...]
+    """Of each block, by how often a bin counts, shape (n_bin, n_axis, n_axis)."""
+    rows: tuple[tuple[FloatArray, FloatArray], ...]
+    """Real and imaginary part of the weighted derivatives of each group, (n_row, n_unknown) each."""
+    matrices: FloatArray
+    """``J^T J`` of each group, a configuration of a block, (n_group, n_unknown, n_unknown)."""
+    whole: FloatArray
+    """Their sum and what the priors add, (n_unknown, n_unknown)."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueProblem:
+    """Residuals, normal equations and priors of all blocks together."""
+
+    free: FreeParameters
+    blocks: tuple[TorqueBlock, ...]
+    friction_names: tuple[str, ...]
+    """Of the functions of speed."""
+    mean_counts: bool = True
+    """Whether the mean torque is among the data."""
+
+    # Unknowns
+
+    @property
+    def n_free(self) -> int:
+        """Number of free parameters of the robot."""
+        return len(self.free.names)
+
+    @property
+    def n_unknown(self) -> int:
+        """Number of all unknowns."""
+        return self.n_free + len(self.friction_names) * self.free.robot.n_axis + 1
+
+    @property
+    def prior(self) -> FloatArray:
+        """Standard deviation of each unknown about zero, shape (n_unknown,)."""
+        limit = FRICTION_PRIOR * self.free.robot.drives.torque_limit
+        delay = self.blocks[0].motion.sample_time_s
+        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), [delay]))
+
+    def nuisance_names(self) -> tuple[str, ...]:
+        """Names of the unknowns that are no parameters of the robot, in their order."""
+        axes = self.free.robot.axis_names
+        return (
+            *(f"friction_function.{a}.{law}" for law in self.friction_names for a in axes),
+            "torque_delay",
+        )
+
+    def without_inertia(self) -> TorqueProblem:
+        """Return the problem of the linear model alone: inertia held, fewer bins, the mean torque left out.
+
+        What the linear model leaves out is a percent of the torque and smooth: bodies would bend to it.
+        """
+        free = self.free.without(lambda name: self.free.robot.parameter_kind(name) == "inertia")
+        blocks = tuple(block.thinned(block.motion.representative()) for block in self.blocks)
+        return replace(self, free=free, blocks=blocks, mean_counts=False)
+
+    # Residuals
+
+    def residuals(self, point: FloatArray) -> list[ComplexArray]:
+        """Measured less predicted torque of each block, N m, shape (n_config, n_exp, n_bin, n_axis)."""
+        predicted = self.predicted(point)
+        return [block.residual(p, point[-1]) for block, p in zip(self.blocks, predicted, strict=True)]
+
+    def predicted(self, point: FloatArray) -> list[ComplexArray]:
+        """Torque spectra of each block without the delay."""
+        coordinates = point[: self.n_free]
+        size = point[self.n_free : -1].reshape(len(self.friction_names), -1)
+        return [
+            block.predicted(block.robot_at(self.free, coordinates), coordinates, size)
+            for block in self.blocks
+        ]
+
+    def cost(self, point: FloatArray, weights: tuple[ComplexArray, ...]) -> float:
+        """Half the sum of squared residuals in standard deviations, and of the priors."""
+        total = ((point / self.prior) ** 2).sum()
+        for weight, residual in zip(weights, self.residuals(point), strict=True):
+            total += (np.abs(_weighted(weight, residual)) ** 2).sum()
+        return float(0.5 * total)
+
+    def counted(self, weights: list[ComplexArray]) -> tuple[ComplexArray, ...]:
+        """Weights by how often a bin counts: twice, for its mirror image; the mean once or not at all."""
+        found = []
+        for weight in weights:
+            count = np.full(len(weight), np.sqrt(2.0))
+            count[0] = 1.0 if self.mean_counts else 0.0
+            found.append(count[:, None, None] * weight)
+        return tuple(found)
+
+    # Normal equations
+
+    def linearise(self, point: FloatArray, weights: tuple[ComplexArray, ...]) -> Linearisation:
+        """Weighted derivatives at a point; `weights` are those of `counted`."""
+        coordinates, rows, matrices = point[: self.n_free], [], []
+        for block, weight, predicted in zip(self.blocks, weights, self.predicted(point), strict=True):
+            for columns in block.columns(self.free, coordinates, predicted):
+                white = np.matmul(weight[:, None], columns).reshape(-1, self.n_unknown)
+                parts = np.ascontiguousarray(white.real), np.ascontiguousarray(white.imag)
+                rows.append(parts)
+                matrices.append(parts[0].T @ parts[0] + parts[1].T @ parts[1])
+        whole = np.sum(matrices, axis=0) + np.diag(1 / self.prior**2)
+        return Linearisation(weights, tuple(rows), np.stack(matrices), whole)
+
+    def gradients(self, point: FloatArray, about: Linearisation) -> FloatArray:
+        """``J^T r`` of each group at a point, with derivatives from another, shape (n_group, n_unknown)."""
+        found, rows = [], iter(about.rows)
+        for weight, residual in zip(about.weights, self.residuals(point), strict=True):
+            white = _weighted(weight, residual)
+            for own in white:
+                real, imaginary = next(rows)
+                error = own.transpose(1, 0, 2).ravel()
+                found.append(real.T @ error.real + imaginary.T @ error.imag)
+        return np.stack(found)
+
+
+def _weighted(weight: ComplexArray, residual: ComplexArray) -> ComplexArray:
+    """Weighted residual, shape (n_config, n_exp, n_bin, n_axis)."""
+    white: ComplexArray = np.matmul(weight, residual[..., None])[..., 0]
+    return white

@@ -1,0 +1,107 @@
+"""The torque problem: derivatives against differences, blocks that share parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robid_core import FreeParameters, Robot, chosen_names
+from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
+from robid_core.residual import TorqueBlock, TorqueProblem
+
+T, N = 1e-3, 2000
+WIDTHS = (0.5, 5.0)
+LAWS = ("odd_0.5", "odd_5", "even", "constant")
+POSES = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2], [-0.7, -0.2, 0.5, -0.9, -0.5, 1.0]])
+NOUNS = (
+    "*_stiffness.*", "*_damping.*", "friction.*.viscous", "mass.*", "centre_of_mass.*", "inertia.*", "rotor_inertia.*"
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    nominal = Robot.load("six_axis")
+    return nominal.with_parameters(
+        {name: 0.0 for name in nominal.layout if name.endswith((".coulomb", ".offset"))}
+    )
+
+
+def motion_of(robot: Robot, poses: np.ndarray, seed: int) -> PeriodicMotion:
+    """Angles of three random lines an axis about some poses, torques of noise."""
+    generator, time = np.random.default_rng(seed), T * np.arange(N)
+    shape = (len(poses), 1, 1, 2, N, robot.n_axis)
+    angle = np.zeros(shape)
+    for bin_ in (9, 41, 130):
+        phase = generator.uniform(0, 2 * np.pi, (len(poses), robot.n_axis))
+        wave = np.sin(2 * np.pi * bin_ / (N * T) * time[:, None] + phase[:, None])
+        angle += (2.0 / bin_ * wave)[:, None, None, None]
+    angle += robot.motor_angle(poses)[:, None, None, None, None]
+    torque = generator.standard_normal(shape)
+    return periodic_motion_of(angle, torque, T, np.array([9, 41, 130]), 80.0)
+
+
+def problem_of(robot: Robot, *motions: PeriodicMotion) -> TorqueProblem:
+    free = FreeParameters.of_robot(robot, chosen_names(list(robot.layout), NOUNS))
+    blocks = tuple(TorqueBlock.of_record(robot, motion, WIDTHS) for motion in motions)
+    return TorqueProblem(free, blocks, LAWS)
+
+
+def test_derivatives_are_differences_of_the_residual(robot: Robot) -> None:
+    """For every spring, damper, friction, inertial number, friction function and the delay; the mean torque too."""
+    problem = problem_of(robot, motion_of(robot, POSES, 1))
+    point = np.zeros(problem.n_unknown)
+    point[problem.n_free :] = 0.01 * np.random.default_rng(2).standard_normal(
+        problem.n_unknown - problem.n_free
+    )
+    point[-1] = 2e-4
+    (block,) = problem.blocks
+    (predicted,) = problem.predicted(point)
+    found = np.stack(list(block.columns(problem.free, point[: problem.n_free], predicted))).transpose(
+        4, 0, 2, 1, 3
+    )
+    turn = np.exp(-1j * block.motion.omega * point[-1])[
+        :, None
+    ]  # turns columns, too; left out: a tenth of a radian
+    for i, name in enumerate((*problem.free.names, *problem.nuisance_names())):
+        h = 1e-7 if name == "torque_delay" else 1e-3
+        ends = []
+        for sign in (1, -1):
+            moved = point.copy()
+            moved[i] += sign * h
+            ends.append(problem.residuals(moved)[0])
+        expected = (ends[1] - ends[0]) / (2 * h) / turn
+        size = abs(expected).max()
+        # The equilibrium moves with springs and bodies (a factor gravity over spring stiffness, below 1 %), and images
+        # of a held torque are not in the derivative (below 1e-3).
+        assert abs(found[i] - expected).max() < 0.02 * size + 1e-9, name
+
+
+def test_two_blocks_are_one_problem(robot: Robot) -> None:
+    """Cost, gradients and normal equations of two records are sums; unknowns are shared, the prior counts once."""
+    motions = [motion_of(robot, POSES[[k]], 3 + k) for k in range(2)]
+    both, alone = problem_of(robot, *motions), [problem_of(robot, motion) for motion in motions]
+    point = 0.01 * np.random.default_rng(4).standard_normal(both.n_unknown) * both.prior
+    weights = [np.tile(np.eye(6, dtype=complex), (len(motion.bin), 1, 1)) for motion in motions]
+    prior = 0.5 * ((point / both.prior) ** 2).sum()
+    costs = [p.cost(point, p.counted([w])) for p, w in zip(alone, weights, strict=True)]
+    assert both.cost(point, both.counted(weights)) == pytest.approx(sum(costs) - prior, rel=1e-12)
+    about = both.linearise(point, both.counted(weights))
+    own = [p.linearise(point, p.counted([w])) for p, w in zip(alone, weights, strict=True)]
+    np.testing.assert_allclose(about.matrices, np.concatenate([one.matrices for one in own]), rtol=1e-9)
+    gradients = [p.gradients(point, one) for p, one in zip(alone, own, strict=True)]
+    np.testing.assert_allclose(both.gradients(point, about), np.concatenate(gradients), rtol=1e-9, atol=1e-9)
+
+
+def test_the_gradient_is_the_slope_of_the_cost(robot: Robot) -> None:
+    """A property of the whole: weights, counts of bins, mirror images, prior; along one random direction."""
+    problem = problem_of(robot, motion_of(robot, POSES, 5))
+    generator = np.random.default_rng(6)
+    point, way = (0.01 * generator.standard_normal(problem.n_unknown) * problem.prior for _ in range(2))
+    way[-1] = point[-1] = 0.0
+    weights = problem.counted([np.tile(np.eye(6, dtype=complex), (len(problem.blocks[0].motion.bin), 1, 1))])
+    gradient = point / problem.prior**2 - problem.gradients(point, problem.linearise(point, weights)).sum(
+        axis=0
+    )
+    h = 1e-3
+    slope = (problem.cost(point + h * way, weights) - problem.cost(point - h * way, weights)) / (2 * h)
+    assert gradient @ way == pytest.approx(slope, rel=0.02)
