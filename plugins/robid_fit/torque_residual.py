@@ -69,7 +69,7 @@ class TorqueResidualFit(Estimator):
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
-        problem = self._problem(robot, self._motion(record))
+        problem = self.problem(record, robot)
         solution = solve(problem, self.passes, self.model_error, context.progress)
         return self._result(problem, solution)
 
@@ -95,7 +95,9 @@ class TorqueResidualFit(Estimator):
             raise DataRejected("a sample is missing in a period that is kept; drop its period")
         return periodic_motion_of(position, torque, run.sample_time_s, record.line, self.highest_hz)
 
-    def _problem(self, robot: Robot, motion: PeriodicMotion) -> TorqueProblem:
+    def problem(self, record: Record, robot: Robot) -> TorqueProblem:
+        """Return what is minimised."""
+        motion = self._motion(record)
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
         for name in names:

@@ -178,13 +178,17 @@ def periodic_motion(angle: FloatArray, sample_time: float, step: float, highest_
     return MotorMotion(first, (second - first) / step - 0.5 * step * acceleration[:, 0], acceleration)
 
 
-def mean_over_held(frequency_hz: FloatArray, sample_time: float) -> FloatArray:
-    """Spectrum of `Simulation.torque` over that of the held torque that moves the motors alike, sinc^2(f T), (n_freq,).
+def mean_over_held(frequency_hz: FloatArray, sample_time: float, step: float) -> FloatArray:
+    """Spectrum of `Simulation.torque` over that of the held torque that moves a rotor alike, shape (n_freq,).
 
-    Torque that is held acts on the motion as sinc e^(-i pi f T) of its samples; the smooth torque that a band-limited
-    motion takes has the mean sinc e^(i pi f T) over an interval. The quotient is real.
+    A held torque acts on the motion as sinc(f T) e^(-i pi f T) of its samples; the torque that a band-limited motion
+    takes has the mean sinc(f T) e^(i pi f T) over an interval, and steps of constant acceleration that pass through
+    the same angles take tan(w h / 2) / (w h / 2) as much. The quotient is real.
     """
-    ratio: FloatArray = np.sinc(np.asarray(frequency_hz) * sample_time) ** 2
+    frequency = np.asarray(frequency_hz, dtype=float)
+    half = np.pi * frequency * step
+    steps = np.divide(np.tan(half), half, out=np.ones_like(half), where=half > 0)
+    ratio: FloatArray = steps * np.sinc(frequency * sample_time) ** 2
     return ratio
 
 

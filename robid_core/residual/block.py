@@ -13,7 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.estimation.torque.spectra import PeriodicMotion, speed_functions
+from robid_core.estimation.torque.spectra import (
+    PeriodicMotion,
+    SpeedFunction,
+    friction_deviation,
+    friction_spectra,
+    speed_functions,
+)
 from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.mechanics import SimulationState
 from robid_core.parameters import FreeParameters
@@ -49,8 +55,12 @@ class TorqueBlock:
     robot: Robot
     """Without Coulomb friction at the motors; the free parameters are set on it."""
     motion: PeriodicMotion
+    laws: tuple[SpeedFunction, ...]
+    """Functions of speed that stand for friction."""
     friction: ComplexArray
-    """Spectra of the functions of speed, shape (n_law, n_config, n_exp, n_bin, n_axis)."""
+    """Spectra of these functions and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis)."""
+    friction_deviation: ComplexArray
+    """Those of each period less their mean, without the constant, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
     angle: FloatArray
     """Mean joint-side angles, rad, shape (n_config, n_axis)."""
     remainder: ComplexArray = field(init=False)
@@ -62,19 +72,19 @@ class TorqueBlock:
     @classmethod
     def of_record(cls, robot: Robot, motion: PeriodicMotion, widths: tuple[float, ...]) -> TorqueBlock:
         """Prepare a block; `widths` are those of the friction functions, rad/s."""
-        speed = motion.fine_speed()
-        columns = [motion.held_spectrum(law(speed)) for law in speed_functions(widths)]
-        constant = np.zeros_like(columns[0])
-        constant[:, :, 0] = 1.0
-        angle = robot.joint_angle(motion.angle.mean(axis=(1, 2)))
-        return cls(robot, motion, np.stack([*columns, constant]), angle)
+        laws, angle = tuple(speed_functions(widths)), robot.joint_angle(motion.angle.mean(axis=(1, 2)))
+        friction = friction_spectra(motion, laws, motion.fine_speed())
+        return cls(robot, motion, laws, friction, friction_deviation(motion, laws), angle)
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.motion.torque_spectrum)
 
     def thinned(self, keep: IntArray) -> TorqueBlock:
         """Return the block with some of its bins, before any motion was prescribed."""
-        return replace(self, motion=self.motion.thinned(keep), friction=self.friction[:, :, :, keep])
+        friction, deviation = self.friction[:, :, :, keep], self.friction_deviation[..., keep, :]
+        return replace(
+            self, motion=self.motion.thinned(keep), friction=friction, friction_deviation=deviation
+        )
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
         """Return this block's robot with the free parameters at some coordinates."""
@@ -138,25 +148,45 @@ class TorqueBlock:
             columns.append(SimulatedColumn(i, float(coordinates[i]), slope, linear))
         self.simulated = tuple(columns)
 
+    def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
+        """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.
+
+        Arguments as of `predicted`. Above half the sampling rate motors move alone: there their acceleration is torque
+        over inertia.
+        """
+        motion, n = self.motion, robot.n_axis
+        speed = motion.fine_speed()
+        torque = np.repeat(motion.torque, speed.shape[2] // motion.n_sample, axis=2) - coefficient[-1]
+        for law, size in zip(self.laws, coefficient[:-1], strict=True):
+            torque -= size * law(speed)
+        mobility = np.linalg.inv(robot.second_order(self.angle).mass)[:, :n, :n]
+        speed = motion.fine_speed(np.matmul(torque, mobility[:, None]))
+        self.friction = friction_spectra(motion, self.laws, speed)
+
     # Noise
 
-    def noise(self, robot: Robot) -> ComplexArray:
-        """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis)."""
+    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+        """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis).
+
+        Arguments as of `predicted`. Noise of the angles is in it as it comes through inertia, springs and friction.
+        """
         motion = self.motion
         z = impedance(robot, self.angle, motion, "zero_order_hold")
         moved = np.matmul(z[:, None, None], motion.acceleration_deviation[..., None])[..., 0]
+        for law, size in zip(self.friction_deviation, coefficient[:-1], strict=True):
+            moved += law * size
         n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
         freedom = n_config * n_exp * n_period * (n_period - 1)
         return covariance_of(motion.torque_deviation - moved, freedom)
 
-    def weight(self, robot: Robot, model_error: float) -> ComplexArray:
+    def weight(self, robot: Robot, coefficient: FloatArray, model_error: float) -> ComplexArray:
         """Whitener of the noise and of a model error relative to the torque, shape (n_bin, n_axis, n_axis)."""
         torque = self.motion.torque_spectrum
         size = covariance_of(torque)
         size[0] = (np.abs(torque[:, :, 0]) ** 2).mean(
             axis=(0, 1)
         )  # the mean is no neighbour of the lowest bins
-        return whitener(self.noise(robot) + model_error**2 * size * np.eye(size.shape[-1]))
+        return whitener(self.noise(robot, coefficient) + model_error**2 * size * np.eye(size.shape[-1]))
 
     # Derivatives
 

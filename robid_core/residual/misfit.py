@@ -14,10 +14,10 @@ FloatArray = npt.NDArray[np.float64]
 def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     """One where model and noise are right; corrected for few periods."""
     total = count = 0.0
-    for block, residual in zip(problem.blocks, problem.residuals(point), strict=True):
-        robot = block.robot_at(problem.free, point[: problem.n_free])
+    size, robots = problem.friction_size(point), problem.robots(point)
+    for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         n_config, n_exp, n_period, _, n_axis = block.motion.torque_deviation.shape
-        white = np.matmul(whitener(block.noise(robot)), residual[..., None])[:, :, 1:, :, 0]
+        white = np.matmul(whitener(block.noise(robot, size)), residual[..., None])[:, :, 1:, :, 0]
         freedom = n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1)
         total += (np.abs(white) ** 2).sum() * (freedom - n_axis) / freedom
         count += white.size

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
 from robid_core.estimation.least_squares import levenberg_marquardt
-from robid_core.estimation.torque.weights import covariance_of, whitener
+from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 from robid_core.residual.acceleration import History
+from robid_core.residual.misfit import misfit
 from robid_core.residual.problem import Linearisation, TorqueProblem
 
 FloatArray = npt.NDArray[np.float64]
@@ -27,9 +28,12 @@ REWEIGHED = 3  # times by what the linear model leaves
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 ENOUGH = 0.2  # of the stated error: a pass that changes springs and effects by less is the last
+DOUBTFUL = (
+    1.1  # misfit: above it, bins are weighted by what the model leaves, not by noise that it does not reach
+)
 MUCH = 0.02  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 MEMORY = 4  # passes that the acceleration remembers
-NUMERICAL = 1.2e-4  # of a parameter: what steps of integration and band limits leave, alike in all poses
+NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +72,14 @@ def solve(
     progress(0, passes + 1, "linear model")
     point, watched = _first_pass(problem), _watched(problem)
     changes: list[float] = []
-    fresh, settled = True, False
+    fresh, settled, doubted = True, False, False
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
         for block in problem.blocks:
             block.renew(problem.free, point[: problem.n_free])
         if fresh:
-            about, history = _linearised(problem, point, model_error), History(MEMORY)
+            _renew_friction(problem, point)
+            about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
         before = problem.cost(point, about.weights)
         found = _minimised(problem, point, about)
         gained = 1 - problem.cost(found, about.weights) / before
@@ -87,7 +92,9 @@ def solve(
         # Old derivatives may find no way down where new ones do.
         settled = changes[-1] < ENOUGH and (fresh or gained > 0)
         fresh = gained > MUCH or gained <= 0
-        if settled:
+        if settled and not doubted and misfit(problem, point) > DOUBTFUL:
+            settled, doubted, fresh = False, True, True
+        elif settled:
             break
         if number + 1 < passes:
             point = history.next_point(about.whole)
@@ -122,11 +129,23 @@ def _first_pass(problem: TorqueProblem) -> FloatArray:
     return whole
 
 
-def _linearised(problem: TorqueProblem, point: FloatArray, model_error: float) -> Linearisation:
-    coordinates = point[: problem.n_free]
-    weights = [
-        block.weight(block.robot_at(problem.free, coordinates), model_error) for block in problem.blocks
-    ]
+def _renew_friction(problem: TorqueProblem, point: FloatArray) -> None:
+    for block, robot in zip(problem.blocks, problem.robots(point), strict=True):
+        block.renew_friction(robot, problem.friction_size(point))
+
+
+def _linearised(
+    problem: TorqueProblem, point: FloatArray, model_error: float, doubted: bool
+) -> Linearisation:
+    """Derivatives, weighted by noise and model error; by what the model leaves where that is more than it should be."""
+    blocks, robots, size = problem.blocks, problem.robots(point), problem.friction_size(point)
+    if doubted:
+        left = zip(blocks, problem.residuals(point), strict=True)
+        weights = [whitener(covariance_apart(residual, block.motion.excited)) for block, residual in left]
+    else:
+        weights = [
+            block.weight(robot, size, model_error) for block, robot in zip(blocks, robots, strict=True)
+        ]
     return problem.linearise(point, problem.counted(weights))
 
 

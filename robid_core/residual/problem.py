@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from robid_core.parameters import FreeParameters
 from robid_core.residual.block import TorqueBlock
+from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -81,6 +82,14 @@ class TorqueProblem:
         blocks = tuple(block.thinned(block.motion.representative()) for block in self.blocks)
         return replace(self, free=free, blocks=blocks, mean_counts=False)
 
+    def robots(self, point: FloatArray) -> list[Robot]:
+        """Return the robot of each block at a point."""
+        return [block.robot_at(self.free, point[: self.n_free]) for block in self.blocks]
+
+    def friction_size(self, point: FloatArray) -> FloatArray:
+        """Sizes of the functions of speed, N m, shape (n_law, n_axis)."""
+        return point[self.n_free : -1].reshape(len(self.friction_names), -1)
+
     # Residuals
 
     def residuals(self, point: FloatArray) -> list[ComplexArray]:
@@ -90,11 +99,10 @@ class TorqueProblem:
 
     def predicted(self, point: FloatArray) -> list[ComplexArray]:
         """Torque spectra of each block without the delay."""
-        coordinates = point[: self.n_free]
-        size = point[self.n_free : -1].reshape(len(self.friction_names), -1)
+        size = self.friction_size(point)
         return [
-            block.predicted(block.robot_at(self.free, coordinates), coordinates, size)
-            for block in self.blocks
+            block.predicted(robot, point[: self.n_free], size)
+            for block, robot in zip(self.blocks, self.robots(point), strict=True)
         ]
 
     def cost(self, point: FloatArray, weights: tuple[ComplexArray, ...]) -> float:

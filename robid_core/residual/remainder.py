@@ -59,7 +59,7 @@ def remainder(
     run = robot.prescribe(replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1))), start)
     n_bin = len(motion.bin)
     torque = np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample
-    torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s)[:, None]
+    torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
     smooth = impedance(robot, angle, motion, "continuous") / motion.hold[:, None, None]
     linear = np.einsum("cfab,cxfb->cxfa", smooth, motion.acceleration_spectrum)
     left: ComplexArray = torque.reshape(n_config, n_exp, n_bin, n_axis) - linear

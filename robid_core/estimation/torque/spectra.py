@@ -7,7 +7,7 @@ would have to be (its spectrum over the hold's factor).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
@@ -21,9 +21,10 @@ FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
+SpeedFunction = Callable[[FloatArray], FloatArray]
 
 EVERY = 5  # of the bins that are no lines stands for the others
-FINER = 4  # points a sample on which laws are evaluated
+FINER = 8  # points a sample on which laws are evaluated
 SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle is noise
 
 
@@ -97,21 +98,48 @@ class PeriodicMotion(MotionSpectra):
     """Each period's torque spectrum less their mean, shape (n_config, n_exp, n_period, n_bin, n_axis)."""
     acceleration_deviation: ComplexArray
     """Likewise of the accelerations."""
+    torque: FloatArray
+    """Motor torques, mean of the periods, N m, shape (n_config, n_exp, n_sample, n_axis)."""
+    angle_deviation: FloatArray
+    """Each period's angles less their mean, rad, shape (n_config, n_exp, n_period, n_sample, n_axis)."""
 
-    def fine_speed(self) -> FloatArray:
-        """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""
-        spectrum = np.fft.rfft(self.angle, axis=2)
-        omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (self.n_sample * self.sample_time_s)
-        spectrum[:, :, omega > 2 * np.pi * SPEED_BAND / self.sample_time_s] = 0.0
-        fine = FINER * self.n_sample
-        width = ((0, 0), (0, 0), (0, fine // 2 + 1 - spectrum.shape[2]), (0, 0))
-        speed = np.pad(1j * omega[:, None] * spectrum, width)
-        result: FloatArray = np.fft.irfft(speed, n=fine, axis=2) * FINER
+    def fine_speed(self, acceleration: FloatArray | None = None) -> FloatArray:
+        """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis).
+
+        A held torque jumps between samples, and friction where the speed turns: what that does to the speed is no part
+        of the band-limited motion through the samples, but reaches them by aliasing. Where the acceleration of the
+        motors is known, its part above half the sampling rate is taken off the samples and put on between them.
+
+        Parameters
+        ----------
+        acceleration
+            Of the motors by what acts on them, rad/s^2, shape of the result; only what lies above half the sampling
+            rate counts. None: the band-limited motion.
+        """
+        n, period_s = self.n_sample, self.n_sample * self.sample_time_s
+        omega = 2 * np.pi * np.arange(FINER * n // 2 + 1) / period_s
+        between = np.zeros((*self.angle.shape[:2], len(omega), self.angle.shape[3]), dtype=np.complex128)
+        samples = self.angle
+        if acceleration is not None:
+            above = omega > np.pi / self.sample_time_s
+            between[:, :, above] = np.fft.rfft(acceleration, axis=2)[:, :, above] / -(omega[above, None] ** 2)
+            samples = samples - np.fft.irfft(between, n=FINER * n, axis=2)[:, :, ::FINER]
+        below = omega[: n // 2 + 1] <= 2 * np.pi * SPEED_BAND / self.sample_time_s
+        between[:, :, : n // 2 + 1][:, :, below] = FINER * np.fft.rfft(samples, axis=2)[:, :, below]
+        result: FloatArray = np.fft.irfft(1j * omega[:, None] * between, n=FINER * n, axis=2)
         return result
 
-    def held_spectrum(self, fine_torque: FloatArray) -> ComplexArray:
-        """Spectrum of the held torque that acts as one on the finer grid does, (n_config, n_exp, n_bin, n_axis)."""
-        spectrum = np.fft.rfft(fine_torque, axis=2)[:, :, self.bin] / fine_torque.shape[2]
+    def speed_of_period(self, period: int) -> FloatArray:
+        """Motor speeds of one period as they are measured, at the samples, rad/s, shape of `angle`."""
+        spectrum = np.fft.rfft(self.angle + self.angle_deviation[:, :, period], axis=2)
+        omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (self.n_sample * self.sample_time_s)
+        spectrum[:, :, omega > 2 * np.pi * SPEED_BAND / self.sample_time_s] = 0.0
+        result: FloatArray = np.fft.irfft(1j * omega[:, None] * spectrum, n=self.n_sample, axis=2)
+        return result
+
+    def held_spectrum(self, torque: FloatArray) -> ComplexArray:
+        """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
+        spectrum = np.fft.rfft(torque, axis=2)[:, :, self.bin] / torque.shape[2]
         result: ComplexArray = spectrum / self.hold[:, None]
         return result
 
@@ -164,14 +192,43 @@ def periodic_motion_of(
         accelerations.mean(axis=2),
         torques - torques.mean(axis=2, keepdims=True),
         accelerations - accelerations.mean(axis=2, keepdims=True),
+        pull.mean(axis=2),
+        angle - angle.mean(axis=2, keepdims=True),
     )
 
 
-def speed_functions(widths: tuple[float, ...]) -> list[Callable[[FloatArray], FloatArray]]:
+def speed_functions(widths: tuple[float, ...]) -> list[SpeedFunction]:
     """Free functions of friction: odd ones ``tanh(v / w)``, and an even one, ``tanh^2(v / w)`` of the middle width."""
 
-    def odd(width: float) -> Callable[[FloatArray], FloatArray]:
+    def odd(width: float) -> SpeedFunction:
         return lambda v: np.tanh(v / width)
 
     middle = widths[len(widths) // 2]
     return [*(odd(width) for width in widths), lambda v: np.tanh(v / middle) ** 2]
+
+
+def friction_spectra(
+    motion: PeriodicMotion, laws: Sequence[SpeedFunction], speed: FloatArray
+) -> ComplexArray:
+    """Spectra of functions of the speed and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis).
+
+    `speed` is on the finer grid.
+    """
+    constant = np.zeros_like(motion.torque_spectrum)
+    constant[:, :, 0] = 1.0
+    return np.stack([*(motion.held_spectrum(law(speed)) for law in laws), constant])
+
+
+def friction_deviation(motion: PeriodicMotion, laws: Sequence[SpeedFunction]) -> ComplexArray:
+    """Spectra of functions of each period's speed less their mean.
+
+    Shape (n_law, n_config, n_exp, n_period, n_bin, n_axis).
+    """
+    n_period = motion.torque_deviation.shape[2]
+    found = np.zeros((len(laws), *motion.torque_deviation.shape), dtype=np.complex128)
+    for period in range(n_period):
+        speed = motion.speed_of_period(period)
+        for k, law in enumerate(laws):
+            found[k, :, :, period] = motion.held_spectrum(law(speed))
+    found -= found.mean(axis=3, keepdims=True)
+    return found

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+BoolArray = npt.NDArray[np.bool_]
 
 HALF_WINDOW = 8  # bins on either side
 SMALLEST = 1e-12  # of the largest variance; keeps a bin without noise from being singular
@@ -30,6 +31,19 @@ def covariance_of(residual: ComplexArray, freedom: float | None = None) -> Compl
     smooth[1:] = _running_mean(total[1:])
     smooth[0] = smooth[1 : 2 + HALF_WINDOW].mean(axis=0).real
     return smooth
+
+
+def covariance_apart(residual: ComplexArray, excited: BoolArray) -> ComplexArray:
+    """Likewise, lines smoothed over neighbouring lines and other bins over other bins: a model errs differently there.
+
+    `excited` tells the lines, shape (n_bin,); the first bin is none.
+    """
+    found: ComplexArray = np.empty((*residual.shape[-2:], residual.shape[-1]), dtype=np.complex128)
+    found[~excited] = covariance_of(residual[..., ~excited, :])
+    if excited.any():
+        lines = residual[..., excited, :]
+        found[excited] = covariance_of(np.concatenate((lines[..., :1, :], lines), axis=-2))[1:]
+    return found
 
 
 def _running_mean(values: ComplexArray) -> ComplexArray:

@@ -161,7 +161,7 @@ def test_a_closed_loop_in_steady_state_gives_back_its_held_torques_below_a_tenth
     state = still.moving(robot.mechanism, motion.speed)
     back = prescribe(robot.mechanism, *robot.spring_arrays(), state, twice, forces=robot.forces)
     ours, theirs = (np.fft.rfft(x, axis=1)[:, 1:100] for x in (back.torque[:, last], torque))
-    ours = ours / mean_over_held(np.arange(1, 100), 1e-3)[:, None]
+    ours = ours / mean_over_held(np.arange(1, 100), 1e-3, STEP)[:, None]
     # Between the samples the motion is taken as band-limited; a held torque moves the motor with images too, at line f
     # by (f / (1 kHz - f))^3 of itself: 6e-4 at 79 Hz.
     error = np.sqrt((abs(ours - theirs) ** 2).sum(axis=1) / (abs(theirs) ** 2).sum(axis=1))

@@ -1,0 +1,150 @@
+"""Records of a plant under the worked example's excitation, on robid's own simulator or on a foreign one."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core import Channel, Configurations, Context, DenseRun, Excitation, Record, Robot, load_plugin
+from robid_core.stage import map_in_process
+from studies.fit_accuracy import foreign
+from studies.fit_accuracy.plants import Plant
+
+FloatArray = npt.NDArray[np.float64]
+
+FOREIGN_NOISE = 0.004  # of the torque limit
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """How a plant is excited."""
+
+    poses: int = 4
+    each: int = 6
+    """Experiments a pose."""
+    periods: int = 2
+    period_s: float = 8.0
+    amplitude: float = 1.0
+    """Over that of the worked example."""
+
+    @property
+    def motion_s(self) -> float:
+        """Seconds of motion that are measured, without settling."""
+        return self.poses * self.each * self.periods * self.period_s
+
+
+def context(seed: int) -> Context:
+    """Return what a stage is handed, without display."""
+    quiet = logging.getLogger("study")
+    return Context(np.random.default_rng(seed), map_in_process, lambda *_, **__: None, quiet)
+
+
+def excitation_of(nominal: Robot, experiments: Experiments, seed: int) -> tuple[Configurations, Excitation]:
+    """Draw poses as `design.candidates` does, and multisines as `excitation.multisine` does."""
+    stages = "robid.stages"
+    where = load_plugin(stages, "design.candidates")(count=experiments.poses).run(nominal, context(seed))
+    stage = load_plugin(stages, "excitation.multisine")(
+        band_hz=(4, 80), lines=100, period_s=experiments.period_s, blocks=1, slow_sine_rad_s=9
+    )
+    return where, stage.run(where, nominal, context(seed + 1))
+
+
+def measured(plant: Plant, experiments: Experiments, seed: int, own: bool) -> Record:
+    """Record of one period of settling and those that count."""
+    nominal = plant.nominal
+    where, excitation = excitation_of(nominal, experiments, seed)
+    references, starts = [], []
+    for c, middle in enumerate(nominal.motor_angle(where.angle)):
+        kept = excitation.realization(c).reshape(-1, *excitation.reference.shape[3:])[: experiments.each]
+        references.append(experiments.amplitude * kept)
+        offset = np.asarray(excitation.start_offset(c)).reshape(-1, nominal.n_axis)[: experiments.each]
+        starts.append(middle - experiments.amplitude * offset)
+    reference, start = np.concatenate(references), plant.robot.joint_angle(np.concatenate(starts))
+    whole = np.tile(reference, (1, experiments.periods + 1, 1))
+    position, torque = (_own if own else _foreign)(plant, whole, start, seed)
+    n_sample = reference.shape[1]
+    rows = (experiments.poses, 1, experiments.each, experiments.periods, n_sample, nominal.n_axis)
+    position, torque = position[:, n_sample:], torque[:, n_sample:]
+    if own and plant.hidden.late:
+        torque = _earlier(torque, plant.hidden.late)
+    position, torque = position.reshape(rows), torque.reshape(rows)
+    channels = {
+        "motor_position": Channel("motor", "rad", position),
+        "motor_torque": Channel("motor", "N m", torque),
+    }
+    time = nominal.sample_time_s * np.arange(n_sample)
+    dense = DenseRun(nominal.sample_time_s, channels, time, np.ones(position.shape[:-1], dtype=bool))
+    source = "simulated" if own else "MuJoCo"
+    return Record(nominal.axis_names, source, "zero_order_hold", (dense,), where.angle, excitation.line)
+
+
+def _own(plant: Plant, reference: FloatArray, start: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Measured angle and torque of the product's simulator, the hidden things as effects of a robot file."""
+    with tempfile.TemporaryDirectory() as folder:
+        robot = _with_effects(plant, Path(folder))
+        run = robot.simulate(reference, start, seed=seed)
+    return run.position, run.torque
+
+
+def _earlier(torque: FloatArray, samples: float) -> FloatArray:
+    """Return torques as a measurement ahead of the action shows them: exact for what repeats."""
+    spectrum = np.fft.rfft(torque, axis=1)
+    turn = np.exp(2j * np.pi * np.arange(spectrum.shape[1]) * samples / torque.shape[1])
+    result: FloatArray = np.fft.irfft(spectrum * turn[:, None], n=torque.shape[1], axis=1)
+    return result
+
+
+def _with_effects(plant: Plant, folder: Path) -> Robot:
+    """Return the plant's robot with what it hides."""
+    entries = []
+    for a, axis in enumerate(plant.robot.axis_names):
+        if plant.hidden.stribeck:
+            numbers = {
+                "coulomb": 0.0, "breakaway": plant.breakaway[a], "stribeck_speed": plant.stribeck_speed[a],
+                "exponent": plant.exponent[a], "viscous": 0.0,
+                "speed": plant.robot.parameter(f"friction.{axis}.speed"),
+            }  # fmt: skip
+            entries.append((f"stribeck_{a}", "friction.stribeck", axis, numbers))
+        if plant.hidden.torque_ripple:
+            numbers = {"amplitude": plant.torque_ripple[a], "order": plant.torque_order[a]}
+            entries.append((f"ripple_{a}", "drive.cogging", axis, numbers))
+        if plant.hidden.resolver_ripple:
+            numbers = {"amplitude": plant.resolver_ripple[a], "order": plant.resolver_order[a]}
+            entries.append((f"wave_{a}", "sensing.resolver_ripple", axis, numbers))
+    if not entries:
+        return plant.robot
+    lines = ["robid_robot: 1", "name: plant", f"base: {plant.nominal.name}", "effects:"]
+    for label, use, axis, numbers in entries:
+        told = ", ".join(f"{key}: {float(value)!r}" for key, value in numbers.items())
+        lines.append(f"  {label}: {{use: {use}, on: {axis}, with: {{{told}}}}}")
+    path = folder / "plant.yaml"
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    return Robot.load(str(path)).with_parameters(plant.robot.parameters())
+
+
+def _foreign(
+    plant: Plant, reference: FloatArray, start: FloatArray, seed: int
+) -> tuple[FloatArray, FloatArray]:
+    """Measured angle and torque of MuJoCo, torque noise as FOREIGN_NOISE says."""
+    hidden = foreign.Hidden(
+        plant.breakaway,
+        plant.stribeck_speed,
+        plant.exponent,
+        -plant.torque_ripple,
+        plant.torque_order,
+        plant.resolver_ripple,
+        plant.resolver_order,
+        plant.hidden.late,
+    )
+    machine, generator = foreign.ForeignPlant(plant.robot, hidden), np.random.default_rng([seed, 1])
+    noise = FOREIGN_NOISE * np.array(plant.robot.drives.torque_limit)
+    runs = [
+        machine.measure(one, angle, generator, noise) for one, angle in zip(reference, start, strict=True)
+    ]
+    position, torque = (np.stack(values) for values in zip(*runs, strict=True))
+    return position, torque
