@@ -10,8 +10,8 @@ __version__ = "0.1.0"
 _HOME = {
     "robid_core.artifacts": (
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "ParameterTable", "Record", "Report",
-        "ResponseComparison", "TimeComparison", "Truth", "array",
+        "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "ParameterTable", "Record",
+        "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -50,11 +50,13 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         DenseRun as DenseRun,
         Design as Design,
         Diagnosis as Diagnosis,
+        Doubt as Doubt,
         Excitation as Excitation,
         Fit as Fit,
         FloatArray as FloatArray,
         Frf as Frf,
         IntArray as IntArray,
+        MisfitTable as MisfitTable,
         ParameterTable as ParameterTable,
         Record as Record,
         Report as Report,

@@ -168,7 +168,8 @@ def _result(
         method="rigid body, inverse-dynamics least squares",
         status=status,
         converged=not wrong and relative <= LARGEST_RELATIVE_ERROR,
-        misfit=1.0,  # the residual itself gives the noise level
+        misfit=1.0,
+        misfit_against="",  # the residual itself gives the noise level
         n_starts=1,
         n_agree=1,
         parameters=ParameterTable(

@@ -46,7 +46,6 @@ SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 ENOUGH = 0.2  # of the stated error: a pass that changes the springs by less is the last
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
 NUMERICAL = 1.2e-4  # of a parameter: what steps of integration and band limits leave, alike in all poses
-WEAK = 0.5  # posterior over prior: above it the data hardly see a parameter
 
 
 def default_patterns(robot: Robot) -> tuple[str, ...]:
@@ -277,6 +276,7 @@ class TorqueResidualFit(Estimator):
             standard_error=error,
             reported=stiff,
             at_bound=at_bound,
+            prior=np.sqrt(((slope * problem.prior) ** 2).sum(axis=1)),
         )
         misfit = self.misfit(problem, point)
         converged = changes[-1] < ENOUGH
@@ -286,10 +286,6 @@ class TorqueResidualFit(Estimator):
         )
         if len(changes) > 1 and changes[-2] > 0:
             status += f" ({changes[-1] / changes[-2]:.2g} of the one before)"
-        weak = np.sqrt(np.diag(covariance))[:n] > WEAK * free.prior
-        weak &= np.array([kind == "stiffness" for kind in kinds])
-        if weak.any():
-            status += f"; hardly seen: {', '.join(np.array(free.names)[weak])}"
         status += f"; torque lags by {1e6 * point[-1]:.3g} us"
         return Fit(
             method="torque residual in all bins, friction as free functions of speed",
@@ -301,4 +297,5 @@ class TorqueResidualFit(Estimator):
             parameters=table,
             covariance=covariance,
             free_names=free.names + nuisances,
+            misfit_against="differences between periods",
         )
