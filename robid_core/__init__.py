@@ -21,7 +21,7 @@ _HOME = {
     "robid_core.drives": (
         "Drives", "Experiment", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace", "assemble_record",
     ),
-    "robid_core.parameters": ("FreeParameters", "chosen_names"),
+    "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
@@ -112,6 +112,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.parameters import (
         FreeParameters as FreeParameters,
         chosen_names as chosen_names,
+        pattern_problems as pattern_problems,
     )
     from robid_core.registry import (
         Plugin as Plugin,

@@ -25,6 +25,7 @@ from robid_core import (
     Record,
     Robot,
     chosen_names,
+    pattern_problems,
 )
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
 from robid_core.estimation.least_squares import levenberg_marquardt
@@ -56,6 +57,15 @@ def default_patterns(robot: Robot) -> tuple[str, ...]:
     return ("friction.*.viscous", *(f"{noun}.*" for noun in found))
 
 
+def _why_not_free(robot: Robot, name: str) -> str:
+    """Say why this fit cannot free a parameter; empty where it can."""
+    if robot.parameter_kind(name) in UNSEEN:
+        return "the torque residual does not depend on it; hold it"
+    if name.startswith("friction.") and name.endswith(REPLACED):
+        return "free functions of speed stand in its place; free friction.*.viscous alone"
+    return ""
+
+
 class TorqueResidualFit(Estimator):
     """Fit a robot to the torque that its measured motion takes, in all bins up to a limit.
 
@@ -81,6 +91,20 @@ class TorqueResidualFit(Estimator):
     """Prescribed motions at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
+
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""
+        patterns = default_patterns(robot) if self.free is None else self.free
+        found = pattern_problems(robot, patterns, self.fixed, self.prior)
+        if found:
+            return found
+        names = list(robot.layout)
+        chosen = set(chosen_names(names, patterns, self.fixed))
+        for i, pattern in enumerate(patterns):
+            for name in chosen_names(names, [pattern]):
+                if name in chosen and (why := _why_not_free(robot, name)):
+                    found.setdefault(("free", i), f"'{pattern}' means {name}: {why}")
+        return found
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
@@ -127,15 +151,10 @@ class TorqueResidualFit(Estimator):
         return periodic_motion_of(position, torque, run.sample_time_s, record.line, self.highest_hz)
 
     def _problem(self, robot: Robot, motion: PeriodicMotion) -> TorqueProblem:
+        for place, message in self.problems_with(robot).items():
+            raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
-        for name in names:
-            if robot.parameter_kind(name) in UNSEEN:
-                raise ConfigurationError(f"free '{name}': the torque residual does not depend on it; hold it")
-            if name.startswith("friction.") and name.endswith(REPLACED):
-                raise ConfigurationError(
-                    f"free '{name}': free functions of speed stand in its place; free friction.*.viscous alone"
-                )
         levels = {
             n: 0.0 for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))
         }
