@@ -125,6 +125,8 @@ def _weak_springs(fit: Fit) -> Iterator[Doubt]:
 
 def _coaxial_springs(fit: Fit) -> Iterator[Doubt]:
     """Two springs whose axes are parallel wherever it was measured yield as one: their estimates then correlate."""
+    if len(fit.free_names) != len(fit.covariance):  # whose covariance it is, nobody said
+        return
     springs = {fit.parameters.names[i] for i in np.flatnonzero(_springs(fit))}
     index = [i for i, name in enumerate(fit.free_names) if name in springs]
     correlation = _correlation(fit.covariance[np.ix_(index, index)])

@@ -122,6 +122,7 @@ HARMLESS: dict[str, dict[str, Any]] = {
     },
     "a spring and its damper go together": {"covariance": correlated(0, 2, 0.999)},
     "covariances that are not known": {"covariance": np.full((8, 8), np.nan)},
+    "a covariance that is of something else": {"covariance": np.eye(1)},
     "one start": {"n_starts": 1, "n_agree": 1},
 }
 
