@@ -10,8 +10,8 @@ __version__ = "0.1.0"
 _HOME = {
     "robid_core.artifacts": (
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "ParameterTable", "Record", "Report",
-        "ResponseComparison", "TimeComparison", "Truth", "array",
+        "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "ParameterTable", "Record",
+        "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -21,7 +21,7 @@ _HOME = {
     "robid_core.drives": (
         "Drives", "Experiment", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace", "assemble_record",
     ),
-    "robid_core.parameters": ("FreeParameters", "chosen_names"),
+    "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
@@ -50,11 +50,13 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         DenseRun as DenseRun,
         Design as Design,
         Diagnosis as Diagnosis,
+        Doubt as Doubt,
         Excitation as Excitation,
         Fit as Fit,
         FloatArray as FloatArray,
         Frf as Frf,
         IntArray as IntArray,
+        MisfitTable as MisfitTable,
         ParameterTable as ParameterTable,
         Record as Record,
         Report as Report,
@@ -110,6 +112,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.parameters import (
         FreeParameters as FreeParameters,
         chosen_names as chosen_names,
+        pattern_problems as pattern_problems,
     )
     from robid_core.registry import (
         Plugin as Plugin,

@@ -35,6 +35,8 @@ from robid_core.drives import Drives
 from robid_core.errors import PluginError
 from robid_core.robot import Robot
 
+SettingPlace = tuple[str | int, ...]
+
 
 class Settings(BaseModel):
     """Base of everything that YAML sets: unknown keys forbidden, types strict as JSON, immutable."""
@@ -110,6 +112,15 @@ class Stage(Settings):
         """Files outside the project that the stage reads: their hashes become part of its key."""
         del data_root
         return []
+
+    def problems_with(self, robot: Robot) -> Mapping[SettingPlace, str]:
+        """Say which settings this robot cannot have, before anything runs; empty where there are none.
+
+        `robid validate` and `robid run` ask with the nominal robot and tell each message at its place in the file: a
+        path inside the settings, as ``("free", 0)`` or ``("prior", "mass.*")``; the empty path is the stage as a whole.
+        """
+        del robot
+        return {}
 
     @classmethod
     def inputs(cls) -> tuple[Input, ...]:

@@ -182,6 +182,7 @@ class LogResponseFit(Estimator):
         if (unseen & stiff).any() and "see" not in status:
             names = ", ".join(n for n, u in zip(unknowns.names, unseen & stiff, strict=True) if u)
             status += f"; not identifiable from these configurations: {names}"
+        against = "" if self.model_error is None else f"covariance and a model error of {100 * level:.2g} %"
         reach = np.log(self.largest_change)
         table = ParameterTable(
             names=unknowns.names,
@@ -204,6 +205,8 @@ class LogResponseFit(Estimator):
             covariance=covariance,
             free_names=unknowns.names,
             response=_comparison(problem, best.point, start),
+            misfit_against=against,
+            model_error=level,
         )
 
 

@@ -33,6 +33,7 @@ from robid_core.estimation.rigid.regression import (
     decimated_index,
     linear_least_squares,
 )
+from robid_fit.mass_matrix import mass_matrix_doubts
 from robid_fit.rigid_model import (
     KINDS,
     Columns,
@@ -113,7 +114,7 @@ class RigidBodyFit(Estimator):
         columns, wanted, base = structure(robot, self.unknowns, speed)
         named = np.flatnonzero(wanted)[base.independent]
         held = np.setdiff1d(np.arange(len(columns.names)), named)
-        regressors, explained, torques, times = [], [], [], []
+        regressors, explained, torques, times, positions = [], [], [], [], []
         elapsed = 0.0
         for run in record.runs:
             for position, torque in experiments(run, robot, self.discard):
@@ -123,6 +124,7 @@ class RigidBodyFit(Estimator):
                 regressors.append(decimate(full.regressor[:, :, named], self.decimation))
                 explained.append(decimate(full.regressor[:, :, held] @ full.value[held], self.decimation))
                 torques.append(decimate(torque[kept], self.decimation))
+                positions.append(motion.position[kept])
                 index = np.arange(len(position))[kept][decimated_index(len(torque[kept]), self.decimation)]
                 times.append(elapsed + index * run.sample_time_s)
                 elapsed += len(position) * run.sample_time_s
@@ -130,7 +132,11 @@ class RigidBodyFit(Estimator):
         names = tuple(columns.names[i] for i in named)
         fit = linear_least_squares(np.concatenate(regressors), measured - known, names)
         symbol = record.runs[0].channel("motor_torque").unit_symbol
-        return _result(columns, named, fit, robot, symbol, np.concatenate(times), measured)
+        value = columns.value.copy()
+        value[named] = fit.estimate
+        doubts = mass_matrix_doubts(robot, value, np.concatenate(positions))
+        result = _result(columns, named, fit, robot, symbol, np.concatenate(times), measured)
+        return result.replace(stated_doubts=doubts)
 
     def _window(self, n_sample: int) -> slice:
         if n_sample <= self.drop_first + self.drop_last + self.decimation:
@@ -168,7 +174,8 @@ def _result(
         method="rigid body, inverse-dynamics least squares",
         status=status,
         converged=not wrong and relative <= LARGEST_RELATIVE_ERROR,
-        misfit=1.0,  # the residual itself gives the noise level
+        misfit=1.0,
+        misfit_against="",  # the residual itself gives the noise level
         n_starts=1,
         n_agree=1,
         parameters=ParameterTable(

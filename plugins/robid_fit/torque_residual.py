@@ -24,13 +24,13 @@ from robid_core import (
     Record,
     Robot,
     chosen_names,
+    pattern_problems,
 )
 from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
-from robid_core.residual import Solution, TorqueBlock, TorqueProblem, misfit, solve
+from robid_core.residual import Solution, TorqueBlock, TorqueProblem, misfit, misfit_table, solve
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
-WEAK = 0.5  # posterior over prior: above it the data hardly see a parameter
 
 
 def default_patterns(robot: Robot) -> tuple[str, ...]:
@@ -39,6 +39,15 @@ def default_patterns(robot: Robot) -> tuple[str, ...]:
     nouns = ("gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping", "rotor_inertia")
     found = [noun for noun in (*nouns, "mass", "centre_of_mass", "inertia") if noun in heads]
     return ("friction.*.viscous", *(f"{noun}.*" for noun in found))
+
+
+def _why_not_free(robot: Robot, name: str) -> str:
+    """Say why this fit cannot free a parameter; empty where it can."""
+    if robot.parameter_kind(name) in UNSEEN:
+        return "the torque residual does not depend on it; hold it"
+    if name.startswith("friction.") and name.endswith(REPLACED):
+        return "free functions of speed stand in its place; free friction.*.viscous alone"
+    return ""
 
 
 class TorqueResidualFit(Estimator):
@@ -66,6 +75,20 @@ class TorqueResidualFit(Estimator):
     """Prescribed motions at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
+
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""
+        patterns = default_patterns(robot) if self.free is None else self.free
+        found = pattern_problems(robot, patterns, self.fixed, self.prior)
+        if found:
+            return found
+        names = list(robot.layout)
+        chosen = set(chosen_names(names, patterns, self.fixed))
+        for i, pattern in enumerate(patterns):
+            for name in chosen_names(names, [pattern]):
+                if name in chosen and (why := _why_not_free(robot, name)):
+                    found.setdefault(("free", i), f"'{pattern}' means {name}: {why}")
+        return found
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
@@ -97,16 +120,11 @@ class TorqueResidualFit(Estimator):
 
     def problem(self, record: Record, robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
+        for place, message in self.problems_with(robot).items():
+            raise ConfigurationError(f"{place[0]}: {message}")
         motion = self._motion(record)
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
-        for name in names:
-            if robot.parameter_kind(name) in UNSEEN:
-                raise ConfigurationError(f"free '{name}': the torque residual does not depend on it; hold it")
-            if name.startswith("friction.") and name.endswith(REPLACED):
-                raise ConfigurationError(
-                    f"free '{name}': free functions of speed stand in its place; free friction.*.viscous alone"
-                )
         levels = {
             n: 0.0 for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))
         }
@@ -140,6 +158,7 @@ class TorqueResidualFit(Estimator):
             standard_error=error,
             reported=stiff,
             at_bound=at_bound,
+            prior=np.sqrt(((slope * problem.prior) ** 2).sum(axis=1)),
         )
         status = "converged" if solution.converged else f"{self.passes} passes were not enough"
         status += (
@@ -148,19 +167,17 @@ class TorqueResidualFit(Estimator):
         )
         if np.isfinite(solution.contraction):
             status += f" (a pass leaves {solution.contraction:.2g} of a deviation)"
-        weak = np.sqrt(np.diag(covariance))[:n] > WEAK * free.prior
-        weak &= np.array([kind == "stiffness" for kind in kinds])
-        if weak.any():
-            status += f"; hardly seen: {', '.join(np.array(free.names)[weak])}"
         status += f"; torque lags by {1e6 * point[-1]:.3g} us"
         return Fit(
             method="torque residual in all bins, friction as free functions of speed",
             status=status,
             converged=solution.converged,
             misfit=misfit(problem, point),
+            misfit_table=misfit_table(problem, point),
             n_starts=1,
             n_agree=1,
             parameters=table,
             covariance=covariance,
             free_names=free.names + nuisances,
+            misfit_against="differences between periods",
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,23 +76,7 @@ def _of_frf(frf: Frf | None) -> list[Finding]:
 
 
 def _of_fit(fit: Fit | None) -> list[Finding]:
-    if fit is None:
-        return []
-    table, result = fit.parameters, []
-    if not fit.converged:
-        result.append(Finding(True, f"The fit did not converge; its numbers must not be used: {fit.status}"))
-    bound = [name for i, name in enumerate(table.names) if table.at_bound[i]]
-    if bound:
-        result.append(Finding(True, f"At the bound of the search, hence not identified: {', '.join(bound)}."))
-    free = set(fit.free_names)
-    blind = [n for i, n in enumerate(table.names) if n in free and not math.isfinite(table.standard_error[i])]
-    if blind:
-        result.append(Finding(True, f"Without a standard error: {', '.join(blind)}."))
-    if fit.n_starts > 1 and fit.n_agree < 2:
-        result.append(
-            Finding(False, f"Only one of {fit.n_starts} starts reached the best fit; others ended elsewhere.")
-        )
-    return result
+    return [Finding(True, f"Fit: {doubt}.") for doubt in fit.doubts] if fit is not None else []
 
 
 def _of_truth(fit: Fit | None, truth: Truth | None) -> list[Finding]:
@@ -164,6 +147,13 @@ def _fit_facts(fit: Fit, truth: Truth | None) -> list[Fact]:
     return result
 
 
+def _misfit(fit: Fit) -> str:
+    if fit.misfit_against:
+        value = significant(fit.misfit, 3)
+        return f"misfit {value} against {fit.misfit_against} (1 where model and uncertainty are right)"
+    return "the misfit is one by choice of the weights, and checks nothing"
+
+
 def steps(
     excitation: Excitation | None,
     record: Record | None,
@@ -194,8 +184,7 @@ def steps(
     if frf is not None:
         result.append(("Frequency response", f"{frf.estimator}; uncertainty: {frf.pooling or 'none stated'}"))
     if fit is not None:
-        misfit = f"; weighted misfit {significant(fit.misfit, 3)} (1 where model and uncertainty are right)"
-        result.append(("Fit", f"{fit.method}: {fit.status}{misfit if fit.response is not None else ''}"))
+        result.append(("Fit", f"{fit.method}: {fit.status}; {_misfit(fit)}"))
     if design is not None:
         result.append(
             (

@@ -133,6 +133,16 @@ def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict
     }
 
 
+def misfit_section(fit: Fit | None) -> dict[str, Any] | None:
+    """Bands in words, and a row of text for each axis: in each band the misfit on the lines and in the other bins."""
+    table = fit.misfit_table if fit is not None else None
+    if table is None:
+        return None
+    pairs = np.stack([table.lines, table.other], axis=2).reshape(len(table.axis_names), -1)
+    rows = [[significant(value, 3) for value in row] for row in pairs.tolist()]
+    return {"bands": table.band_names, "rows": list(zip(table.axis_names, rows, strict=True))}
+
+
 def render(content: dict[str, Any], data: dict[str, Any]) -> str:
     """Fill the template; `data` goes to the page's script, `content` into the text."""
     files = resources.files("robid_report")
@@ -200,6 +210,7 @@ class HtmlReport(ReportStage):
             "nuisances": [row for row in table if not row.reported],
             "plant": truth.plant if truth is not None else "",
             "limit": f"{100 * limit:.0f} %",
+            "misfit": misfit_section(fit),
             "response": response is not None,
             "fitted": response is not None and response["model"] is not None,
             "configurations": angles_as_text(robot, angle) if angle is not None else [],

@@ -10,9 +10,11 @@ from robid_core.artifacts.artifact import (
 )
 from robid_core.artifacts.configurations import Configurations
 from robid_core.artifacts.design import Design
+from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
 from robid_core.artifacts.frf import Frf
+from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.record import Channel, DenseRun, Record
 from robid_core.artifacts.report import Report, Truth
 
@@ -25,11 +27,13 @@ __all__ = [
     "DenseRun",
     "Design",
     "Diagnosis",
+    "Doubt",
     "Excitation",
     "Fit",
     "FloatArray",
     "Frf",
     "IntArray",
+    "MisfitTable",
     "ParameterTable",
     "Record",
     "Report",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
+from robid_core.artifacts.doubts import Doubt, judge
+from robid_core.artifacts.misfit import MisfitTable
 
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
@@ -15,7 +17,8 @@ class ParameterTable(Artifact):
 
     `standard_error` is in the parameter's own unit and NaN for a parameter that was held; `group` says what
     it is for a reader (`stiffness`, `damping`, `friction`, `inertia`, ...; `nuisance` is no parameter of the robot);
-    `reported` marks the rows that a short table shows.
+    `reported` marks the rows that a short table shows; `prior` is the standard deviation that was assumed before the
+    data, in the same unit, NaN where none was.
     """
 
     names: tuple[str, ...]
@@ -26,6 +29,7 @@ class ParameterTable(Artifact):
     standard_error: FloatArray = array("n_parameter", finite=False)
     reported: BoolArray = array("n_parameter")
     at_bound: BoolArray = array("n_parameter")
+    prior: FloatArray | None = array("n_parameter", optional=True, finite=False)
 
     def value(self, name: str) -> float:
         """Return the estimate of one parameter."""
@@ -67,7 +71,10 @@ class Fit(Artifact):
     """Estimated parameters and the evidence for them.
 
     `status` is a sentence; a fit that did not converge is still a result, with `converged` false. `misfit` is
-    the weighted residual per degree of freedom (1 where model and stated uncertainty are right).
+    the weighted residual per degree of freedom (1 where model and stated uncertainty are right). `misfit_against` says
+    what it is measured against; it is empty where the weights were chosen such that the misfit is one, which then
+    checks nothing. `model_error` is the relative error that the weights grant to the model. `stated_doubts` are what
+    only the estimator can know; `doubts` are all.
     """
 
     method: str
@@ -81,6 +88,15 @@ class Fit(Artifact):
     free_names: tuple[str, ...] = ()
     response: ResponseComparison | None = None
     time: tuple[TimeComparison, ...] = ()
+    misfit_against: str = "the stated uncertainty"
+    misfit_table: MisfitTable | None = None
+    model_error: float | None = None
+    stated_doubts: tuple[Doubt, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Every reason not to rely on these numbers, as screen, page and manifest tell it."""
+        return judge(self)
 
 
 @dataclass(frozen=True, eq=False)

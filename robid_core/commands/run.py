@@ -61,6 +61,9 @@ def command(
     memory: Annotated[
         int | None, typer.Option(metavar="MB", min=256, help="End a stage that takes more memory.")
     ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with exit code 6 where a fit is doubted for any reason.")
+    ] = False,
     data: DataRoot = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the essentials.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the log, too.")] = False,
@@ -85,6 +88,7 @@ def command(
         check=check,
         deadline_s=deadline,
         memory_mb=memory,
+        strict=strict,
     )
     if dry_run:
         from robid_core.run import preview_run

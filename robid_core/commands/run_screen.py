@@ -1,13 +1,12 @@
 """What `robid run` shows while it works, and its last screen.
 
 On a terminal: one line per stage with bar, count and time left, gone when the run is over. Elsewhere: plain
-lines. Both go to stderr; the last screen, at most 25 lines, goes to stdout.
+lines. Both go to stderr; the last screen goes to stdout: at most 25 lines, but that doubts are all told, and whole.
 """
 
 from __future__ import annotations
 
 import contextlib
-import shutil
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from robid_core.commands.fit_screen import doubt_lines, first_line, fit_line, fit_table
 from robid_core.run.progress import Listener, Silence
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robid_core.run import RunResult
 
 LAST_SCREEN_LINES = 25
-MOST_DOUBTS = 4
+FEWEST_ROWS = 4  # of a table that doubts leave little room
 SECONDS_BETWEEN_LINES = 10.0
 
 
@@ -146,7 +146,7 @@ def _log_on_stderr() -> Iterator[None]:
 
 
 def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
-    """Return the lines that a person reads when the run is over, at most 25.
+    """Return the lines that a person reads when the run is over: at most 25, unless there is much to doubt.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     """
     show = f"robid show {pipeline.path}"
     head = [headline(pipeline, result)]
-    head += [f"! {_cut(doubt)}" for doubt in result.doubts[:MOST_DOUBTS]]
+    head += doubt_lines(result.doubts)
     page, fitted = last_page(pipeline, result), last_fit(pipeline, result)
     tail = [f"page       {_near(page)}"] if page is not None else []
     tail += [f"results    {show}", f"run again  {again}"]
@@ -168,9 +168,10 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     stage, fit = fitted
     table = fit_table(fit, true_parameters(pipeline))
     room = LAST_SCREEN_LINES - len(head) - len(tail) - 3  # two empty lines, and the fit's own
+    room = max(room, FEWEST_ROWS)
     if len(table) > room:
         table = [*table[: room - 1], f"... {len(table) - room + 1} more: {show} {stage}"]
-    return [*head, "", *table, f"{stage}: {_cut(fit_line(fit))}", "", *tail]
+    return [*head, "", *table, first_line(f"{stage}: {fit_line(fit)}"), "", *tail]
 
 
 def headline(pipeline: Pipeline, result: RunResult) -> str:
@@ -217,48 +218,10 @@ def true_parameters(pipeline: Pipeline) -> dict[str, float]:
     return truth.as_mapping() if truth else {}
 
 
-def fit_line(fit: Fit) -> str:
-    """Say in one line how a fit ended."""
-    state = "" if fit.converged else "NOT CONVERGED: "
-    return f"{state}{fit.status}; misfit {fit.misfit:.3g}; {fit.n_agree} of {fit.n_starts} starts agree"
-
-
-def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> list[str]:
-    """Return a fit's parameters as aligned text, the reported ones or all."""
-    table = fit.parameters
-    head = ["parameter", "unit", *(["true"] if true else []), "start", "estimate", "std error"]
-    rows = [head]
-    for index, name in enumerate(table.names):
-        if not (everything or table.reported[index]):
-            continue
-        error = "at bound" if table.at_bound[index] else _number(table.standard_error[index])
-        truth = [_number(true[name]) if name in true else "-"] if true else []
-        numbers = [*truth, _number(table.start[index]), _number(table.estimate[index]), error]
-        rows.append([name, table.units[index], *numbers])
-    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    return [
-        "  ".join(
-            cell.ljust(width) if column < 2 else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}" if value == value else "held"  # NaN: it was not estimated
-
-
 def _near(path: Path) -> str:
     """Return a path as seen from where the user is, where that is shorter."""
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
-
-
-def _cut(text: str) -> str:
-    """Return the first line of a text, no wider than the terminal."""
-    first, most = text.partition("\n")[0], max(shutil.get_terminal_size().columns - 2, 60)
-    return first if len(first) <= most else first[: most - 3] + "..."
 
 
 def _say(text: str) -> None:

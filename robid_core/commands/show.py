@@ -85,7 +85,9 @@ def _read(path: Path) -> Artifact:
 
 
 def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
-    """Return what a run made: one line per stage."""
+    """Return what a run made: one line per stage; and why its fits should be doubted."""
+    from robid_core.commands.fit_screen import doubt_lines
+
     lines = [
         f"{manifest.name}: {manifest.status}, {manifest.finished or manifest.started}, seed {manifest.seed}, "
         f"robot {manifest.robot['written']}",
@@ -101,6 +103,13 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     lines += [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     ]
+    doubts = [
+        f"stage {name}: {doubt['sentence']}; {doubt['remedy']}"
+        for name, record in manifest.stages.items()
+        for doubt in record.doubts
+    ]
+    if doubts:
+        lines += ["", *doubt_lines(doubts)]
     return [*lines, "", f"in {folder.path}; one of them: robid show {folder.path} STAGE"]
 
 
@@ -108,7 +117,7 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     """Return an artifact as text: what is special about its kind first, then every field."""
     from robid_core.artifacts import Design, Diagnosis, Excitation, Fit, Frf, Report
     from robid_core.commands.excitation_screen import advice_lines
-    from robid_core.commands.run_screen import fit_line, fit_table
+    from robid_core.commands.fit_screen import doubt_lines, fit_line, fit_table, misfit_lines
 
     lines = [type(artifact).__name__ + (f" in {path}" if path is not None else "")]
     if isinstance(artifact, Report):
@@ -116,10 +125,13 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     if isinstance(artifact, Fit):
         lines += [
             f"  {artifact.method}: {fit_line(artifact)}",
+            *doubt_lines(artifact.doubts),
             "",
             *(f"  {line}" for line in fit_table(artifact, {}, everything=True)),
             "",
         ]
+        if artifact.misfit_table is not None:
+            lines += [*(f"  {line}" for line in misfit_lines(artifact.misfit_table)), ""]
     elif isinstance(artifact, Frf):
         lines += _frf_lines(artifact)
     elif isinstance(artifact, Excitation):

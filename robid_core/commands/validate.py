@@ -12,7 +12,8 @@ def command(
 ) -> None:
     """Check a pipeline file and tell all its mistakes, as file:line:column: setting: what is wrong; what to do.
 
-    Plugins are imported, settings, wiring, the robot and named files checked; nothing is run or written.
+    Plugins are imported, settings, wiring, the robot, what settings say of it, and named files checked; nothing is run
+    or written.
     """
     pipeline = load_pipeline(file, overrides, data)
     noun = "stage" if len(pipeline.stages) == 1 else "stages"

@@ -66,12 +66,9 @@ class FreeParameters:
         start = np.array([robot.parameter(name) for name in names])
         kinds = tuple(scale_kind(layout[name], value) for name, value in zip(names, start, strict=True))
         root = {}
+        for body in held_moments(names):
+            raise ConfigurationError(all_or_none(body))
         for joint in dict.fromkeys(n.split(".")[1] for n, k in zip(names, kinds, strict=True) if k == MOMENT):
-            missing = [m for m in MOMENTS if f"inertia.{joint}.{m}" not in names]
-            if missing:
-                raise ConfigurationError(
-                    f"inertia.{joint}: its moments are free together or not at all; free inertia.{joint}.*"
-                )
             root[joint] = _root(_second_moments(robot, joint))
         scale = np.array(
             [
@@ -139,6 +136,19 @@ class FreeParameters:
                 ends.append(np.array(list(self.values(moved).values())))
             columns.append((ends[0] - ends[1]) / (2 * step))
         return np.stack(columns, axis=1)
+
+
+def held_moments(names: Sequence[str]) -> dict[str, list[str]]:
+    """Return the moments that are held of each body of which others are free, by `inertia.<joint>`."""
+    bodies = dict.fromkeys(name.rpartition(".")[0] for name in names if name.startswith("inertia."))
+    moments = {body: [f"{body}.{moment}" for moment in MOMENTS] for body in bodies}
+    held = {body: [name for name in all_six if name not in names] for body, all_six in moments.items()}
+    return {body: lacking for body, lacking in held.items() if lacking}
+
+
+def all_or_none(body: str) -> str:
+    """Say what is wrong where only some moments of a body are free."""
+    return f"{body}: its moments are free together or not at all; free {body}.*"
 
 
 def _second_moments(robot: Robot, joint: str) -> FloatArray:

@@ -19,6 +19,7 @@ from robid_core.pipeline.overrides import override
 from robid_core.pipeline.places import find_places
 from robid_core.pipeline.problems import Path as SettingPath, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
+from robid_core.pipeline.robot_check import check_against_robot
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
 from robid_core.robot import Robot
 from robid_core.robot.reading import find_robot, read_description
@@ -165,7 +166,7 @@ class Pipeline:
         robot = _robot(root, resolver)
         drives = drives_or_executor(resolver, DRIVES, "drives", root)
         executor = drives_or_executor(resolver, EXECUTORS, "executor", root)
-        stages = _stages(root, resolver)
+        stages = _stages(root, resolver, robot)
         problems.raise_if_any()
         assert head is not None
         assert robot is not None
@@ -210,13 +211,15 @@ def _robot(root: Node, resolver: Resolver) -> RobotChoice | None:
     return RobotChoice(use.model, source, use.dynamics)
 
 
-def _stages(root: Node, resolver: Resolver) -> tuple[StageNode, ...]:
+def _stages(root: Node, resolver: Resolver, robot: RobotChoice | None) -> tuple[StageNode, ...]:
     """Check every stage, wire them, and return them in the order in which they can run."""
     problems, table, drives = resolver.problems, root.get("stages"), root.get("drives")
     declared: dict[str, Declared] = {}
     if table is not None:
         for name, node in table.entries().items():
             declared[name] = resolver.stage(name, node, table.keys[name])
+    if robot is not None:
+        check_against_robot(declared.values(), robot.load, root.keys["robot"], problems)
     for stage in declared.values():
         check_given(stage, declared, problems)
         if stage.known and Drives in stage.lends.values() and (drives is None or drives.value is None):

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.artifacts import MisfitTable
 from robid_core.estimation.torque.weights import HALF_WINDOW, whitener
+from robid_core.residual.block import TorqueBlock
 from robid_core.residual.problem import TorqueProblem
 
 FloatArray = npt.NDArray[np.float64]
+
+EDGES_HZ = (0.0, 3.0, 10.0, 25.0, 50.0, 100.0)  # of the bands: friction and load, arm, gears, above
 
 
 def misfit(problem: TorqueProblem, point: FloatArray) -> float:
@@ -16,9 +20,34 @@ def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     total = count = 0.0
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
-        n_config, n_exp, n_period, _, n_axis = block.motion.torque_deviation.shape
         white = np.matmul(whitener(block.noise(robot, size)), residual[..., None])[:, :, 1:, :, 0]
-        freedom = n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1)
-        total += (np.abs(white) ** 2).sum() * (freedom - n_axis) / freedom
+        total += (np.abs(white) ** 2).sum() * _correction(block)
         count += white.size
     return float(total / count)
+
+
+def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
+    """By axis and band: power of the residual over that of the noise, lines and other bins apart."""
+    highest = max(block.motion.frequency_hz[-1] for block in problem.blocks)
+    edges = np.array([*(edge for edge in EDGES_HZ if edge < highest), highest * (1 + 1e-9)])
+    n_axis, n_band = problem.free.robot.n_axis, len(edges) - 1
+    total, count = np.zeros((2, n_axis, n_band)), np.zeros((2, n_axis, n_band))
+    size, robots = problem.friction_size(point), problem.robots(point)
+    for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
+        noise = np.einsum("faa->fa", block.noise(robot, size)).real
+        ratio = (np.abs(residual) ** 2 / noise * _correction(block)).sum(axis=(0, 1))
+        band = np.searchsorted(edges, block.motion.frequency_hz, side="right") - 1
+        for which, bins in enumerate((block.motion.excited, ~block.motion.excited)):
+            for b in range(n_band):
+                chosen = bins & (band == b) & (block.motion.bin > 0)
+                total[which, :, b] += ratio[chosen].sum(axis=0)
+                count[which, :, b] += np.count_nonzero(chosen) * residual.shape[0] * residual.shape[1]
+    values = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+    return MisfitTable(problem.free.robot.axis_names, edges, values[0], values[1])
+
+
+def _correction(block: TorqueBlock) -> float:
+    """What few periods add to the mean of an inverse estimated covariance, taken off."""
+    n_config, n_exp, n_period, _, n_axis = block.motion.torque_deviation.shape
+    freedom = n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1)
+    return float((freedom - n_axis) / freedom)

@@ -7,7 +7,7 @@ artifacts, not for the manifest.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -37,6 +37,7 @@ class StageRecord:
     inputs: Mapping[str, str] = field(default_factory=dict)  # parameter: stage
     ingredients: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
+    doubts: Sequence[Mapping[str, str]] = ()  # about a fit: kind, sentence, remedy
 
 
 @dataclass

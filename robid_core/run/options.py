@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid_core.errors import NotTrustworthy
 from robid_core.pipeline import Pipeline
 from robid_core.run.folder import RunFolder
 from robid_core.run.manifest import Manifest
@@ -38,6 +37,8 @@ class RunOptions:
     """--deadline: longest time for one stage, after which its processes are killed; not for hardware."""
     memory_mb: int | None = None
     """--memory: most memory that one stage may take; not for hardware."""
+    strict: bool = False
+    """--strict: any doubt about a fit is one too many."""
 
     def forced(self, pipeline: Pipeline) -> set[str]:
         """Return the names of the stages to make again; ConfigurationError where one does not exist."""
@@ -48,18 +49,18 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What became of each stage (made, same, kept, refused), and why the numbers should be doubted, if so."""
+    """What became of each stage (made, same, kept, refused), and why the numbers should be doubted, if so.
+
+    `exit_code` is 0, or 6 where numbers must not be used: a stage gave no result, a fit did not converge, or, with
+    `strict`, there is any doubt.
+    """
 
     folder: RunFolder
     manifest: Manifest
     outcomes: dict[str, str]
     doubts: tuple[str, ...]
     seconds: float
-
-    @property
-    def exit_code(self) -> int:
-        """0, or 6 where numbers are not trustworthy."""
-        return NotTrustworthy.exit_code if self.doubts else 0
+    exit_code: int
 
     @property
     def idle(self) -> bool:

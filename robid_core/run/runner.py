@@ -9,7 +9,8 @@ import os
 import time
 from dataclasses import replace
 
-from robid_core.artifacts import Fit
+from robid_core.artifacts import Doubt, Fit
+from robid_core.artifacts.doubts import NOT_CONVERGED
 from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError
 from robid_core.executors import one_thread
 from robid_core.interruption import heed, signals_as_interrupt
@@ -87,6 +88,7 @@ class _Run:
         self.entries: dict[str, Entry] = {}
         self.outcomes: dict[str, str] = {}
         self.doubts: list[str] = []
+        self.unusable = False
 
     def execute(self) -> RunResult:
         """Run what is to be run; write the manifest whatever happens."""
@@ -107,9 +109,10 @@ class _Run:
             self._end("interrupted" if stopped else "failed")
             raise
         self._end("done")
-        self._doubt_fits()
         seconds = time.perf_counter() - began
-        return RunResult(self.folder, self.manifest, self.outcomes, tuple(self.doubts), seconds)
+        distrusted = self.unusable or (self.options.strict and bool(self.doubts))
+        code = NotTrustworthy.exit_code if distrusted else 0
+        return RunResult(self.folder, self.manifest, self.outcomes, tuple(self.doubts), seconds, code)
 
     def _refuse_before(self, chosen: set[str], forced: set[str]) -> None:
         """Raise what can be told before anything runs; take over what the manifest knows of earlier runs."""
@@ -213,6 +216,10 @@ class _Run:
             seconds=round(seconds, 3),
             inputs=node.inputs,
             ingredients=decision.ingredients,
+            doubts=[
+                {"kind": doubt.kind, "sentence": doubt.sentence, "remedy": doubt.remedy}
+                for doubt in self._doubts_about(node, entry)
+            ],
         )
         self._log(node).info("%s in %.3f s: sha256 %s", outcome, seconds, entry.sha256)
         self.listener.end(node.name, outcome, seconds)
@@ -224,6 +231,7 @@ class _Run:
         self.outcomes[node.name] = "refused"
         self.manifest.stages[node.name] = StageRecord("refused", inputs=node.inputs, note=why)
         self.doubts.append(f"stage {node.name}: {why}")
+        self.unusable = True
         self._note(f"stage {node.name} gave no result: {why}")
         self.listener.end(node.name, "refused", 0.0)
 
@@ -232,14 +240,16 @@ class _Run:
         kept = f"; it was set aside as {place}" if place is not None else ""
         self._note(f"stage {node.name}: R06: {' '.join(decision.reasons)}{kept}; it is made again")
 
-    def _doubt_fits(self) -> None:
-        for node in self.pipeline.stages:
-            if node.name in self.entries and issubclass(node.stage.output, Fit):
-                fit = self.store.read(self.entries[node.name], Fit)
-                if not fit.converged:
-                    doubt = f"stage {node.name}: N07: the fit did not converge: {fit.status}"
-                    self._log(node).warning(doubt)
-                    self.doubts.append(doubt)
+    def _doubts_about(self, node: StageNode, entry: Entry) -> tuple[Doubt, ...]:
+        """Return why a stage's result should be doubted, where it is a fit, and tell it to log and user."""
+        if not issubclass(node.stage.output, Fit):
+            return ()
+        found = self.store.read(entry, Fit).doubts
+        for doubt in found:
+            self._log(node).warning("%s: %s", doubt.kind, doubt)
+            self.doubts.append(f"stage {node.name}: {doubt}")
+            self.unusable |= doubt.kind == NOT_CONVERGED
+        return found
 
     @staticmethod
     def _log(node: StageNode) -> logging.Logger:

@@ -107,6 +107,8 @@ def test_a_spring_that_nothing_sees_gets_no_number(six: tuple[Robot, Robot, np.n
     index = fit.parameters.names.index("bearing_stiffness.axis_2_z")
     assert np.isnan(fit.parameters.standard_error[index])
     assert "bearing_stiffness.axis_2_z" in fit.status
+    assert [doubt.kind for doubt in fit.doubts] == ["bound"]
+    assert fit.doubts[0].sentence.endswith("identified: bearing_stiffness.axis_2_z")
 
 
 def test_equal_seeds_give_equal_bytes(tmp_path) -> None:
@@ -118,7 +120,7 @@ def test_equal_seeds_give_equal_bytes(tmp_path) -> None:
 
 
 def test_the_model_error_is_found_from_the_data() -> None:
-    """A smooth error of 3 % on a response with almost no noise: the estimated level is near it."""
+    """A rough error of 3 % on a response with almost no noise: the estimated level is near it, and doubted."""
     nominal = Robot.load("one_axis")
     frf = measured(nominal, np.array([[0.3], [1.0], [-0.5]]), 1e-5)
     rng = np.random.default_rng(2)
@@ -128,6 +130,26 @@ def test_the_model_error_is_found_from_the_data() -> None:
     level = float(fit.status.split("model error ")[1].split(" %")[0])
     assert level == pytest.approx(3.0, rel=0.25)
     assert fit.misfit == pytest.approx(1.0, abs=0.1)
+    assert fit.model_error == pytest.approx(level / 100, rel=0.02)
+    assert [doubt.kind for doubt in fit.doubts] == ["model error"]
+
+
+def test_a_misfit_that_was_tuned_checks_nothing_and_one_against_a_stated_error_does() -> None:
+    """A lag of half a sample that the model lacks: the model error grows, or, where it is told, the misfit."""
+    nominal = Robot.load("one_axis")
+    frf = measured(nominal, np.array([[0.3], [1.0], [-0.5]]), 1e-5)
+    lag = np.exp(-0.5e-3j * 2 * np.pi * FREQUENCY)[:, None, None]
+    tuned, told = (
+        LogResponseFit(starts=1, model_error=level).run(
+            frf.replace(response=frf.response * lag), nominal, context()
+        )
+        for level in (None, 0.01)
+    )
+    assert tuned.misfit_against == ""
+    assert "model error" in [doubt.kind for doubt in tuned.doubts]
+    assert "misfit" not in [doubt.kind for doubt in tuned.doubts]
+    assert told.misfit_against == "covariance and a model error of 1 %"
+    assert "misfit" in [doubt.kind for doubt in told.doubts]
 
 
 def test_log_covariance_is_first_order_error_propagation() -> None:

@@ -12,7 +12,9 @@ import pytest
 
 from robid_core import Channel, DataRejected, DenseRun, Fit, NotIdentifiable, Record, Robot
 from robid_core.testing import check_stage
+from robid_fit.mass_matrix import mass_matrix
 from robid_fit.rigid import RigidBodyFit
+from robid_fit.rigid_model import random_motion, torque_columns
 
 STEP = 1e-3
 DRIVE = {"torque_limit": 1e3, "speed_limit": 1e3, "controller": {"speed_gain": 0.1}}
@@ -124,6 +126,33 @@ def test_a_coupled_arm_with_a_slide_is_recovered(tmp_path: Path) -> None:
     for name, deviation in relative_deviation(fit, robot).items():
         assert abs(deviation) < 0.005, name
     assert fit.time[0].relative_error < 2e-3
+
+
+def test_the_mass_matrix_of_the_estimates_is_pinocchios(tmp_path: Path) -> None:
+    robot = loaded(tmp_path, ARM)
+    columns = torque_columns(robot, random_motion(robot, 2), robot.drives.friction_speed)
+    model, drives = pinocchio_model(robot), robot.drives
+    angle = np.random.default_rng(0).uniform(-1, 1, (4, 3))
+    found = mass_matrix(robot, columns.value, robot.motor_angle(angle))
+    for pose, own in zip(angle, found, strict=True):
+        joints = pin.crba(model, model.createData(), pose)
+        joints = np.triu(joints) + np.triu(joints, 1).T
+        expected = drives.gear.T @ joints @ drives.gear + np.diag(drives.rotor_inertia)
+        np.testing.assert_allclose(own, expected, rtol=1e-10, atol=1e-12)
+
+
+def test_N11_a_torque_of_the_wrong_sign_gives_inertias_that_no_robot_has(tmp_path: Path) -> None:
+    robot = loaded(tmp_path, ARM)
+    right = recording(robot, 1)
+    settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
+    assert settings.run(right, robot).doubts == ()
+    flipped = record_of(
+        robot, *(right.run.values(f"motor_{n}")[0, 0, 0, 0] * s for n, s in (("position", 1), ("torque", -1)))
+    )
+    (doubt,) = settings.run(flipped, robot).stated_doubts
+    assert doubt.kind == "mass matrix"
+    assert "not positive in 50 of 50 poses" in doubt.sentence
+    assert "sign of torque" in doubt.remedy
 
 
 def test_what_was_fitted_predicts_another_motion(tmp_path: Path) -> None:

@@ -19,9 +19,11 @@ from robid_core import (
     DenseRun,
     Design,
     Diagnosis,
+    Doubt,
     Excitation,
     Fit,
     Frf,
+    MisfitTable,
     ParameterTable,
     Record,
     ResponseComparison,
@@ -110,7 +112,7 @@ def everything(robot: Robot, n_axis: int | None = None) -> dict[str, Any]:
             torque_hold="zero_order_hold", angle=angle, frequency_hz=frequency, response=response,
             valid=np.ones((N_CONFIG, N_FREQ), dtype=bool),
         ),
-        "fit": Fit("log response", "converged", True, 1.1, 20, 12, table, np.eye(2), names, comparison, (trace,)),
+        "fit": Fit("log response", "converged", True, 1.05, 20, 12, table, np.eye(2), names, comparison, (trace,)),
         "record": Record(axes, "drives", "zero_order_hold", (run,), angle),
         "design": Design(
             axis_names=axes, angle=angle, criterion="D", parameter_names=names[:1], gap=1e-7, efficiency=0.97,
@@ -289,9 +291,9 @@ def spoiled(artifacts: dict[str, Any], what: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("what", "told"),
     [
-        ("fit", "did not converge; its numbers must not be used: gradient still 0.3 after 50 steps"),
+        ("fit", "did not converge: gradient still 0.3 after 50 steps; its numbers must not be used"),
         ("bound", "not identified: gear_stiffness.axis_1"),
-        ("blind", "Without a standard error: gear_stiffness.axis_1"),
+        ("blind", "without a standard error: gear_stiffness.axis_1"),
         ("lines", "Configuration 2 is rejected: 25.0\u202f% of its lines"),
         ("record", "partial: 1 of 50 samples"),
         ("design", "not optimal"),
@@ -305,6 +307,31 @@ def test_Y13_what_is_rejected_stands_first_and_in_red(robot: Robot, what: str, t
     assert (tag, attributes["id"], attributes["class"]) == ("div", "banner", "banner red")
     assert told in page.words
     assert html.index(told.split(":")[0]) < html.index("<h1>")
+
+
+def test_every_doubt_about_a_fit_stands_in_the_banner_in_the_same_words_as_on_screen(robot: Robot) -> None:
+    artifacts = everything(robot)
+    table = MisfitTable(
+        ("axis_1",), np.array([0.0, 3.0, 30.0]), np.array([[np.nan, 1.0]]), np.array([[35.2, 1.4]])
+    )
+    own = Doubt("mass matrix", "the <mass> matrix is not positive", "measure faster motions")
+    fit = artifacts["fit"].replace(n_agree=3, misfit=2.5, misfit_table=table, stated_doubts=(own,))
+    page = Page(page_of(robot, **{**artifacts, "fit": fit}))
+    banner = page.words[: page.words.index("robid report")]
+    assert "Do not rely on this page" in banner
+    assert [doubt.kind for doubt in fit.doubts] == ["misfit", "starts", "mass matrix"]
+    for doubt in fit.doubts:
+        assert str(doubt) in banner
+    assert "35.2 on axis_1 below 3 Hz (other bins)" in banner
+    assert "axis below 3 Hz 3-30 Hz lines other lines other axis_1 – 35.2 1.00 1.40" in page.words
+
+
+def test_a_misfit_that_was_tuned_is_not_shown_as_a_check(robot: Robot) -> None:
+    fit = everything(robot)["fit"]
+    assert "misfit 1.05 against the stated uncertainty" in Page(page_of(robot, fit=fit)).words
+    words = Page(page_of(robot, fit=fit.replace(misfit=1.0, misfit_against=""))).words
+    assert "checks nothing" in words
+    assert "1 where model and uncertainty are right" not in words
 
 
 def test_minor_findings_are_not_red(robot: Robot) -> None:

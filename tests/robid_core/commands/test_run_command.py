@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import re
 import sys
@@ -10,8 +11,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
+from robid_core import Fit, MisfitTable, ParameterTable
 from robid_core.commands.app import command_line
 
 NAME = "robid_strange_world"
@@ -196,8 +199,82 @@ def test_mistakes_are_told_with_their_exit_code_and_no_traceback(
 def test_a_fit_that_did_not_converge_is_shown_and_ends_with_6(robid: Robid) -> None:
     said = robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=not converged")
     assert said.code == 6
-    assert "! stage fit: N07: the fit did not converge: the budget of 3 steps is spent" in said.out
+    assert (
+        "! stage fit: the fit did not converge: the budget of 3 steps is spent; its numbers must" in said.out
+    )
     assert "page.html" in said.out
+
+
+DOUBTED = ("run", "--jobs", "1", "--set", "stages.fit.with.outcome=doubted")
+SENTENCES = (
+    "misfit 1.5 against the stated uncertainty, more than 1.08; the data show what the model lacks; add or free what "
+    "acts there",
+    "only 3 of 8 starts reached the best fit; a better one may be elsewhere; give better start values, or more starts",
+    "it rained, and the cell was wet; wait for the sun",
+)
+
+
+def test_doubts_about_a_fit_are_told_whole_in_a_pipe_and_end_a_strict_run_with_6(
+    robid: Robid, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    said = robid(*DOUBTED)
+    assert said.code == 0
+    lines = said.out.splitlines()
+    assert lines[1:4] == [f"! stage fit: {sentence}" for sentence in SENTENCES]
+    assert "fit: DO NOT RELY ON IT: converged; misfit 1.5; 3 of 8 starts agree" in lines
+    strict = robid(*DOUBTED, "--strict")
+    assert strict.code == 6
+    assert strict.out.splitlines()[1:4] == lines[1:4]
+    quiet = robid(*DOUBTED, "--strict", "-q")
+    assert quiet.code == 6
+    assert quiet.err.splitlines() == [f"stage fit: {sentence}" for sentence in SENTENCES]
+    assert robid("run", "--jobs", "1", "--strict").code == 0
+
+
+def test_on_a_terminal_doubts_are_broken_at_its_edge_and_nothing_of_them_is_lost(
+    robid: Robid, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from robid_core.commands import fit_screen
+
+    monkeypatch.setattr(fit_screen.sys, "stdout", Terminal())
+    monkeypatch.setenv("COLUMNS", "70")
+    lines = fit_screen.doubt_lines(SENTENCES)
+    assert max(len(line) for line in lines) <= 70
+    assert sum(line.startswith("! ") for line in lines) == 3
+    assert [" ".join(" ".join(lines).split("! ")[i + 1].split()) for i in range(3)] == list(SENTENCES)
+    assert fit_screen.first_line("x" * 90) == "x" * 67 + "..."
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_show_tells_the_doubts_of_a_fit_and_of_a_run(world: Any, robid: Robid) -> None:
+    robid(*DOUBTED)
+    for sentence in SENTENCES:
+        assert f"! {sentence}" in robid("show", "fit").out.splitlines()
+        assert f"! stage fit: {sentence}" in robid("show").out.splitlines()
+
+
+def test_show_tells_where_a_model_misfits(tmp_path: Path, robid: Robid) -> None:
+    table = MisfitTable(
+        ("axis_1", "axis_2"),
+        np.array([0.0, 3.0, 25.0]),
+        np.array([[np.nan, 1.04], [np.nan, 0.98]]),
+        np.array([[35.2, 1.5], [1.0, 1.1]]),
+    )
+    parameters = ParameterTable((), (), (), *np.zeros((3, 0)), *np.zeros((2, 0), dtype=bool))
+    fit = Fit("test", "ended", True, 2.0, 1, 1, parameters, np.zeros((0, 0)), misfit_table=table)
+    fit.write(tmp_path / "fit.h5")
+    said = robid("show", str(tmp_path / "fit.h5")).out.splitlines()
+    place = said.index("  misfit: lines | other bins  below 3 Hz     3-25 Hz")
+    assert said[place + 1 : place + 3] == [
+        "  axis_1                        - | 35.2  1.04 | 1.5",
+        "  axis_2                           - | 1  0.98 | 1.1",
+    ]
+    assert any(line.startswith("! misfit 2 against") and "35.2 on axis_1 below 3 Hz" in line for line in said)
 
 
 def test_a_long_table_is_cut_to_the_screen(world: Any, robid: Robid) -> None:

@@ -9,6 +9,7 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, model_va
 from robid_core import (
     Acquisition,
     CandidateDesign,
+    ConfigurationError,
     Configurations,
     DataPath,
     Design,
@@ -123,6 +124,28 @@ class LogFit(Estimator):
     tolerance: PositiveFloat = 1e-8
     criterion: Literal["response", "log_response"] = "log_response"
     estimator: StageRef = StageRef(use="frf.log")
+
+    def run(self, robot: Robot, frf: Frf) -> Fit:
+        raise NotImplementedError
+
+
+class Choosy(Estimator):
+    """Fits some axes."""
+
+    axes: tuple[str, ...] = ("axis_1",)
+    weights: dict[str, PositiveFloat] = {}
+    fault: str = ""
+
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        if self.fault == "refuses":
+            raise ConfigurationError("not with this one")
+        if self.fault == "fails":
+            raise ZeroDivisionError("a stranger's mistake")
+        if self.fault == "whole":
+            return {(): "these settings do not go together"}
+        listed = {("axes", i): name for i, name in enumerate(self.axes)}
+        listed |= {("weights", name): name for name in self.weights}
+        return {p: f"no axis '{name}'" for p, name in listed.items() if name not in robot.axis_names}
 
     def run(self, robot: Robot, frf: Frf) -> Fit:
         raise NotImplementedError

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from robid_core import ConfigurationError, Robot
 from robid_core.pipeline import Pipeline
 
 Read = Callable[..., list[str]]
@@ -59,7 +60,39 @@ def test_a_good_file_is_read_wired_and_ordered(load: Callable[..., Pipeline]) ->
     assert (pipeline.stage("frf").line, pipeline.stage("frf").column) == (17, 3)
 
 
+CHOOSY = changed("fit: {use: fit.log_response, with: {starts: 20}}", "fit: {use: fit.choosy, with: {PLACE}}")
+
+
+def choosy(settings: str) -> str:
+    return changed("{PLACE}", f"{{{settings}}}", CHOOSY)
+
+
 ONE_MISTAKE = {
+    "setting the robot cannot have": (
+        choosy("axes: [axis_1, axis_7]"),
+        ["bad.yaml:18:48: stages.fit.with.axes[1]: no axis 'axis_7'"],
+    ),
+    "key the robot cannot have": (
+        choosy("weights: {axis_1: 1.0, shoulder: 2.0}"),
+        ["bad.yaml:18:56: stages.fit.with.weights.shoulder: no axis 'shoulder'"],
+    ),
+    "settings that do not go together": (
+        choosy("fault: whole"),
+        ["bad.yaml:18:26: stages.fit.with: these settings do not go together"],
+    ),
+    "robot refused by a stage": (
+        choosy("fault: refuses"),
+        [
+            "bad.yaml:18:3: stages.fit: 'fit.choosy' (unknown 0) cannot be used with one_axis: not with this one"
+        ],
+    ),
+    "stage that fails at the robot": (
+        choosy("fault: fails"),
+        [
+            "bad.yaml:18:3: stages.fit: 'fit.choosy' (unknown 0) cannot be used with one_axis: ZeroDivisionError: a "
+            "stranger's mistake"
+        ],
+    ),
     "unknown stage": (
         changed("excitation.multisine", "excitation.multisin"),
         [
@@ -356,3 +389,25 @@ def test_a_pipeline_that_does_not_exist_is_one_line(tmp_path: object) -> None:
 
     with pytest.raises(ConfigurationError, match=r"there is no such file; name a pipeline file, or make one"):
         Pipeline.load(f"{tmp_path}/none.yaml")
+
+
+def test_all_that_the_robot_cannot_have_is_told_at_once_and_beside_other_mistakes(problems: Read) -> None:
+    text = changed("periods: 2", "perids: 2", choosy("axes: [a, axis_1, b], weights: {c: 1.0}"))
+    lines = problems(text)
+    assert [line.rpartition(" ")[2] for line in lines] == ["'periods'?", "'a'", "'b'", "'c'"]
+
+
+def test_a_setting_that_was_given_on_the_command_line_is_told_there(problems: Read) -> None:
+    (line,) = problems(choosy("axes: [axis_1]"), "stages.fit.with.axes=[axis_7]")
+    assert line == "--set stages.fit.with.axes=[axis_7]: stages.fit.with.axes[0]: no axis 'axis_7'"
+
+
+def test_the_robot_is_made_only_where_a_stage_looks_at_it_and_told_where_it_cannot_be(
+    problems: Read, load: Callable[..., Pipeline], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def impossible(*_: object, **__: object) -> Robot:
+        raise ConfigurationError("two motors move the joints alike")
+
+    monkeypatch.setattr(Robot, "load", impossible)
+    assert load(GOOD).stage("fit")
+    assert problems(choosy("axes: [axis_7]")) == ["bad.yaml:4:1: robot: two motors move the joints alike"]

@@ -61,7 +61,7 @@ def left(block: TorqueBlock, plant: Robot) -> np.ndarray:
 
 
 def test_a_prescribed_motion_and_friction_give_the_torque_back(block: TorqueBlock, plant: Robot) -> None:
-    """The linear model leaves parts of a thousand in bins that are no lines, prescribed motion a fifth of that and less.
+    """The linear model leaves parts of a thousand in bins that are no lines, prescribed motion a fifth of that at most.
 
     At lines, steps of 0.25 ms err by (w h)^2 / 24 = 5e-4 in what springs take at 70 Hz, which is a part of the torque.
     """

@@ -21,6 +21,7 @@ from robid_core import (
     DataPath,
     DenseRun,
     Design,
+    Doubt,
     Drives,
     Estimator,
     ExperimentDesign,
@@ -143,7 +144,7 @@ class Estimate(Estimator):
     """A fit that does what its settings say."""
 
     outcome: str = "converged"
-    """converged, not converged, refused, raises, exits, a list, nan, clock."""
+    """converged, not converged, doubted, refused, raises, exits, a list, nan, clock."""
     rows: int = 1
     """How many parameters."""
     hold: float = 0.0
@@ -181,6 +182,9 @@ class Estimate(Estimator):
         )
         converged = self.outcome != "not converged"
         status = "converged" if converged else "the budget of 3 steps is spent"
+        if self.outcome == "doubted":
+            own = Doubt("weather", "it rained, and the cell was wet", "wait for the sun")
+            return Fit("strange", status, True, 1.5, 8, 3, table, np.eye(1), stated_doubts=(own,))
         return Fit("strange", status, converged, 1.0, 1, 1, table, np.eye(1))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from robid_core.errors import DataRejected, PluginError, StoreError
-from robid_core.run import Silence
+from robid_core.run import Manifest, RunFolder, Silence
 
 
 def test_a_strangers_exception_is_a_plugin_error_with_version_and_three_lines(world: Any) -> None:
@@ -56,16 +56,37 @@ def test_what_breaks_the_contract_is_not_stored(world: Any, outcome: str, words:
 def test_a_fit_that_did_not_converge_is_kept_shown_and_doubted(world: Any) -> None:
     result = world.run("stages.fit.with.outcome=not converged")
     assert result.exit_code == 6
-    assert result.doubts == (
-        "stage choose: the fit it stands on did not converge",
-        "stage fit: N07: the fit did not converge: the budget of 3 steps is spent",
+    fit, choose = result.doubts
+    assert fit.startswith(
+        "stage fit: the fit did not converge: the budget of 3 steps is spent; its numbers must"
     )
+    assert choose == "stage choose: the fit it stands on did not converge"
     page = (world.folder / "artifacts" / "page.html").read_text()
     assert "no design" in page
     assert result.outcomes["choose"] == "refused"
     again = world.run("stages.fit.with.outcome=not converged")
     assert again.exit_code == 6
     assert again.outcomes["fit"] == "kept"
+
+
+def test_N07_N08_doubts_about_a_fit_stand_in_manifest_and_log_and_end_a_strict_run_with_6(world: Any) -> None:
+    doubted = "stages.fit.with.outcome=doubted"
+    result = world.run(doubted)
+    assert result.exit_code == 0
+    assert len(result.doubts) == 3
+    assert result.doubts[2] == "stage fit: it rained, and the cell was wet; wait for the sun"
+    manifest = Manifest.read(RunFolder(world.folder))
+    assert manifest is not None
+    assert [doubt["kind"] for doubt in manifest.stages["fit"].doubts] == ["misfit", "starts", "weather"]
+    assert manifest.stages["fit"].doubts[2]["sentence"] == "it rained, and the cell was wet"
+    assert manifest.stages["fit"].doubts[2]["remedy"] == "wait for the sun"
+    assert "weather: it rained" in (world.folder / "log.txt").read_text()
+    world.ran()
+    again = world.run(doubted, strict=True)  # the fit is kept, and doubted all the same
+    assert world.ran() == []
+    assert again.exit_code == 6
+    assert again.doubts == result.doubts
+    assert world.run(strict=True).exit_code == 0
 
 
 def test_what_needs_a_refused_result_is_refused_and_old_names_go(world: Any) -> None:

@@ -1,0 +1,205 @@
+"""Why the numbers of a fit should be doubted: one list for screen, page, manifest and exit code.
+
+Judged from the `Fit` alone, so that the fit of a stranger and one of an earlier version are judged by the same rules;
+what only an estimator can know (a mass matrix, say) it states itself in `Fit.stated_doubts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robid_core.artifacts.artifact import Artifact, BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from robid_core.artifacts.fit import Fit
+
+NOT_CONVERGED = "convergence"  # the one kind after which the numbers are not even an estimate
+
+# Corrected for few periods a right model stays below 1.03 from 12 experiments up; 1.08 leaves room for six.
+LARGEST_MISFIT = 1.08
+# Of the response; standard errors rest on the model error being small and without pattern. A good robot has 1.4 %.
+LARGEST_MODEL_ERROR = 0.02
+# A start that does not end at the best fit found another basin: then most of them should agree on this one.
+AGREEING_SHARE = 0.5
+# Beside friction as the robot file states it: what a machine differs from its data sheet by, warm or cold.
+FRICTION_FACTORS = (0.7, 1.4)
+FRICTION_FACTOR = "friction_factor."
+# Standard error over prior (or over the value, where no prior is stated): above it the data halved nothing.
+WEAKLY_SEEN = 0.5
+# Between the estimates of two springs: only what they yield together is known. The worked example has 0.90.
+COAXIAL = 0.99
+# One damper at its bound is common, for they are seen badly, and harms no spring; of all else one is enough.
+HARMLESS_DAMPERS = 2
+MOST_NAMES = 6
+
+
+@dataclass(frozen=True)
+class Doubt(Artifact):
+    """One reason not to rely on a fit: its kind (one word or two), a sentence that says what was found, what to do."""
+
+    kind: str
+    sentence: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.sentence}; {self.remedy}"
+
+
+def judge(fit: Fit) -> tuple[Doubt, ...]:
+    """Return every doubt about a fit: what its numbers show, then what its estimator states."""
+    return (*(doubt for find in _JUDGES for doubt in find(fit)), *fit.stated_doubts)
+
+
+def _convergence(fit: Fit) -> Iterator[Doubt]:
+    if not fit.converged:
+        yield Doubt(
+            NOT_CONVERGED,
+            f"the fit did not converge: {fit.status}",
+            "its numbers must not be used; give better start values, or let it go on for longer",
+        )
+
+
+def _misfit(fit: Fit) -> Iterator[Doubt]:
+    if not fit.misfit_against or fit.misfit <= LARGEST_MISFIT:
+        return
+    places = fit.misfit_table.worst(LARGEST_MISFIT) if fit.misfit_table is not None else ()
+    where = f": {', '.join(places)}" if places else ""
+    yield Doubt(
+        "misfit",
+        f"misfit {fit.misfit:.4g} against {fit.misfit_against}, more than {LARGEST_MISFIT}{where}",
+        "the data show what the model lacks; add or free what acts there",
+    )
+
+
+def _model_error(fit: Fit) -> Iterator[Doubt]:
+    if fit.model_error is not None and not fit.model_error <= LARGEST_MODEL_ERROR:
+        yield Doubt(
+            "model error",
+            f"model error {100 * fit.model_error:.3g} %, more than {100 * LARGEST_MODEL_ERROR:g} %",
+            "the model leaves that much of the data unexplained, and standard errors do not cover what it is; look "
+            "where measured and modelled responses part",
+        )
+
+
+def _bound(fit: Fit) -> Iterator[Doubt]:
+    names = _serious(fit, fit.parameters.at_bound)
+    if names:
+        yield Doubt(
+            "bound",
+            f"at the bound of the search, hence not identified: {_listed(names)}",
+            "correct the start value in the robot file, or hold what the data do not show",
+        )
+
+
+def _unseen(fit: Fit) -> Iterator[Doubt]:
+    table = fit.parameters
+    free = np.isin(table.names, fit.free_names)
+    names = _serious(fit, free & ~np.isfinite(table.standard_error) & ~table.at_bound)
+    if names:
+        yield Doubt(
+            "not seen", f"without a standard error: {_listed(names)}", "add configurations that show them"
+        )
+
+
+def _weak_springs(fit: Fit) -> Iterator[Doubt]:
+    table = fit.parameters
+    prior = np.abs(table.estimate)
+    if table.prior is not None:
+        prior = np.where(np.isfinite(table.prior), table.prior, prior)
+    weak = _springs(fit) & ~table.at_bound & (table.standard_error > WEAKLY_SEEN * prior)
+    names = [
+        f"{table.names[i]} ({100 * table.standard_error[i] / prior[i]:.0f} % of what was known before)"
+        for i in np.flatnonzero(weak)
+    ]
+    if names:
+        yield Doubt(
+            "weak spring",
+            f"hardly seen by the data: {_listed(names)}",
+            "add configurations that load these springs, or hold them",
+        )
+
+
+def _coaxial_springs(fit: Fit) -> Iterator[Doubt]:
+    """Two springs whose axes are parallel wherever it was measured yield as one: their estimates then correlate."""
+    if len(fit.free_names) != len(fit.covariance):  # whose covariance it is, nobody said
+        return
+    springs = {fit.parameters.names[i] for i in np.flatnonzero(_springs(fit))}
+    index = [i for i, name in enumerate(fit.free_names) if name in springs]
+    correlation = _correlation(fit.covariance[np.ix_(index, index)])
+    pairs = [
+        f"{fit.free_names[index[i]]} and {fit.free_names[index[j]]} (correlation {correlation[i, j]:.3f})"
+        for i, j in np.argwhere(np.triu(np.abs(correlation) > COAXIAL, 1))
+    ]
+    if pairs:
+        yield Doubt(
+            "coaxial springs",
+            f"not told apart: {_listed(pairs)}",
+            "add configurations in which their axes are not parallel, or hold one of them",
+        )
+
+
+def _friction(fit: Fit) -> Iterator[Doubt]:
+    low, high = FRICTION_FACTORS
+    factors = {
+        name.removeprefix(FRICTION_FACTOR): value
+        for name, value in zip(fit.parameters.names, fit.parameters.estimate.tolist(), strict=True)
+        if name.startswith(FRICTION_FACTOR)
+    }
+    far = [f"{axis} {value:.3g}" for axis, value in factors.items() if not low <= value <= high]
+    if far:
+        yield Doubt(
+            "friction",
+            f"friction over the robot file's is outside {low} to {high}: {_listed(far)}",
+            "state friction there as it was measured; what it shapes goes into springs and dampers",
+        )
+
+
+def _starts(fit: Fit) -> Iterator[Doubt]:
+    if fit.n_starts > 1 and fit.n_agree < max(2, AGREEING_SHARE * fit.n_starts):
+        yield Doubt(
+            "starts",
+            f"only {fit.n_agree} of {fit.n_starts} starts reached the best fit",
+            "a better one may be elsewhere; give better start values, or more starts",
+        )
+
+
+_JUDGES: tuple[Callable[[Fit], Iterator[Doubt]], ...] = (
+    _convergence,
+    _misfit,
+    _model_error,
+    _bound,
+    _unseen,
+    _weak_springs,
+    _coaxial_springs,
+    _friction,
+    _starts,
+)
+
+
+def _springs(fit: Fit) -> BoolArray:
+    return np.array([group == "stiffness" for group in fit.parameters.groups], dtype=np.bool_)
+
+
+def _serious(fit: Fit, marked: BoolArray) -> list[str]:
+    """Names of the marked parameters, dampers only where there are more than a harmless few."""
+    dampers = np.array([group == "damping" for group in fit.parameters.groups], dtype=np.bool_)
+    if (marked & dampers).sum() <= HARMLESS_DAMPERS:
+        marked = marked & ~dampers
+    return [fit.parameters.names[i] for i in np.flatnonzero(marked)]
+
+
+def _correlation(covariance: FloatArray) -> FloatArray:
+    """Correlation of estimates; zero where a variance is unknown or zero."""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation: FloatArray = covariance / np.outer(deviation, deviation)
+    return np.where(np.isfinite(correlation), correlation, 0.0)
+
+
+def _listed(texts: Sequence[str]) -> str:
+    more = len(texts) - MOST_NAMES
+    return ", ".join(texts[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,79 @@
+"""A fit as text: why it should be doubted, how it ended, its parameters, and where the model misfits."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robid_core.artifacts import Fit, MisfitTable
+
+
+def doubt_lines(doubts: Sequence[object]) -> list[str]:
+    """Return each doubt as a line of its own, whole; where a person reads, broken at the edge of the terminal."""
+    texts, width = [" ".join(f"! {doubt}".split()) for doubt in doubts], _width()
+    if width is None:
+        return texts
+    broken = [textwrap.wrap(t, width, subsequent_indent="  ", break_on_hyphens=False) for t in texts]
+    return [line for lines in broken for line in lines]
+
+
+def fit_line(fit: Fit) -> str:
+    """Say in one line how a fit ended, and whether it is doubted."""
+    state = "NOT CONVERGED: " if not fit.converged else "DO NOT RELY ON IT: " if fit.doubts else ""
+    misfit = f"; misfit {fit.misfit:.3g}" if fit.misfit_against else ""
+    return f"{state}{fit.status}{misfit}; {fit.n_agree} of {fit.n_starts} starts agree"
+
+
+def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> list[str]:
+    """Return a fit's parameters as aligned text, the reported ones or all."""
+    table = fit.parameters
+    head = ["parameter", "unit", *(["true"] if true else []), "start", "estimate", "std error"]
+    rows = [head]
+    for index, name in enumerate(table.names):
+        if not (everything or table.reported[index]):
+            continue
+        error = "at bound" if table.at_bound[index] else _number(table.standard_error[index])
+        truth = [_number(true[name]) if name in true else "-"] if true else []
+        numbers = [*truth, _number(table.start[index]), _number(table.estimate[index]), error]
+        rows.append([name, table.units[index], *numbers])
+    return _aligned(rows, n_left=2)
+
+
+def misfit_lines(table: MisfitTable) -> list[str]:
+    """Return where a model misfits as aligned text: a row for each axis, in each band lines | other bins."""
+    rows = [["misfit: lines | other bins", *table.band_names]]
+    for name, lines, other in zip(table.axis_names, table.lines.tolist(), table.other.tolist(), strict=True):
+        pairs = zip(lines, other, strict=True)
+        rows.append([name, *(" | ".join(f"{x:.3g}" if x == x else "-" for x in pair) for pair in pairs)])
+    return _aligned(rows, n_left=1)
+
+
+def _aligned(rows: list[list[str]], n_left: int) -> list[str]:
+    """Return rows with their columns under one another, the first few to the left and the others to the right."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return [
+        "  ".join(
+            cell.ljust(width) if column < n_left else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if value == value else "held"  # NaN: it was not estimated
+
+
+def _width() -> int | None:
+    """Return how wide the terminal is; None where stdout is none, and a file or a pipe takes lines of any length."""
+    return max(shutil.get_terminal_size().columns, 60) if sys.stdout.isatty() else None
+
+
+def first_line(text: str) -> str:
+    """Return the first line of a text, no wider than the terminal."""
+    first, most = text.partition("\n")[0], _width()
+    return first if most is None or len(first) <= most else first[: most - 3] + "..."

@@ -1,0 +1,56 @@
+"""Settings against the robot: patterns of parameters, names of axes, whatever only the robot knows.
+
+What is checked is the nominal robot, also for a stage that is given another one when the pipeline runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from robid_core.errors import RobidError
+from robid_core.pipeline.problems import Mark, ProblemList
+from robid_core.pipeline.resolving import Declared
+from robid_core.robot import Robot
+from robid_core.stage import Stage
+
+
+def check_against_robot(
+    declared: Iterable[Declared], load: Callable[[], Robot], mark: Mark, problems: ProblemList
+) -> None:
+    """Ask each stage that looks at the robot what is wrong, and tell it where the setting stands.
+
+    Parameters
+    ----------
+    declared
+        The stages as far as they could be understood.
+    load
+        Gives the nominal robot; not called where no stage asks for it.
+    mark
+        Where the robot stands in the file.
+    problems
+        Takes the mistakes.
+    """
+    asking = [d for d in declared if d.stage and type(d.stage).problems_with is not Stage.problems_with]
+    if not asking:
+        return
+    try:
+        robot = load()
+    except RobidError as error:
+        problems.add(mark, ("robot",), " ".join(str(error).split()))
+        return
+    for entry in asking:
+        _check(entry, robot, problems)
+
+
+def _check(entry: Declared, robot: Robot, problems: ProblemList) -> None:
+    assert entry.stage is not None
+    path = ("stages", entry.name)
+    try:
+        wrong = entry.stage.problems_with(robot)
+    except Exception as error:  # a stranger's code: no reason to say nothing about the other stages
+        what = str(error) if isinstance(error, RobidError) else f"{type(error).__name__}: {error}"
+        problems.add(entry.mark, path, f"{entry.plugin} cannot be used with {robot.name}: {what}")
+        return
+    for place, message in wrong.items():
+        found, mark = entry.node.at(("with", *place))
+        problems.add(mark if found else entry.mark, (*path, "with", *place), message)
