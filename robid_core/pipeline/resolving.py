@@ -17,6 +17,7 @@ from robid_core.errors import ConfigurationError, PluginError
 from robid_core.pipeline.checking import check, settings_model
 from robid_core.pipeline.document import Node, mapping
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest
+from robid_core.pipeline.wiring import Source
 from robid_core.registry import STAGES, Plugin, Registry
 from robid_core.settings_types import Places, SettingFile, StageRef
 from robid_core.stage import Input, Stage
@@ -37,7 +38,7 @@ class Declared:
     known: bool = False
     files: tuple[SettingFile, ...] = ()
     references: tuple[Plugin, ...] = ()
-    given: dict[str, str | None] = field(default_factory=dict)
+    given: dict[str, Source | None] = field(default_factory=dict)
 
 
 @dataclass

@@ -32,6 +32,7 @@ from robid_core.store import canonical_json, failures_named, text_hash
 KEY_FORMAT = 1
 
 Ingredients = dict[str, Any]
+InputHash = str | list[str]  # sha256 of the artifact that a parameter takes, or of each where it takes many
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Surroundings:
         return drives is not None and drives.moves_hardware and Drives in stage.lends().values()
 
 
-def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundings) -> Ingredients:
+def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Surroundings) -> Ingredients:
     """Return everything the result of a stage depends on, as plain JSON values.
 
     Parameters
@@ -68,7 +69,7 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
     node
         The stage.
     inputs
-        sha256 of each artifact it takes, by parameter of `run`; one that stays away is absent.
+        sha256 of what it takes, by parameter of `run`; one that stays away is absent.
     shared
         Robot, drives and seed of the pipeline.
     """

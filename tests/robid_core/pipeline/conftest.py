@@ -25,6 +25,7 @@ _STAGES = {
     "frf.log": "LogMean",
     "frf.h1": "LogMean",
     "fit.log_response": "LogFit",
+    "fit.joint": "JointFit",
     "report.html": "Page",
     "broken.contract": "Explain",
     "broken.object": "not_a_stage",

@@ -128,6 +128,13 @@ class LogFit(Estimator):
         raise NotImplementedError
 
 
+class JointFit(Estimator):
+    """Fits all responses together, with what records there are."""
+
+    def run(self, robot: Robot, frfs: tuple[Frf, ...], records: tuple[Record, ...] = ()) -> Fit:
+        raise NotImplementedError
+
+
 class Optimal(ExperimentDesign):
     """Chooses."""
 
