@@ -103,10 +103,16 @@ class Input:
 
 
 class Stage(Settings):
-    """Base of all stages; subclass one of the kinds below."""
+    """Base of all stages; subclass one of the kinds below.
+
+    Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are put aside
+    for tests are left out; where `tells_variants` is false, a record of several variants (payloads, tools) is refused.
+    """
 
     kind: ClassVar[str] = ""
     output: ClassVar[type[Artifact]] = Artifact
+    sees_test: ClassVar[bool] = True
+    tells_variants: ClassVar[bool] = True
 
     run: ClassVar[Callable[..., Any]]
 
@@ -204,17 +210,21 @@ class Preprocessing(Stage):
 
 
 class FrfEstimator(Stage):
-    """Kind `frf`: estimates the frequency response matrix from a record."""
+    """Kind `frf`: estimates the frequency response matrix from the training experiments of a record."""
 
     kind = "frf"
     output = Frf
+    sees_test = False
+    tells_variants = False
 
 
 class Estimator(Stage):
-    """Kind `fit`: estimates parameters."""
+    """Kind `fit`: estimates parameters from training experiments; one that takes several variants says so."""
 
     kind = "fit"
     output = Fit
+    sees_test = False
+    tells_variants = False
 
 
 class ExperimentDesign(Stage):
@@ -229,6 +239,7 @@ class DiagnosisStage(Stage):
 
     kind = "diagnosis"
     output = Diagnosis
+    tells_variants = False
 
 
 class ReportStage(Stage):

@@ -52,7 +52,8 @@ class Caller:
             parameter: [self._store.read(entry, kind) for kind, entry in found]
             for parameter, found in self._inputs(node, entries).items()
         }
-        arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts), **self._lent(node)}
+        log = logging.getLogger(f"{NAME}.{node.name}")
+        arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts, log), **self._lent(node)}
         for parameter, kind in node.stage.lends().items():
             if kind is Context:
                 arguments[parameter] = make_context(

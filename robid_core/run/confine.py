@@ -30,6 +30,7 @@ from robid_core.artifacts import Artifact
 from robid_core.errors import MotionAborted, PluginError
 from robid_core.interruption import SIGNALS, heed, held, settled, signals_as_interrupt
 from robid_core.run.arguments import arguments_of
+from robid_core.run.log import NAME
 from robid_core.stage import Stage
 
 LOG = logging.getLogger("robid.confine")
@@ -220,7 +221,8 @@ def _work(job: Job, memory_mb: int | None, pipe: Connection) -> None:
 
     make, settings = job.executor
     with one_thread(), make(**settings) as tasks:
-        arguments: dict[str, Any] = {**arguments_of(job.stage, artifacts), **job.lent}
+        log = logging.getLogger(f"{NAME}.{job.name}")
+        arguments: dict[str, Any] = {**arguments_of(job.stage, artifacts, log), **job.lent}
         if job.context is not None:
             parameter, seed, data_root = job.context
             arguments[parameter] = make_context(job.name, seed, data_root, tasks, progress)

@@ -86,14 +86,14 @@ def _make(
     progress: Callable[..., None],
 ) -> Rehearsed:
     artifacts = {p: [made[name].artifact for name in each(source)] for p, source in node.inputs.items()}
-    arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts)}
+    log = logging.getLogger(f"{NAME}.{node.name}")
+    arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts, log)}
     for parameter, kind in node.stage.lends().items():
         arguments[parameter] = (
             robot
             if kind is Robot
             else make_context(node.name, pipeline.seed, pipeline.data_root, map_in_process, progress)
         )
-    log = logging.getLogger(f"{NAME}.{node.name}")
     heard = _Heard()
     log.addHandler(heard)
     try:

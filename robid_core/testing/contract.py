@@ -136,7 +136,7 @@ def _check_run(stage: Stage, inputs: dict[str, list[Artifact]], robot: Robot, da
     name = f"{type(stage).__name__} with {robot.n_axis} axes"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        arguments: dict[str, Any] = {**arguments_of(stage, inputs)}
+        arguments: dict[str, Any] = {**arguments_of(stage, inputs, example_context().log)}
         before = {key: _all_bytes(artifacts, folder / "input") for key, artifacts in inputs.items()}
         robot_before = robot.to_yaml()
         chance = repr(np.random.get_state())  # noqa: NPY002 - to see whether somebody else draws

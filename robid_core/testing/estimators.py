@@ -42,7 +42,7 @@ def estimate(
         shape = (len(record.angle), len(record.frequency_hz), plant.n_axis)
         record = record.replace(damping_deviation=np.full(shape, damping_deviation))
     needed = {entry.name: [record] for entry in stage.inputs() if not entry.optional}
-    arguments: dict[str, Any] = {**arguments_of(stage, needed)}
+    arguments: dict[str, Any] = {**arguments_of(stage, needed, example_context().log)}
     for name, kind in lent.items():
         if kind is Context:
             arguments[name] = example_context()

@@ -87,6 +87,10 @@ class Measure(Acquisition):
     """How long it takes."""
     fault: str = ""
     """What goes wrong."""
+    test: tuple[int, ...] = ()
+    """Configurations that are put aside."""
+    variants: tuple[str, ...] = ()
+    """Of each configuration."""
 
     def run(self, configurations: Configurations, drives: Drives, context: Context) -> Record:
         called("acquire")
@@ -107,9 +111,20 @@ class Measure(Acquisition):
         )
         channel = Channel("motor", "rad", values)
         run = DenseRun(
-            0.001, {"motor_position": channel}, np.arange(64) * 0.001, np.ones(shape[:-1], dtype=bool)
+            0.001,
+            {"motor_position": channel},
+            np.arange(64) * 0.001,
+            np.ones(shape[:-1], dtype=bool),
+            np.isin(np.arange(n_config), self.test).reshape(n_config, 1, 1),
         )
-        return Record(configurations.axis_names, "strange", "zero_order_hold", (run,), configurations.angle)
+        return Record(
+            configurations.axis_names,
+            "strange",
+            "zero_order_hold",
+            (run,),
+            configurations.angle,
+            variants=self.variants,
+        )
 
 
 class Respond(FrfEstimator):
