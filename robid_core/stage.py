@@ -125,7 +125,10 @@ class Stage(Settings):
         return []
 
     def external_files(self, data_root: Path) -> list[Path]:
-        """Files outside the project that the stage reads: their hashes become part of its key."""
+        """Files outside the project that the stage reads: their hashes become part of its key.
+
+        Asked when the pipeline is read, too: a RobidError that it raises is told among the problems of the file.
+        """
         del data_root
         return []
 

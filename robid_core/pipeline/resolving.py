@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from robid_core.artifacts import Artifact
-from robid_core.errors import ConfigurationError, PluginError
+from robid_core.errors import ConfigurationError, PluginError, RobidError
 from robid_core.pipeline.checking import check, settings_model
 from robid_core.pipeline.document import Node, mapping
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest
@@ -90,6 +90,13 @@ class Resolver:
             except (ConfigurationError, PluginError) as error:
                 self.problems.add(node.keys["use"], (*path, "use"), " ".join(str(error).split()))
 
+    def external(self, stage: Stage, node: Node, path: Path) -> None:
+        """Let a stage look for the data files that its settings lead to."""
+        try:
+            stage.external_files(self.places.data_root)
+        except RobidError as error:
+            self.problems.add(node.keys.get("with", node.mark), path, " ".join(str(error).split()))
+
     def stage(self, name: str, node: Node, mark: Mark) -> Declared:
         """Return what one entry of `stages:` declares."""
         path: Path = ("stages", name)
@@ -103,6 +110,7 @@ class Resolver:
                 self.used(checked[0], node, path)
             if checked and isinstance(checked[0], Stage):
                 declared.stage, declared.files = checked[0], checked[1]
+                self.external(checked[0], node, (*path, "with"))
                 declared.references = tuple(self._references(checked[0], node, path))
         else:
             cls = self._probably(node)

@@ -3,7 +3,7 @@
 The ingredients of a stage: which code it is (distribution, name, version, and a hash of the sources where
 they can change under the same version), its settings, the seed where it draws random numbers, the hashes of
 the artifacts it takes, of the robot and the drives where it is lent them (the code of their effects included), and
-of the files its settings name.
+of the files its settings name or lead to.
 A recording made on hardware does not depend on versions: no update makes a robot move again. Time stamps of
 files take no part.
 """
@@ -80,7 +80,10 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Sur
         "stage": plugin_identity(node.plugin, versioned=not hardware),
         "settings": stage.model_dump(mode="json", by_alias=True),
         "inputs": dict(inputs),
-        "files": {f"{f.setting}: {f.written}": file_hash(f.path) for f in node.files},
+        "files": {
+            **{f"{f.setting}: {f.written}": file_hash(f.path) for f in node.files},
+            **_data_hashes(node, shared.pipeline.data_root),
+        },
     }
     if not hardware:
         found["core"] = {"version": __version__, "sources": core_hash()}
@@ -103,6 +106,16 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Sur
             "plugins": {p.name: plugin_identity(p, versioned=not hardware) for p in _used(choice.settings)},
         }
     return found
+
+
+def _data_hashes(node: StageNode, root: Path) -> dict[str, str]:
+    """Return the sha256 of the data files that a stage reads beyond those that its settings name, by name."""
+    known = {file.path for file in node.files}
+    files = [path for path in node.stage.external_files(root) if path not in known]
+    return {
+        (path.relative_to(root) if path.is_relative_to(root) else path).as_posix(): file_hash(path)
+        for path in files
+    }
 
 
 def _dynamics(pipeline: Pipeline, hardware: bool) -> Any:
