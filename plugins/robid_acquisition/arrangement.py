@@ -54,8 +54,8 @@ def arrange(recordings: Iterable[Recording]) -> Arrangement:
         others = numbers.setdefault(recording.block, {})
         if recording.experiment in others:
             raise DataRejected(
-                f"{others[recording.experiment].name} and {recording.name} are both {recording.place}; "
-                "rename one, or leave it out of the pattern or table"
+                f"{others[recording.experiment].name} and {recording.name} are both {recording.block_name}, experiment "
+                f"{recording.experiment}; rename one, or leave it out of the pattern or table"
             )
         others[recording.experiment] = recording
     words = _gaps(blocks)
@@ -81,9 +81,11 @@ def _gaps(blocks: dict[Place, dict[int, Numbered]]) -> list[str]:
         numbered.setdefault("experiments", set()).update(*numbers.values())
     words = []
     for noun, found in numbered.items():
-        missing = sorted(set(range(min(found), max(found) + 1)) - found)
-        if missing:
-            words.append(f"{noun} are numbered {min(found)} to {max(found)} without {listed(missing)}")
+        count = max(found) - min(found) + 1 - len(found)
+        if count:
+            first = next(number for number in range(min(found), max(found)) if number not in found)
+            others = f" and {count - 1} more" if count > 1 else ""
+            words.append(f"{noun} are numbered {min(found)} to {max(found)} without {first}{others}")
     return words
 
 
@@ -98,10 +100,8 @@ def _whole_blocks(
     for place, numbers in blocks.items():
         for number, block in numbers.items():
             missing = sorted(wanted - set(block))
-            first = next(iter(block.values()))
             if missing:
-                where = first.place.replace(f", experiment {first.experiment}", "")
-                lost.append(f"{where} lacks experiment {listed(missing)}")
+                lost.append(f"{next(iter(block.values())).block_name} lacks experiment {listed(missing)}")
                 continue
             spare += [recording.name for e, recording in block.items() if e not in wanted]
             whole.setdefault(place, {})[number] = {e: block[e] for e in wanted}

@@ -26,10 +26,12 @@ class Assembly:
     ----------
     shape
         Numbers of configurations, blocks and experiments.
+    periodic
+        Whether samples are those of a period, which cannot be cut.
     """
 
-    def __init__(self, shape: Place) -> None:
-        self._shape = shape
+    def __init__(self, shape: Place, periodic: bool) -> None:
+        self._shape, self._periodic = shape, periodic
         self._values: dict[str, FloatArray] = {}
         self._names: list[str] = []
         self._lengths: list[tuple[int, int]] = []  # periods, samples
@@ -76,6 +78,11 @@ class Assembly:
                 f"{names} are sampled every {one:g} s and {other:g} s; resample one, or import them by two stages"
             )
         first, last = self._lengths[0], self._lengths[-1]
+        if self._periodic and first[1] != last[1]:
+            raise DataRejected(
+                f"A09: a period has {first[1]} and {last[1]} samples in {names}; resample one, or give sample_time_s "
+                "where only the time stamps are wrong"
+            )
         short, long = sorted((first[0] * first[1], last[0] * last[1]))
         if short < (1 - LENGTH_TOLERANCE) * long:
             raise DataRejected(

@@ -83,7 +83,7 @@ class RecordedAcquisition(Sources):
     torque_hold: Annotated[str, Field(pattern="^(zero_order_hold|continuous)$")] = "continuous"
     """How torque goes between samples; continuous where the recording does not tell."""
     angle_tolerance: PositiveFloat = 0.01
-    """Mean joint angle (rad, or m) by which experiments of one configuration may differ from their mean unsaid."""
+    """Joint angle (rad, or m) by which the poses of one configuration may differ from their mean without a warning."""
 
     @model_validator(mode="after")
     def _settings_agree(self) -> RecordedAcquisition:
@@ -138,7 +138,7 @@ class RecordedAcquisition(Sources):
     def _record(self, arrangement: Arrangement, robot: Robot, context: Context) -> Record:
         """Read every experiment and put the record together."""
         shape = arrangement.shape
-        assembly = Assembly(shape)
+        assembly = Assembly(shape, self.period_s is not None)
         samples: Samples | None = None
         angle = np.zeros((*shape, robot.n_axis))
         rests: list[str] = []

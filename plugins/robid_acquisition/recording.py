@@ -36,10 +36,10 @@ class Recording:
         return PurePosixPath(self.file).name + part
 
     @property
-    def place(self) -> str:
-        """Say which experiment it is."""
-        words = f"configuration {self.configuration}, block {self.block}, experiment {self.experiment}"
-        return f"{words} of variant {self.variant}" if self.variant else words
+    def block_name(self) -> str:
+        """Say which block it belongs to."""
+        whose = f"variant {self.variant}, " if self.variant else ""
+        return f"{whose}configuration {self.configuration}, block {self.block}"
 
 
 def is_test(role: str, where: str) -> bool:

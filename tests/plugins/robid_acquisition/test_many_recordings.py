@@ -403,6 +403,23 @@ def test_a_file_of_another_rate_is_refused_and_named(tmp_path: Path, read: Read)
         read(**timed)
 
 
+def test_a_period_of_another_number_of_samples_is_never_cut(tmp_path: Path, read: Read) -> None:
+    for c, step in ((1, 0.1), (2, 0.1 * 1000 / 1001)):
+        np.savez(tmp_path / f"c{c}.npz", q=np.zeros(2002), t=np.arange(2002) * step)
+    with pytest.raises(DataRejected, match=r"A09: a period has 1000 and 1001 samples in c1\.npz and c2\.npz"):
+        read(pattern="c{config}.npz", time_column="t", sample_time_s=None, period_s=100.0)
+
+
+def test_periods_beyond_the_common_number_are_left_out(
+    tmp_path: Path, read: Read, caplog: pytest.LogCaptureFixture
+) -> None:
+    for c, n in ((1, 200), (2, 190)):
+        save(tmp_path, f"c{c}.npz", c, n=n)
+    record = read(pattern="c{config}.npz", period_s=1.0, lines=[1])
+    assert record.run.n_period == 19
+    assert "c1.npz has 200 samples and c2.npz 190" in caplog.text
+
+
 def test_what_is_wrong_with_one_file_of_many_names_it(tmp_path: Path, read: Read) -> None:
     some(tmp_path)
     q = np.zeros(20)
@@ -549,7 +566,7 @@ def test_the_files_of_a_table_are_part_of_the_key(table: Path, tmp_path: Path) -
         ("heavy;8.5;Grace", "heavy;8.5", r":7: 9 cells where the first line has 10"),
         ("other.npz;3;1;2", ";3;1;2", r":7: there is no file in this line"),
         ("other.npz;3;1;2", "../../x.npz;3;1;2", r":7: .*leaves its root by '\.\.'"),
-        ("long.npz;3;2;1;10", "long.npz;3;1;1;10", r"from 10 s are both configuration 3, block 1, experiment 1 of"),
+        ("long.npz;3;2;1;10", "long.npz;3;1;1;10", r"s are both variant light, configuration 3, block 1, exp.* 1;"),
     ],
 )  # fmt: skip
 def test_a_wrong_table_is_told_by_its_line(table: Path, read: Read, old: str, new: str, told: str) -> None:
