@@ -16,7 +16,7 @@ from robid_core import DataRejected
 SHOWN = 6  # items of a list in a message
 
 Numbered = dict[int, Recording]  # by experiment
-Place = tuple[str, int]  # variant, configuration
+Configuration = tuple[str, int]  # variant and number
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def arrange(recordings: Iterable[Recording]) -> Arrangement:
     DataRejected
         If two recordings claim to be the same experiment.
     """
-    blocks: dict[Place, dict[int, Numbered]] = {}
+    blocks: dict[Configuration, dict[int, Numbered]] = {}
     for recording in recordings:
         numbers = blocks.setdefault((recording.variant, recording.configuration), {})
         others = numbers.setdefault(recording.block, {})
@@ -71,7 +71,7 @@ def arrange(recordings: Iterable[Recording]) -> Arrangement:
     return Arrangement(kept, (*words, *lost, *short))
 
 
-def _gaps(blocks: dict[Place, dict[int, Numbered]]) -> list[str]:
+def _gaps(blocks: dict[Configuration, dict[int, Numbered]]) -> list[str]:
     """Say which numbers are missing between the first and the last, of the configurations of each variant too."""
     numbered: dict[str, set[int]] = {}
     for (variant, configuration), numbers in blocks.items():
@@ -90,12 +90,12 @@ def _gaps(blocks: dict[Place, dict[int, Numbered]]) -> list[str]:
 
 
 def _whole_blocks(
-    blocks: dict[Place, dict[int, Numbered]],
-) -> tuple[dict[Place, dict[int, Numbered]], list[str]]:
+    blocks: dict[Configuration, dict[int, Numbered]],
+) -> tuple[dict[Configuration, dict[int, Numbered]], list[str]]:
     """Return the blocks that have the experiments that most have, without further ones, and say what was left out."""
     sets = Counter(frozenset(block) for numbers in blocks.values() for block in numbers.values())
     wanted = max(sets, key=lambda one: (sets[one], len(one), sorted(one)))
-    whole: dict[Place, dict[int, Numbered]] = {}
+    whole: dict[Configuration, dict[int, Numbered]] = {}
     lost, spare = [], []
     for place, numbers in blocks.items():
         for number, block in numbers.items():
@@ -111,7 +111,7 @@ def _whole_blocks(
     return whole, words
 
 
-def _common_count(whole: dict[Place, dict[int, Numbered]]) -> tuple[int, list[str]]:
+def _common_count(whole: dict[Configuration, dict[int, Numbered]]) -> tuple[int, list[str]]:
     """Return the number of blocks that leaves most experiments, and say which are left out for it."""
     counts = [len(numbers) for numbers in whole.values()]
     best = max(sorted(set(counts)), key=lambda n: n * sum(count >= n for count in counts))
@@ -125,7 +125,7 @@ def _common_count(whole: dict[Place, dict[int, Numbered]]) -> tuple[int, list[st
     return best, words
 
 
-def _named(places: Sequence[Place]) -> str:
+def _named(places: Sequence[Configuration]) -> str:
     return listed([f"{number} ({variant})" if variant else str(number) for variant, number in sorted(places)])
 
 

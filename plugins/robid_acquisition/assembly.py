@@ -16,7 +16,7 @@ from robid_core import DataRejected, FloatArray, RobidError
 LENGTH_TOLERANCE = 0.1  # share of the longest by which an experiment may be shorter
 RATE_TOLERANCE = 1e-3  # by which sampling times may differ: the clocks of two recordings, not two rates
 
-Place = tuple[int, int, int]  # index of configuration, block, experiment
+Index = tuple[int, int, int]  # configuration, block, experiment
 
 
 class Assembly:
@@ -30,14 +30,14 @@ class Assembly:
         Whether samples are those of a period, which cannot be cut.
     """
 
-    def __init__(self, shape: Place, periodic: bool) -> None:
+    def __init__(self, shape: Index, periodic: bool) -> None:
         self._shape, self._periodic = shape, periodic
         self._values: dict[str, FloatArray] = {}
         self._names: list[str] = []
         self._lengths: list[tuple[int, int]] = []  # periods, samples
         self._sample_times: list[float] = []
 
-    def put(self, place: Place, name: str, values: Mapping[str, FloatArray], sample_time_s: float) -> None:
+    def put(self, place: Index, name: str, values: Mapping[str, FloatArray], sample_time_s: float) -> None:
         """Enter an experiment.
 
         Parameters

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from robid_core import ConfigurationError, DataRejected, load_plugin
+from pydantic import TypeAdapter, ValidationError
 
+from robid_core import ConfigurationError, DataPath, DataRejected, load_plugin
+
+_BELOW_ROOT: TypeAdapter[str] = TypeAdapter(DataPath)
 SUFFIXES = {
     ".csv": "csv",
     ".tsv": "csv",
@@ -24,6 +27,14 @@ def advice(path: str, origin: str) -> str:
     """Say how to get at data that are not there."""
     source = f"get it from {origin} and " if origin else ""
     return f"{source}set ROBID_DATA or pass --data to the folder that holds {path}"
+
+
+def below_root(path: str) -> str:
+    """Return a path that stays below the data root; ValueError says how it leaves it (fault Y05)."""
+    try:
+        return _BELOW_ROOT.validate_python(path)
+    except ValidationError as error:
+        raise ValueError(error.errors()[0]["msg"].partition(", ")[2]) from error
 
 
 def find_file(root: Path | None, path: str, origin: str) -> Path:

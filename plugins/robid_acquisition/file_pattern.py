@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from robid_acquisition.data_file import advice
+from robid_acquisition.data_file import advice, below_root
 from robid_acquisition.recording import Recording, is_test
 from robid_core import ConfigurationError
 
@@ -18,17 +18,19 @@ SHOWN = 3  # files in a message
 _FIELD = re.compile(r"\{([^{}]*)\}|(\*)")
 
 
-def check_pattern(text: str) -> None:
-    """Raise ValueError where a pattern has a field that is not known, or none."""
+def checked_pattern(text: str) -> str:
+    """Return a pattern; ValueError where it leaves the data root, or has a field that is not known, or none."""
+    below_root(text)
     names = [name for name, star in _FIELD.findall(text) if not star]
     for name in names:
         if name not in SHAPES:
             fields = ", ".join(f"{{{one}}}" for one in SHAPES)
-            raise ValueError(f"pattern: '{{{name}}}' is no field; there are {fields}")
+            raise ValueError(f"'{{{name}}}' is no field; there are {fields}")
     if not names or "{" in _FIELD.sub("", text) or "}" in _FIELD.sub("", text):
         raise ValueError(
-            "pattern: names files by fields such as {config}, {block}, {exp}; give `path` for one file"
+            "a pattern names files by fields such as {config}, {block}, {exp}; give `path` for one file"
         )
+    return text
 
 
 def expression(text: str) -> re.Pattern[str]:

@@ -14,15 +14,13 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
-from pydantic import TypeAdapter, ValidationError
-
+from robid_acquisition.data_file import below_root
 from robid_acquisition.recording import Recording, is_test
-from robid_core import ConfigurationError, DataPath, DataRejected
+from robid_core import ConfigurationError, DataRejected
 
 COLUMNS = ("file", "configuration", "block", "experiment", "start_s", "stop_s", "role", "variant")
 ALIKE = 0.75  # a name that is so near to one of these is a typing error, not a constant
 SHOWN = 3  # files in a message
-_BELOW_ROOT = TypeAdapter(DataPath)
 Value = TypeVar("Value")
 
 
@@ -137,9 +135,9 @@ def _recording(
         raise DataRejected(f"{index}:{number}: there is no file in this line")
     file = (folder / row["file"]).as_posix()
     try:
-        _BELOW_ROOT.validate_python(file)
-    except ValidationError as error:
-        raise DataRejected(f"{index}:{number}: {error.errors()[0]['msg'].partition(', ')[2]}") from error
+        below_root(file)
+    except ValueError as error:
+        raise DataRejected(f"{index}:{number}: {error}") from error
     return Recording(
         file=file,
         configuration=numbered("configuration"),

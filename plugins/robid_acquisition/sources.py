@@ -8,17 +8,17 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     Field,
     FiniteFloat,
     NonNegativeFloat,
     PositiveFloat,
     PositiveInt,
-    TypeAdapter,
     model_validator,
 )
 
 from robid_acquisition.data_file import SUFFIXES, reader_name
-from robid_acquisition.file_pattern import check_pattern, find_recordings
+from robid_acquisition.file_pattern import checked_pattern, find_recordings
 from robid_acquisition.index_table import read_index
 from robid_acquisition.recording import Recording
 from robid_core import Acquisition, ConfigurationError, DataPath
@@ -31,7 +31,7 @@ class Sources(Acquisition):
     """Where the data can be had, for the message when they are missing."""
     path: DataPath | None = None
     """One file, relative to the data root; a channel may name another one."""
-    pattern: str = ""
+    pattern: Annotated[str, AfterValidator(checked_pattern)] | None = None
     """Many files, an experiment each: {config}, {block}, {exp} are numbers, {variant}, {role} words, * anything."""
     index: DataPath | None = None
     """A table (CSV), a line for each experiment: file, configuration, block, experiment, start_s, stop_s, role (train
@@ -61,9 +61,6 @@ class Sources(Acquisition):
             raise ValueError(
                 "give one of path (a file), pattern (files by their names) and index (a table of files)"
             )
-        if self.pattern:
-            check_pattern(self.pattern)
-            TypeAdapter(DataPath).validate_python(self.pattern)
         if not self.starts_s:
             if self.duration_s is not None or self.layout is not None:
                 raise ValueError("starts_s is missing, which duration_s and layout go with")
@@ -91,7 +88,7 @@ class Sources(Acquisition):
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the readers that will be loaded, so that an edited reader is a changed input."""
-        names = {reader_name(self.path or self.pattern, self.format)}
+        names = {reader_name(self.source_name, self.format)}
         if self.index and not self.format:  # what the table lists is known where the data are
             names = set(SUFFIXES.values())
         return [("robid.records", name) for name in sorted(names) if name]
@@ -122,7 +119,7 @@ class Sources(Acquisition):
     def _parts(self, path: str) -> list[Recording]:
         """Return the experiments of one file."""
         if not self.starts_s:
-            return [Recording(path, start_s=self.start_s, stop_s=self.stop_s)]
+            return [Recording(path)]
         assert self.duration_s is not None
         places = np.ndindex(*(self.layout or (1, 1, len(self.starts_s))))
         return [

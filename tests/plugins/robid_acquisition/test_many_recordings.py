@@ -270,7 +270,7 @@ def test_where_no_variant_is_told_the_setting_names_it(tmp_path: Path, read: Rea
     [
         ("c{conf}.npz", "'{conf}' is no field; there are {config}, {block}, {exp}, {variant}, {role}"),
         ("c1.npz", "give `path` for one file"),
-        ("c*.npz", "names files by fields"),
+        ("c*.npz", "a pattern names files by fields"),
         ("c{config.npz", "names files by fields"),
         ("../c{config}.npz", "leaves its root by '..'"),
         ("/c{config}.npz", "is absolute"),

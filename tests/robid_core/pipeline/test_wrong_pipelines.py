@@ -335,6 +335,8 @@ def test_a_stage_may_take_all_artifacts_of_a_type_or_those_that_are_listed(
     assert node.feeds == ("a", "b", "read")
     listed = MANY.replace("fit.joint", "fit.joint, inputs: {frfs: [b, a], records: []}")
     assert load(listed, data_root=tmp_path).stage("fit").inputs == {"frfs": ("b", "a"), "records": ()}
+    changed_by_option = load(MANY, "stages.fit.inputs.frfs=[b]", data_root=tmp_path).stage("fit")
+    assert changed_by_option.inputs == {"frfs": ("b",), "records": ("read",)}
     one = MANY.replace("fit.joint", "fit.joint, inputs: {frfs: b}")
     assert load(one, data_root=tmp_path).stage("fit").inputs == {"frfs": ("b",), "records": ("read",)}
 
