@@ -1,8 +1,8 @@
 """Tables that say what lies where: one line for each experiment, with its file, its place and its conditions.
 
 Columns `file`, `configuration`, `block`, `experiment`, `start_s`, `stop_s`, `role` and `variant`, of which only the
-first must be there; any other column of numbers is a constant of the experiment (a payload, a temperature). Columns
-of words are left out. Separated by commas, semicolons or tabs; files are named relative to the table's folder.
+first must be there; any other column is a constant of the experiment, a number (a payload, a temperature), unless its
+name begins with '#'. Separated by commas, semicolons or tabs; files are named relative to the table's folder.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from robid_acquisition.recording import Recording, is_test
 from robid_core import ConfigurationError, DataRejected
 
 COLUMNS = ("file", "configuration", "block", "experiment", "start_s", "stop_s", "role", "variant")
+COMMENT = "#"  # begins the name of a column that is left out
 ALIKE = 0.75  # a name that is so near to one of these is a typing error, not a constant
 SHOWN = 3  # files in a message
 Value = TypeVar("Value")
@@ -41,7 +42,7 @@ def read_index(root: Path, index: str) -> list[Recording]:
     rows = [(number, _row(index, number, header, cells)) for number, cells in lines[1:]]
     if not rows:
         raise DataRejected(f"{index}: the table has a header and no line; write one for each experiment")
-    constants = _constant_columns(header, rows)
+    constants = [name for name in header if name not in COLUMNS and not name.startswith(COMMENT)]
     folder = PurePosixPath(index).parent
     if "variant" in header and any("variant" not in row for _, row in rows):
         number = next(number for number, row in rows if "variant" not in row)
@@ -98,20 +99,6 @@ def _row(index: str, number: int, header: list[str], cells: list[str]) -> dict[s
     return {name: cell for name, cell in zip(header, cells, strict=True) if cell}
 
 
-def _constant_columns(header: list[str], rows: list[tuple[int, dict[str, str]]]) -> list[str]:
-    """Return the further columns that hold numbers; one of words alone is left out."""
-    further = [name for name in header if name not in COLUMNS]
-    return [name for name in further if any(_is_number(row[name]) for _, row in rows if name in row)]
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
 def _recording(
     index: str, number: int, row: dict[str, str], folder: PurePosixPath, constants: list[str]
 ) -> Recording:
@@ -128,7 +115,7 @@ def _recording(
         return 1 if found is None else found
 
     def constant(name: str) -> float:
-        found = cell(name, float, "number; constants are numbers")
+        found = cell(name, float, f"number; constants are numbers, '{COMMENT}{name}' is left out")
         return math.nan if found is None else found
 
     if "file" not in row:

@@ -35,7 +35,7 @@ class Sources(Acquisition):
     """Many files, an experiment each: {config}, {block}, {exp} are numbers, {variant}, {role} words, * anything."""
     index: DataPath | None = None
     """A table (CSV), a line for each experiment: file, configuration, block, experiment, start_s, stop_s, role (train
-    or test), variant; further columns of numbers are kept as constants."""
+    or test), variant; further columns are constants (numbers)."""
     starts_s: tuple[NonNegativeFloat, ...] = ()
     """When experiments begin in the one file; each lasts `duration_s`."""
     duration_s: PositiveFloat | None = None

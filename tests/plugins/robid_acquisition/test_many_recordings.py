@@ -497,7 +497,7 @@ def test_an_experiment_that_the_file_does_not_hold_is_told(tmp_path: Path, read:
 # Tables
 
 TABLE = """\
-file;configuration;block;experiment;start_s;stop_s;role;variant;payload_kg;operator
+file;configuration;block;experiment;start_s;stop_s;role;variant;payload_kg;#operator
 long.npz;3;1;1;0;5;train;light;0;Ada
 long.npz;3;1;2;5;10;train;light;0;Ada
 long.npz;3;2;1;10;15;test;light;0;Ada
@@ -556,12 +556,13 @@ def test_the_files_of_a_table_are_part_of_the_key(table: Path, tmp_path: Path) -
     [
         ("file;conf", "File;conf", r"index\.csv:1: there is no column 'File'; did you mean 'file'\?"),
         (";configuration;", ";config;", r":1: there is no column 'config'; did you mean 'configuration'\?"),
-        ("operator", "variant", r":1: two columns are called 'variant'"),
+        ("#operator", "variant", r":1: two columns are called 'variant'"),
         ("3;1;1;0;5", "3;1;one;0;5", r":2: experiment 'one' is no whole number"),
         ("3;1;1;0;5", "-3;1;1;0;5", r":2: configuration '-3' is no whole number"),
         ("3;1;1;0;5", "3;1;1;nan;5", r":2: start_s 'nan' is no time in seconds"),
         ("train;light;0;Ada\nlong.npz;3;1;2", "training;light;0;Ada\nlong.npz;3;1;2", r":2: role 'training' is none"),
         ("heavy;8.5;Grace", "heavy;8,5;Grace", r":7: payload_kg '8,5' is no number; constants are numbers"),
+        ("#operator", "operator", r":2: operator 'Ada' is no number; constants are numbers, '#operator' is left out"),
         ("heavy;8.5;Grace", ";8.5;Grace", r":7: there is no variant in this line"),
         ("heavy;8.5;Grace", "heavy;8.5", r":7: 9 cells where the first line has 10"),
         ("other.npz;3;1;2", ";3;1;2", r":7: there is no file in this line"),
@@ -587,7 +588,7 @@ def test_files_that_a_table_lists_and_that_are_not_there_are_named(table: Path, 
 def test_a_table_without_lines_or_text_is_refused(table: Path, read: Read) -> None:
     for content, told in (
         (b"", "is empty"),
-        (TABLE[:83].encode(), "no line"),
+        (TABLE[:84].encode(), "no line"),
         (b"file\n\xff\n", "not UTF-8"),
     ):
         table.write_bytes(content)
