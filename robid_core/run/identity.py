@@ -30,6 +30,7 @@ from robid_core.stage import Context, Stage
 from robid_core.store import canonical_json, failures_named, text_hash
 
 KEY_FORMAT = 1
+MANY_FILES = 4  # of which no more are named among the differences
 
 Ingredients = dict[str, Any]
 InputHash = str | list[str]  # sha256 of the artifact that a parameter takes, or of each where it takes many
@@ -183,7 +184,12 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any], place: tuple[str
         if before == after:
             continue
         if isinstance(before, Mapping) and isinstance(after, Mapping):
-            lines += differences(before, after, (*place, name))
+            inner = differences(before, after, (*place, name))
+            if name == "files" and len(inner) > MANY_FILES:
+                inner[MANY_FILES - 1 :] = [
+                    f"{len(inner) - MANY_FILES + 1} more files appeared, changed or went away"
+                ]
+            lines += inner
         else:
             lines.append(_change((*place, name), before, after))
     return lines

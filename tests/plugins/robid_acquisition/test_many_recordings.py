@@ -150,11 +150,22 @@ def test_a_changed_or_a_further_file_is_a_changed_input(lab: Path) -> None:
     result = run_lab(lab)
     assert result.outcomes == {"acquire": "made"}
     assert "begins: file lab/c7_b2_e3.npz changed" in (result.folder.path / "log.txt").read_text()
+    for c in (1, 2, 3):
+        (lab / "data" / "lab" / f"c{c}_b1_e1.npz").write_bytes(changed.read_bytes())
     (lab / "data" / "lab" / "c17_b1_e1.npz").write_bytes(changed.read_bytes())
     result = run_lab(lab)
-    assert result.outcomes == {"acquire": "same"}  # one experiment makes no block
+    assert result.outcomes == {"acquire": "made"}
     log = (result.folder.path / "log.txt").read_text()
+    assert (
+        "begins: file lab/c1_b1_e1.npz changed; file lab/c2_b1_e1.npz changed; file lab/c3_b1_e1.npz changed; "
+        in log
+    )
+    assert "; file lab/c17_b1_e1.npz appeared\n" in log
     assert "configuration 17, block 1 lacks experiment 2, 3, 4, 5, 6" in log
+    for c in range(1, 17):
+        (lab / "data" / "lab" / f"c{c}_b2_e2.npz").write_bytes(changed.read_bytes())
+    log = (run_lab(lab).folder.path / "log.txt").read_text()
+    assert "file lab/c12_b2_e2.npz changed; 13 more files appeared, changed or went away\n" in log
 
 
 FRF = """\
