@@ -90,12 +90,16 @@ class Resolver:
             except (ConfigurationError, PluginError) as error:
                 self.problems.add(node.keys["use"], (*path, "use"), " ".join(str(error).split()))
 
-    def external(self, stage: Stage, node: Node, path: Path) -> None:
+    def external(self, stage: Stage, plugin: Plugin, node: Node, path: Path) -> None:
         """Let a stage look for the data files that its settings lead to."""
         try:
             stage.external_files(self.places.data_root)
+            return
         except RobidError as error:
-            self.problems.add(node.keys.get("with", node.mark), path, " ".join(str(error).split()))
+            text = str(error)
+        except Exception as error:
+            text = f"{plugin} breaks the contract of stages: external_files: {type(error).__name__}: {error}"
+        self.problems.add(node.keys.get("with", node.mark), path, " ".join(text.split()))
 
     def stage(self, name: str, node: Node, mark: Mark) -> Declared:
         """Return what one entry of `stages:` declares."""
@@ -110,7 +114,7 @@ class Resolver:
                 self.used(checked[0], node, path)
             if checked and isinstance(checked[0], Stage):
                 declared.stage, declared.files = checked[0], checked[1]
-                self.external(checked[0], node, (*path, "with"))
+                self.external(checked[0], declared.plugin, node, (*path, "with"))
                 declared.references = tuple(self._references(checked[0], node, path))
         else:
             cls = self._probably(node)

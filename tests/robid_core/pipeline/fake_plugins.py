@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, model_validator
@@ -11,6 +12,7 @@ from robid_core import (
     CandidateDesign,
     Configurations,
     DataPath,
+    DataRejected,
     Design,
     DiagnosisStage,
     Drives,
@@ -90,6 +92,13 @@ class Recorded(Acquisition):
     channels: ProjectPath | None = None
     filters: tuple[Filter, ...] = ()
     reader: str = ""
+
+    def external_files(self, data_root: Path) -> list[Path]:
+        if self.origin == "nowhere":
+            raise DataRejected("the second half\nis not there")
+        if self.origin == "broken":
+            raise KeyError("half")
+        return []
 
     def uses(self) -> list[tuple[str, str]]:
         return [("robid.records", self.reader)] if self.reader else []
