@@ -2,7 +2,7 @@
 
 A kind fixes the output type; inputs are the annotations of `run`. Artifacts are wired by their type, and
 `Robot`, `Drives`, `Context` (and `Truth`, for reports only) are handed in. An input annotated
-``Frf | None = None`` is optional.
+``Frf | None = None`` is optional; ``tuple[Frf, ...]`` takes one or more, ``tuple[Frf, ...] = ()`` any number.
 """
 
 from __future__ import annotations
@@ -88,28 +88,49 @@ def map_in_process(function: Callable[..., Any], arguments: Sequence[tuple[Any, 
 
 @dataclass(frozen=True)
 class Input:
-    """One wired parameter of `run`."""
+    """One wired parameter of `run`; `many` where it takes a tuple of artifacts."""
 
     name: str
     artifact: type[Artifact]
     optional: bool
+    many: bool = False
+
+    @property
+    def noun(self) -> str:
+        """Say for people what it takes."""
+        what = self.artifact.__name__
+        if self.many:
+            return f"{what} ({'any number' if self.optional else 'one or more'})"
+        return f"{what} (optional)" if self.optional else what
 
 
 class Stage(Settings):
-    """Base of all stages; subclass one of the kinds below."""
+    """Base of all stages; subclass one of the kinds below.
+
+    Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are put aside
+    for tests are left out; where `tells_variants` is false, a record of several variants (payloads, tools) is refused.
+    """
 
     kind: ClassVar[str] = ""
     output: ClassVar[type[Artifact]] = Artifact
+    sees_test: ClassVar[bool] = True
+    tells_variants: ClassVar[bool] = True
 
     run: ClassVar[Callable[..., Any]]
 
     def plan_lines(self, upstream: Mapping[str, Stage]) -> list[str]:
-        """Say for `robid plan` what the stage will ask of the robot; `upstream` holds the stages it takes from."""
+        """Say for `robid plan` what the stage will ask of the robot.
+
+        `upstream` holds the stages that it takes from, by input (of many: `records[0]`, `records[1]`, ...).
+        """
         del upstream
         return []
 
     def external_files(self, data_root: Path) -> list[Path]:
-        """Files outside the project that the stage reads: their hashes become part of its key."""
+        """Files outside the project that the stage reads: their hashes become part of its key.
+
+        Asked when the pipeline is read, too: a RobidError that it raises is told among the problems of the file.
+        """
         del data_root
         return []
 
@@ -126,8 +147,8 @@ class Stage(Settings):
     def inputs(cls) -> tuple[Input, ...]:
         """Return the artifacts that `run` takes, in order."""
         return tuple(
-            Input(name, annotation, optional)
-            for name, annotation, optional in _parameters(cls)
+            Input(name, annotation, optional, many)
+            for name, annotation, optional, many in _parameters(cls)
             if issubclass(annotation, Artifact) and annotation is not Truth
         )
 
@@ -136,7 +157,7 @@ class Stage(Settings):
         """Return the parameters of `run` that the framework hands in: Robot, Drives, Context, Truth."""
         lent = {
             name: annotation
-            for name, annotation, _ in _parameters(cls)
+            for name, annotation, _, _ in _parameters(cls)
             if not issubclass(annotation, Artifact) or annotation is Truth
         }
         for name, annotation in lent.items():
@@ -145,8 +166,8 @@ class Stage(Settings):
         return lent
 
 
-def _parameters(cls: type[Stage]) -> list[tuple[str, type, bool]]:
-    """Return (name, class, optional) of each parameter of `run` after self."""
+def _parameters(cls: type[Stage]) -> list[tuple[str, type, bool, bool]]:
+    """Return (name, class, optional, many) of each parameter of `run` after self."""
     run = cls.__dict__.get("run") or getattr(cls, "run", None)
     if run is None:
         raise PluginError(f"stage {cls.__name__} has no method `run`")
@@ -160,12 +181,17 @@ def _parameters(cls: type[Stage]) -> list[tuple[str, type, bool]]:
             members = [a for a in typing.get_args(hint) if a is not type(None)]
             optional = len(members) < len(typing.get_args(hint))
             hint = members[0] if len(members) == 1 else None
-        known = (Artifact, Robot, Drives, Context)
-        if not (isinstance(hint, type) and issubclass(hint, known)):
+        many = typing.get_origin(hint) is tuple and typing.get_args(hint)[1:] == (Ellipsis,)
+        if many:
+            hint = None if optional else typing.get_args(hint)[0]
+            optional = parameter.default == ()
+        known = Artifact if many else (Artifact, Robot, Drives, Context)
+        if not (isinstance(hint, type) and issubclass(hint, known) and not (many and hint is Truth)):
             raise PluginError(
-                f"{cls.__name__}.run: parameter '{parameter.name}' is neither an artifact nor Robot, Drives, Context"
+                f"{cls.__name__}.run: parameter '{parameter.name}' is neither an artifact nor Robot, Drives, Context; "
+                "many artifacts are a tuple[Frf, ...], with the default () where there may be none"
             )
-        result.append((parameter.name, hint, optional))
+        result.append((parameter.name, hint, optional, many))
     return result
 
 
@@ -198,17 +224,21 @@ class Preprocessing(Stage):
 
 
 class FrfEstimator(Stage):
-    """Kind `frf`: estimates the frequency response matrix from a record."""
+    """Kind `frf`: estimates the frequency response matrix from the training experiments of a record."""
 
     kind = "frf"
     output = Frf
+    sees_test = False
+    tells_variants = False
 
 
 class Estimator(Stage):
-    """Kind `fit`: estimates parameters."""
+    """Kind `fit`: estimates parameters from training experiments; one that takes several variants says so."""
 
     kind = "fit"
     output = Fit
+    sees_test = False
+    tells_variants = False
 
 
 class ExperimentDesign(Stage):
@@ -223,6 +253,7 @@ class DiagnosisStage(Stage):
 
     kind = "diagnosis"
     output = Diagnosis
+    tells_variants = False
 
 
 class ReportStage(Stage):

@@ -121,15 +121,15 @@ def select(columns: dict[str, FloatArray], name: str) -> FloatArray:
     )
 
 
-def channel_values(
+def channel_table(
     columns: dict[str, FloatArray], name: str, channel: ChannelMap, axis_names: tuple[str, ...]
 ) -> FloatArray:
-    """Return a channel in SI units on the side where the file states it, shape (n_sample, n_axis).
+    """Return a channel as the file states it, shape (n_sample, n_covered), one column for each axis that it covers.
 
     Raises
     ------
     DataRejected
-        If a column is missing, has another shape, or holds NaN or infinite values (fault A05).
+        If a column is missing or has another shape, or an axis is not the robot's.
     """
     covered = channel.axes or axis_names
     unknown = [axis for axis in covered if axis not in axis_names]
@@ -137,16 +137,38 @@ def channel_values(
         raise DataRejected(
             f"channels.{name}.axes: the robot has no axis {unknown[0]}; it has {', '.join(axis_names)}"
         )
-    values = _table([select(columns, column) for column in channel.column], name, len(covered))
-    bad = np.argwhere(~np.isfinite(values))
+    return _table([select(columns, column) for column in channel.column], name, len(covered))
+
+
+def channel_values(
+    table: FloatArray, name: str, channel: ChannelMap, axis_names: tuple[str, ...], first: int = 0
+) -> FloatArray:
+    """Return samples of a channel in SI units on the side where the file states it, shape (n_sample, n_axis).
+
+    Parameters
+    ----------
+    table
+        Samples as `channel_table` gives them.
+    name, channel, axis_names
+        What they are, and the robot's axes.
+    first
+        Number of the first of them in the file, for messages.
+
+    Raises
+    ------
+    DataRejected
+        If values are NaN or infinite (fault A05).
+    """
+    covered = channel.axes or axis_names
+    bad = np.argwhere(~np.isfinite(table))
     if len(bad):
         raise DataRejected(
             f"A05: channel {name} ({channel.column[min(bad[0][1], len(channel.column) - 1)]}), {covered[bad[0][1]]}: "
-            f"{len(bad)} values are NaN or infinite, the first at sample {bad[0][0]}; cut the recording before it or "
-            "repair it"
+            f"{len(bad)} values are NaN or infinite, the first at sample {first + bad[0][0]}; cut the recording before "
+            "it or repair it"
         )
-    result = np.full((len(values), len(axis_names)), np.nan)
-    result[:, [axis_names.index(axis) for axis in covered]] = values * channel.factor
+    result = np.full((len(table), len(axis_names)), np.nan)
+    result[:, [axis_names.index(axis) for axis in covered]] = table * channel.factor
     return result
 
 

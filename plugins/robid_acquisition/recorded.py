@@ -1,150 +1,73 @@
-"""A recording made elsewhere as a record: any file that a `robid.records` reader knows, and a channel map.
+"""Recordings made elsewhere as one record: files that a `robid.records` reader knows, and a channel map.
 
-The file lies below the data root (`ROBID_DATA` or `--data`), is never written, and is told by its SHA-256. Channels
+The files lie below the data root (`ROBID_DATA` or `--data`), are never written, and count by their SHA-256. Channels
 come out in SI units with the sign of the robot's axes: `joint_...` on the joint side, everything else at the motor
-shaft, whatever side of the gear the file states.
+shaft, whatever side of the gear the files state. One file holds one experiment; a pattern of names, a table, or the
+times at which experiments begin in a long file say which experiments many are.
 """
 
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, FiniteFloat, NonNegativeFloat, NonNegativeInt, PositiveFloat, model_validator
+from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
-from robid_acquisition.channel_map import ChannelMap, channel_values, check_quantity, select
+from robid_acquisition.arrangement import Arrangement, arrange, listed
+from robid_acquisition.assembly import Assembly, name_file
+from robid_acquisition.channel_map import ChannelMap, channel_table, channel_values, check_quantity, select
+from robid_acquisition.data_file import advice, find_file, reader_name, reader_of, refuse_others
+from robid_acquisition.poses import mean_angle, unlike_poses
+from robid_acquisition.recording import Recording
+from robid_acquisition.signals import (
+    SECONDS,
+    even_sample_time,
+    samples_per_period,
+    split_periods,
+    to_side,
+    window,
+)
+from robid_acquisition.sources import Sources
 from robid_core import (
-    Acquisition,
     Channel,
     ConfigurationError,
     Context,
-    DataPath,
     DataRejected,
     DenseRun,
     FloatArray,
     Record,
+    RobidError,
     Robot,
-    load_plugin,
 )
 
-SUFFIXES = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-    ".dat": "csv",
-    ".mat": "mat",
-    ".npz": "npz",
-    ".mcap": "mcap",
-}
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# A time step may differ from the mean one by this share before the recording counts as unevenly sampled.
-STEP_TOLERANCE = 0.1
+
+@dataclass(frozen=True)
+class Samples:
+    """Channels of a file as it states them, each (n_sample, n_covered), and the time from sample to sample."""
+
+    file: str
+    tables: dict[str, FloatArray]
+    sample_time_s: float
 
 
-def even_sample_time(time: FloatArray) -> float:
-    """Mean sampling time of evenly spaced instants in seconds.
-
-    Raises
-    ------
-    DataRejected
-        If the clock stands, runs back or jumps (fault A10); the message has the sample.
-    """
-    if time.ndim != 1 or len(time) < 2:
-        raise DataRejected(f"the time column has shape {time.shape}; one instant per sample is needed")
-    steps = np.diff(time)
-    known = steps[np.isfinite(steps)]
-    mean = float(np.median(known)) if len(known) else float("nan")
-    wrong = np.flatnonzero(~(np.abs(steps - mean) <= STEP_TOLERANCE * abs(mean)) | (steps <= 0))
-    if len(wrong):
-        raise DataRejected(
-            f"A10: time goes from {time[wrong[0]]:g} s to {time[wrong[0] + 1]:g} s at sample {wrong[0] + 1}, the usual "
-            f"step is {mean:g} s ({len(wrong)} such steps); resample it evenly, or give sample_time_s where only the "
-            "time stamps are wrong"
-        )
-    return float((time[-1] - time[0]) / (len(time) - 1))
-
-
-def split_periods(values: FloatArray, n_per_period: int) -> FloatArray:
-    """Cut whole periods, the rest dropped: (n_sample, n_axis) to (n_period, n_per_period, n_axis)."""
-    n_period = len(values) // n_per_period
-    return values[: n_period * n_per_period].reshape(n_period, n_per_period, -1)
-
-
-def to_side(values: FloatArray, name: str, given: str, wanted: str, gear: FloatArray) -> FloatArray:
-    """Bring values through the gear: joint = gear @ motor for motion, motor = gear^T @ joint for torque.
-
-    Parameters
-    ----------
-    values
-        Shape (n_sample, n_axis).
-    name
-        Channel; one with "torque" in it is a torque, any other of position, speed, acceleration is motion.
-    given, wanted
-        "motor" or "joint".
-    gear
-        r_g, shape (n_axis, n_axis).
-    """
-    if given == wanted or not any(word in name for word in ("position", "speed", "acceleration", "torque")):
-        return values
-    if np.isnan(values).any() and np.count_nonzero(gear - np.diag(np.diag(gear))):
-        raise DataRejected(
-            f"channel {name}: the gears are coupled; all axes are needed to bring it to the {wanted} side"
-        )
-    matrix = gear.T if "torque" in name else np.linalg.inv(gear)
-    if wanted == "joint":
-        matrix = np.linalg.inv(matrix)
-    if not np.count_nonzero(gear - np.diag(np.diag(gear))):
-        result: FloatArray = values * np.diag(matrix)
-        return result
-    return values @ matrix.T
-
-
-def read_file(root: Path | None, path: str, format_name: str, sha256: str, origin: str) -> tuple[Any, Path]:
-    """Return the reader of a data file and where the file is; checks that it is there and the one meant."""
-    source = f"get it from {origin} and " if origin else ""
-    advice = f"{source}set ROBID_DATA or pass --data to the folder that holds {path}"
-    if root is None:
-        raise ConfigurationError(f"no data folder is set; {advice}")
-    full = Path(root) / path
-    if not full.is_file():
-        raise ConfigurationError(f"there is no file {full}; {advice}")
-    if sha256:
-        found = hashlib.sha256(full.read_bytes()).hexdigest()
-        if found != sha256.lower():
-            raise DataRejected(
-                f"A13: {path} is another file than the one this pipeline was written for: its sha256 is {found}; "
-                f"{advice}, or correct sha256"
-            )
-    name = format_name or SUFFIXES.get(full.suffix.lower(), "")
-    if not name:
-        raise ConfigurationError(f"{path}: no reader for '{full.suffix}'; give format: csv, mat, npz, mcap")
-    return load_plugin("robid.records", name), full
-
-
-class RecordedAcquisition(Acquisition):
-    """Reads a recording through a channel map.
+class RecordedAcquisition(Sources):
+    """Reads recordings through a channel map: one file, a pattern of files, or those that a table lists.
 
     acquire:
       use: acquisition.recorded
       with:
-        origin: "https://www.nonlinearbenchmark.org"
-        path: emps/DATA_EMPS.mat
-        time_column: t
+        pattern: "lab/c{config}_b{block}_e{exp}.npz"
+        sample_time_s: 0.0005
+        period_s: 4.0
+        lines: [17, 19, 21]
         channels:
-          motor_position: {column: qm, unit: m}
-          motor_torque: {column: vir, unit: V, scale: 35.15, unit_to: N}
+          motor_position: {column: q, unit: rad}
+          motor_torque: {column: current, unit: A, scale: 0.43, unit_to: N m}
     """
 
-    origin: str = ""
-    """Where the file can be had, for the message when it is missing."""
-    path: DataPath
-    """The file, relative to the data root; a channel may name another one."""
-    format: str = ""
-    """Reader (csv, mat, npz, mcap or a plugin's); by default from the file's suffix."""
-    sha256: Annotated[str, Field(pattern="^([0-9a-fA-F]{64})?$")] = ""
-    """Checked where given: another file is refused."""
     channels: dict[str, ChannelMap] = {}
     """Channel name to its place in the file; motor_position and motor_torque are what most stages need."""
     sample_time_s: PositiveFloat | None = None
@@ -153,21 +76,25 @@ class RecordedAcquisition(Acquisition):
     """Column with the sampling instants; it must be even."""
     time_unit: Annotated[str, Field(pattern="^(s|ms|us|ns)$")] = "s"
     """Unit of the time column."""
-    start_s: NonNegativeFloat = 0.0
-    """What lies before this time is left out."""
-    stop_s: FiniteFloat | None = None
-    """What lies after this time is left out."""
     period_s: PositiveFloat | None = None
     """Period of the excitation: whole periods are kept apart. None: nothing repeats."""
     lines: tuple[NonNegativeInt, ...] = ()
     """Excited bins of one period, for frequency responses."""
     torque_hold: Annotated[str, Field(pattern="^(zero_order_hold|continuous)$")] = "continuous"
     """How torque goes between samples; continuous where the recording does not tell."""
+    angle_tolerance: PositiveFloat = 0.01
+    """Joint angle (rad, or m) by which the poses of one configuration may differ from their mean without a warning."""
 
     @model_validator(mode="after")
     def _settings_agree(self) -> RecordedAcquisition:
         for name, channel in self.channels.items():
             check_quantity(name, channel)
+            if channel.file and not self.path:
+                raise ValueError(
+                    f"channels: {name} comes from a file of its own, which goes with `path` only"
+                )
+        if not self.channels and (not self.path or self.starts_s):
+            raise ValueError("channels are missing: a map from names to columns of the files")
         if self.channels and (self.sample_time_s is None) == (not self.time_column):
             raise ValueError("give either sample_time_s or time_column")
         if self.lines and self.period_s is None:
@@ -175,104 +102,155 @@ class RecordedAcquisition(Acquisition):
         return self
 
     def external_files(self, data_root: Path) -> list[Path]:
-        """Return the files read, so that a changed file is a changed input."""
-        return [data_root / file for file in self._files()]
+        """Return the files read, those of single channels too, so that a changed file is a changed input."""
+        files = [*super().external_files(data_root), *(data_root / file for file in self._channel_files())]
+        return list(dict.fromkeys(files))
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the readers that will be loaded, so that an edited reader is a changed input."""
-        names = {self.format or SUFFIXES.get(Path(file).suffix.lower(), "") for file in self._files()}
-        return [("robid.records", name) for name in sorted(names) if name]
+        names = {reader_name(file, self.format) for file in self._channel_files()}
+        return sorted({*super().uses(), *(("robid.records", name) for name in names if name)})
 
-    def _files(self) -> list[str]:
-        return list(dict.fromkeys([self.path, *(c.file for c in self.channels.values() if c.file)]))
+    def _channel_files(self) -> list[str]:
+        return [channel.file for channel in self.channels.values() if channel.file]
 
     def run(self, robot: Robot, context: Context) -> Record:
-        """Read, convert, cut."""
-        reader, full = read_file(context.data_root, self.path, self.format, self.sha256, self.origin)
+        """Find, read, convert and cut, one file after the other."""
+        root, name = context.data_root, self.source_name
+        if root is None:
+            raise ConfigurationError(f"no data folder is set; {advice(name, self.origin)}")
+        if self.path:
+            find_file(root, self.path, self.origin)
+        refuse_others(super().external_files(root), self.sha256, name, self.origin)
         if not self.channels:
-            return _own_record(reader, full, robot)
-        files: dict[str, dict[str, FloatArray]] = {self.path: reader.read(full)}
-        for path in self._files()[1:]:
-            other, place = read_file(context.data_root, path, self.format, "", self.origin)
-            files[path] = other.read(place)
-        columns = files[self.path]
-        values = {
-            name: channel_values(files[channel.file or self.path], name, channel, robot.axis_names)
+            return _own_record(reader_of(name, self.format), root / name, robot)
+        arrangement = arrange(self.recordings(root))
+        self._tell(arrangement, context)
+        return self._record(arrangement, robot, context)
+
+    def _tell(self, arrangement: Arrangement, context: Context) -> None:
+        """Warn of what is missing, or refuse."""
+        if arrangement.shortfalls and self.incomplete == "refuse":
+            raise DataRejected(f"{'. '.join(arrangement.shortfalls)}; add the files, or set incomplete: drop")
+        for words in arrangement.shortfalls:
+            context.log.warning("%s", words)
+
+    def _record(self, arrangement: Arrangement, robot: Robot, context: Context) -> Record:
+        """Read every experiment and put the record together."""
+        shape = arrangement.shape
+        assembly = Assembly(shape, self.period_s is not None)
+        samples: Samples | None = None
+        angle = np.zeros((*shape, robot.n_axis))
+        rests: list[str] = []
+        places = sorted(np.ndindex(*shape), key=lambda place: _at(arrangement, place).file)  # each file once
+        for place in context.track(places, len(places), "reading recordings"):
+            recording = _at(arrangement, place)
+            try:
+                if samples is None or samples.file != recording.file:
+                    samples = self._read(recording.file, robot, context)
+                values, rest = self._experiment(recording, samples, robot)
+                assembly.put(place, recording.name, values, samples.sample_time_s)
+            except RobidError as error:
+                if len(places) > 1:
+                    name_file(recording.name, error)
+                raise
+            angle[place] = mean_angle(values, robot)
+            if rest:
+                rests.append(f"{rest} samples of {recording.name}")
+        if rests:
+            context.log.warning("A11: left out after the last whole period: %s", listed(rests))
+        if cut := assembly.cut():
+            context.log.warning("A11: %s", cut)
+        if unlike := unlike_poses(arrangement, angle, self.angle_tolerance, robot.axis_names):
+            context.log.warning("%s", unlike)
+        names = arrangement.variants if any(arrangement.variants) else (self.variant,) * shape[0]
+        channels = {
+            name: Channel(_side(name), self.channels[name].symbol, values)
+            for name, values in assembly.channels.items()
+        }
+        return Record(
+            axis_names=robot.axis_names,
+            source=self._source(arrangement),
+            torque_hold=self.torque_hold,
+            runs=(_dense_run(arrangement, channels, assembly.sample_time_s),),
+            angle=angle.mean(axis=(1, 2)),
+            line=np.array(self.lines, dtype=np.int64) if self.lines else None,
+            variants=names if any(names) else (),
+        )
+
+    def _read(self, file: str, robot: Robot, context: Context) -> Samples:
+        """Read a file, and those of channels that lie elsewhere."""
+        columns = {
+            name: reader_of(name, self.format).read(find_file(context.data_root, name, self.origin))
+            for name in dict.fromkeys([file, *self._channel_files()])
+        }
+        tables = {
+            name: channel_table(columns[channel.file or file], name, channel, robot.axis_names)
             for name, channel in self.channels.items()
         }
-        lengths = {name: len(value) for name, value in values.items()}
+        lengths = {name: len(table) for name, table in tables.items()}
         if len(set(lengths.values())) > 1:
             raise DataRejected(f"A06: the channels have different lengths: {lengths}")
         sample_time = self.sample_time_s or even_sample_time(
-            select(columns, self.time_column) * SECONDS[self.time_unit]
+            select(columns[file], self.time_column) * SECONDS[self.time_unit]
         )
-        first, stop = self._window(next(iter(lengths.values())), sample_time)
-        n_per_period = self._samples_per_period(sample_time, stop - first, context)
-        channels = {}
+        return Samples(file, tables, sample_time)
+
+    def _experiment(
+        self, recording: Recording, samples: Samples, robot: Robot
+    ) -> tuple[dict[str, FloatArray], int]:
+        """Return channels, each (n_period, n_sample, n_axis), and how many samples are left over."""
+        start_s = self.start_s if recording.start_s is None else recording.start_s
+        stop_s = self.stop_s if recording.stop_s is None else recording.stop_s
+        n_recorded = len(next(iter(samples.tables.values())))
+        kept = window(n_recorded, samples.sample_time_s, start_s, stop_s)
+        n_sample = kept.stop - kept.start
+        n_per_period = samples_per_period(n_sample, samples.sample_time_s, self.period_s)
+        values = {}
         for name, channel in self.channels.items():
-            side = "joint" if name.startswith("joint_") else "motor"
-            moved = to_side(values[name][first:stop], name, channel.side, side, robot.drives.gear)
-            shaped = split_periods(moved, n_per_period)[None, None, None]
-            channels[name] = Channel(side=side, unit_symbol=channel.symbol, values=shaped)
-        return Record(
-            axis_names=robot.axis_names,
-            source=f"{self.path} ({type(reader).__name__ if not isinstance(reader, type) else reader.__name__})",
-            torque_hold=self.torque_hold,
-            runs=(_dense_run(channels, sample_time),),
-            angle=_mean_angle(channels, robot)[None],
-            line=np.array(self.lines, dtype=np.int64) if self.lines else None,
+            given = channel_values(samples.tables[name][kept], name, channel, robot.axis_names, kept.start)
+            moved = to_side(given, name, channel.side, _side(name), robot.drives.gear)
+            values[name] = split_periods(moved, n_per_period)
+        return values, n_sample % n_per_period
+
+    def _source(self, arrangement: Arrangement) -> str:
+        """Say where the record comes from."""
+        reader = reader_of(arrangement.recordings[0][0][0].file, self.format)
+        kind = reader.__name__ if isinstance(reader, type) else type(reader).__name__
+        count = int(np.prod(arrangement.shape))
+        recordings = f"{count} recordings, " if count > 1 else ""
+        return f"{self.source_name} ({recordings}{kind})"
+
+
+def _side(name: str) -> str:
+    return "joint" if name.startswith("joint_") else "motor"
+
+
+def _at(arrangement: Arrangement, place: tuple[int, ...]) -> Recording:
+    configuration, block, experiment = place
+    return arrangement.recordings[configuration][block][experiment]
+
+
+def _dense_run(arrangement: Arrangement, channels: dict[str, Channel], sample_time: float) -> DenseRun:
+    """Return the run of all experiments, with their roles and constants where there are any."""
+    shape = next(iter(channels.values())).values.shape
+
+    def each(value: Callable[[Recording], Any]) -> Any:
+        return np.array(
+            [[[value(one) for one in block] for block in blocks] for blocks in arrangement.recordings]
         )
 
-    def _window(self, n_sample: int, sample_time: float) -> tuple[int, int]:
-        first = round(self.start_s / sample_time)
-        stop = n_sample if self.stop_s is None else min(n_sample, round(self.stop_s / sample_time))
-        if stop - first < 2:
-            raise DataRejected(
-                f"{self.path}: nothing lies between start_s and stop_s; it lasts {n_sample * sample_time:g} s"
-            )
-        return first, stop
-
-    def _samples_per_period(self, sample_time: float, n_sample: int, context: Context) -> int:
-        if self.period_s is None:
-            return n_sample
-        exact = self.period_s / sample_time
-        whole = round(exact)
-        # A tenth of a sample over the whole recording leaks less than the noise of any encoder.
-        if whole < 1 or abs(exact - whole) * (n_sample / max(whole, 1)) > 0.1:
-            raise DataRejected(
-                f"A09: a period of {self.period_s:g} s is {exact:.6g} samples of {sample_time:g} s, not a whole "
-                "number; correct period_s or resample"
-            )
-        if n_sample < whole:
-            raise DataRejected(
-                f"A11: {n_sample * sample_time:g} s were recorded, less than a period of {self.period_s:g} s"
-            )
-        rest = n_sample % whole
-        if rest:
-            context.log.warning(
-                "A11: %s: %d samples after the last whole period are left out", self.path, rest
-            )
-        return whole
-
-
-def _dense_run(channels: dict[str, Channel], sample_time: float) -> DenseRun:
-    shape = next(iter(channels.values())).values.shape
+    constants = tuple(_at(arrangement, (0, 0, 0)).constants)
+    test = each(lambda one: one.test)
     return DenseRun(
         sample_time_s=sample_time,
         channels=channels,
         time_s=np.arange(shape[4], dtype=np.float64) * sample_time,
         valid=np.ones(shape[:5], dtype=bool),
+        test=test if test.any() else None,
+        constant_names=constants,
+        constants=each(lambda one: [one.constants[name] for name in constants]) if constants else None,
     )
-
-
-def _mean_angle(channels: dict[str, Channel], robot: Robot) -> FloatArray:
-    """Mean motor angle seen through the gear, shape (n_axis,); the joint's own where no motor angle was recorded."""
-    for name in ("motor_position", "joint_position"):
-        if name in channels:
-            mean: FloatArray = channels[name].values.mean(axis=(0, 1, 2, 3, 4))
-            known = np.nan_to_num(mean)
-            return robot.joint_angle(known) if name == "motor_position" else known
-    return np.zeros(robot.n_axis)
 
 
 def _own_record(reader: Any, full: Path, robot: Robot) -> Record:

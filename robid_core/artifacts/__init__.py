@@ -9,13 +9,14 @@ from robid_core.artifacts.artifact import (
     array,
 )
 from robid_core.artifacts.configurations import Configurations
+from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.misfit import MisfitTable
-from robid_core.artifacts.record import Channel, DenseRun, Record
+from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 
 __all__ = [

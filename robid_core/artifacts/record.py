@@ -1,4 +1,4 @@
-"""What was measured: dense runs with named channels, sampling instants and a mask."""
+"""What was measured: configurations, dense runs of experiments, excited lines; and their spectra."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, IntArray, array
+from robid_core.artifacts.dense_run import DenseRun
+from robid_core.artifacts.packing import packed
 from robid_core.errors import DataRejected
 
 MOTOR_POSITION = "motor_position"
@@ -17,48 +19,6 @@ POSITION_REFERENCE = "position_reference"
 
 
 @dataclass(frozen=True, eq=False)
-class Channel(Artifact):
-    """One measured quantity of every axis, with the sign of the URDF axis, on a stated side of the gear.
-
-    `side` is "motor" or "joint". Names in use: motor_position, motor_speed, motor_torque, speed_reference,
-    position_reference, joint_position, temperature.
-    """
-
-    side: str
-    unit_symbol: str
-    values: FloatArray = array("n_config n_block n_exp n_period n_sample n_axis", finite=False)
-
-
-@dataclass(frozen=True, eq=False)
-class DenseRun(Artifact):
-    """Experiments of one length, sampled together.
-
-    `time_s` holds the sampling instants within a period (or within the whole run when nothing repeats and
-    n_period is 1); `valid` marks the samples that were really measured.
-    """
-
-    sample_time_s: float
-    channels: dict[str, Channel]
-    time_s: FloatArray = array("n_sample", "s")
-    valid: BoolArray = array("n_config n_block n_exp n_period n_sample")
-
-    def channel(self, name: str) -> Channel:
-        """Return a channel by name; DataRejected names the ones that exist."""
-        if name not in self.channels:
-            raise DataRejected(f"the record has no channel {name}; it has {', '.join(sorted(self.channels))}")
-        return self.channels[name]
-
-    def values(self, name: str) -> FloatArray:
-        """Return a channel's values, shape (n_config, n_block, n_exp, n_period, n_sample, n_axis)."""
-        return self.channel(name).values
-
-    @property
-    def n_period(self) -> int:
-        """Periods measured."""
-        return int(self.valid.shape[3])
-
-
-@dataclass(frozen=True, eq=False)
 class Record(Artifact):
     """A measurement: its configurations, its dense runs and, where it was periodic, the excited bins.
 
@@ -66,6 +26,11 @@ class Record(Artifact):
     `damping_deviation` is what a compensation of friction may have done wrong without any residual to show it: standard
     deviation at the lines of the damping that it left in the torque of each motor. `model_based` tells that a model
     of the robot had a part in the samples: what is estimated from them may lean towards it.
+
+    A robot with another payload or tool, or one that was changed between two runs, is another variant: `variants` has
+    a name for each configuration, or none where all were measured alike. The same pose under two variants is two
+    configurations, so that no average over blocks and experiments mixes them. Which experiments are put aside for
+    tests, and constants such as a temperature, stand in the runs.
     """
 
     axis_names: tuple[str, ...]
@@ -76,6 +41,15 @@ class Record(Artifact):
     line: IntArray | None = array("n_freq", optional=True)
     damping_deviation: FloatArray | None = array("n_config n_freq n_axis", "N m s/rad", optional=True)
     model_based: bool = False
+    variants: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that every configuration has a variant, or none has."""
+        super().__post_init__()
+        if self.variants and len(self.variants) != len(self.angle):
+            raise DataRejected(
+                f"Record.variants: {len(self.variants)} names for {len(self.angle)} configurations; give one for each"
+            )
 
     @property
     def run(self) -> DenseRun:
@@ -90,6 +64,34 @@ class Record(Artifact):
         run = self.run
         period_s = run.sample_time_s * len(run.time_s)
         return self._lines() / period_s
+
+    def training(self) -> Record:
+        """Return the record without the experiments that are put aside for tests, dense again.
+
+        Raises
+        ------
+        DataRejected
+            If none is left, or configurations and blocks do not keep equally many.
+        """
+        if all(run.test is None or not run.test.any() for run in self.runs):
+            return self
+        assert self.run.test is not None
+        return self.part(~self.run.test)
+
+    def part(self, kept: BoolArray) -> Record:
+        """Return the record of some of its experiments, a mask of shape (n_config, n_block, n_exp).
+
+        Configurations and blocks of which nothing is kept go; raises as `training`.
+        """
+        index = packed(kept)
+        configurations = index[0].ravel()
+        deviation = self.damping_deviation
+        return self.replace(
+            runs=(self.run.experiments(index),),
+            angle=self.angle[configurations],
+            damping_deviation=None if deviation is None else deviation[configurations],
+            variants=tuple(self.variants[i] for i in configurations) if self.variants else (),
+        )
 
     def damping_deviation_at(self, frequency_hz: FloatArray) -> FloatArray | None:
         """`damping_deviation` at other frequencies, (n_config, n_freq, n_axis), constant beyond the lines."""

@@ -16,6 +16,7 @@ from robid_core.errors import RobidError
 
 if TYPE_CHECKING:
     from robid_core.pipeline import Pipeline, StageNode
+    from robid_core.pipeline.wiring import Source
     from robid_core.stage import Stage
 
 
@@ -71,11 +72,16 @@ def text_lines(pipeline: Pipeline, advice: Mapping[str, list[str]] | None = None
     wide_name = max(len(node.name) for node in pipeline.stages)
     wide_use = max(len(node.plugin.name) for node in pipeline.stages)
     for node in pipeline.stages:
-        sources = ", ".join(f"{parameter}: {source}" for parameter, source in node.inputs.items())
+        sources = ", ".join(f"{parameter}: {in_words(source)}" for parameter, source in node.inputs.items())
         lines.append(f"{node.name:{wide_name}}  {node.plugin.name:{wide_use}}  {sources}".rstrip())
         below = [*foresee(node, pipeline), *(advice or {}).get(node.name, [])]
         lines += [f"{'':{wide_name}}  {line}" for line in below]
     return lines
+
+
+def in_words(source: Source) -> str:
+    """Return what feeds a parameter, as it stands in the file."""
+    return source if isinstance(source, str) else f"[{', '.join(source)}]"
 
 
 def mermaid_lines(pipeline: Pipeline) -> list[str]:
@@ -84,7 +90,7 @@ def mermaid_lines(pipeline: Pipeline) -> list[str]:
     for node in pipeline.stages:
         lines.append(f'    s_{node.name}["{node.name}<br/>{node.plugin.name}"]')
     for node in pipeline.stages:
-        for source in dict.fromkeys(node.inputs.values()):
+        for source in node.feeds:
             made = pipeline.stage(source).stage.output.__name__
             lines.append(f"    s_{source} -- {made} --> s_{node.name}")
     return lines
@@ -92,7 +98,12 @@ def mermaid_lines(pipeline: Pipeline) -> list[str]:
 
 def foresee(node: StageNode, pipeline: Pipeline) -> list[str]:
     """Return what can be said of a stage before it runs: its own `plan_lines`, and the robot's time."""
-    upstream = {parameter: pipeline.stage(source).stage for parameter, source in node.inputs.items()}
+    upstream: dict[str, Stage] = {}
+    for parameter, source in node.inputs.items():
+        if isinstance(source, str):
+            upstream[parameter] = pipeline.stage(source).stage
+        else:
+            upstream |= {f"{parameter}[{i}]": pipeline.stage(name).stage for i, name in enumerate(source)}
     lines: list[str] = []
     plan_lines = getattr(node.stage, "plan_lines", None)
     if callable(plan_lines):

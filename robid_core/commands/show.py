@@ -218,7 +218,7 @@ def _array_text(value: Any, metadata: Any) -> str:
 def _plain_text(value: Any) -> str:
     if isinstance(value, tuple):
         shown = ", ".join(str(entry) for entry in value[:MOST_NAMES])
-        return shown + (f", ... ({len(value)})" if len(value) > MOST_NAMES else "")
+        return (shown or "none") + (f", ... ({len(value)})" if len(value) > MOST_NAMES else "")
     if isinstance(value, float):
         return f"{value:.6g}"
     text = "absent" if value is None else str(value)

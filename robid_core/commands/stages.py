@@ -79,9 +79,7 @@ def explain(plugin: Plugin) -> list[str]:
     if plugin.group == EFFECTS:
         return lines + explain_effect(plugin.name, loaded)
     if plugin.group == STAGES:
-        takes = [
-            f"{i.name}: {i.artifact.__name__}{' (optional)' if i.optional else ''}" for i in loaded.inputs()
-        ]
+        takes = [f"{entry.name}: {entry.noun}" for entry in loaded.inputs()]
         lines.append(f"takes {', '.join(takes) or 'nothing'}; makes {loaded.output.__name__}")
     lines += ["", inspect.getdoc(loaded) or "(no description)"]
     if plugin.group in (STAGES, DRIVES, EXECUTORS):

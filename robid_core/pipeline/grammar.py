@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, model_validator
 
 from robid_core.pipeline.document import Node, mapping
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest
@@ -59,11 +59,17 @@ class PluginUse(Settings):
     """Settings of the plugin."""
 
 
+def _one_or_many(value: Any) -> Any:
+    """Let one stage be written without brackets."""
+    return value if isinstance(value, list) else [value]
+
+
 class StageUse(PluginUse):
     """One stage: which plugin, its settings, and its inputs where they are not obvious."""
 
-    inputs: dict[str, str] = {}
-    """Parameter: name of the stage whose output it takes. Needed only where two stages make the same type."""
+    inputs: dict[str, Annotated[list[str], BeforeValidator(_one_or_many)]] = {}
+    """Parameter: name of the stage whose output it takes. Needed only where two stages make the same type. One that
+    takes many takes a list."""
 
 
 class PipelineFile(Settings):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from robid_core.artifacts import Artifact
+from robid_core.pipeline.document import Node as Value
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared
-from robid_core.pipeline.wiring import Node, Open, Wires, cycles, in_order, wire
-from robid_core.stage import KINDS
+from robid_core.pipeline.wiring import Node, Open, Source, Wires, cycles, each, in_order, wire
+from robid_core.stage import KINDS, Input
 
 
 def check_given(stage: Declared, declared: dict[str, Declared], problems: ProblemList) -> None:
@@ -16,25 +17,57 @@ def check_given(stage: Declared, declared: dict[str, Declared], problems: Proble
     if problems.spoils(*path):
         stage.given = {entry.name: None for entry in stage.inputs}
         return
-    wanted = {entry.name: entry.artifact for entry in stage.inputs}
+    wanted = {entry.name: entry for entry in stage.inputs}
     for parameter, node in (table.entries() if table is not None else {}).items():
-        if problems.spoils(*path, parameter):
-            message = "reported already"
-        elif stage.known and parameter not in wanted:
+        assert table is not None
+        place, items = (*path, parameter), _items(node)
+        if problems.spoils(*place) or any(problems.spoils(*place, index) for index in range(len(items))):
+            stage.given[parameter] = None
+            continue
+        entry = wanted.get(parameter)
+        if stage.known and entry is None:
             meant = nearest(parameter, list(wanted)) or next(iter(wanted), parameter)
-            message = _no_input(stage, parameter, list(wanted))
+            wrong = {place: _no_input(stage, parameter, list(wanted))}
             stage.given.setdefault(meant, None)
         else:
-            message = _wrong_source(stage, str(node.value), wanted.get(parameter), declared)
-        stage.given[parameter] = None if message else str(node.value)
-        if message and table is not None and not problems.spoils(*path, parameter):
-            problems.add(table.keys[parameter], (*path, parameter), message)
+            wrong = _wrong_sources(stage, node, entry, place, declared)
+        for where, message in wrong.items():
+            problems.add(table.at(where[len(path) :])[1], where, message)
+        names = tuple(str(item.value) for item in items)
+        many = isinstance(node.value, list) or (entry is not None and entry.many)
+        stage.given[parameter] = None if wrong else names if many else names[0]
 
 
 def _no_input(stage: Declared, parameter: str, wanted: list[str]) -> str:
     if parameter in stage.lends:
         return f"'{parameter}' is handed in by robid and not wired"
     return f"{stage.plugin} has no input '{parameter}'; {suggestion(parameter, wanted, 'its inputs are')}"
+
+
+def _items(node: Value) -> list[Value]:
+    """Return the names that stand under an input: a list, or the one."""
+    return node.value if isinstance(node.value, list) else [node]
+
+
+def _wrong_sources(
+    stage: Declared, node: Value, entry: Input | None, place: Path, declared: dict[str, Declared]
+) -> dict[Path, str]:
+    """Return what is wrong with what stands under an input, by its place; empty where nothing is."""
+    names = [str(item.value) for item in _items(node)]
+    if entry is not None and isinstance(node.value, list) and not entry.many:
+        return {
+            place: f"{stage.plugin} takes one {entry.artifact.__name__} here; write the name of one stage, no list"
+        }
+    if entry is not None and not names and not entry.optional:
+        return {place: f"the list is empty; name the stages that make {_a(entry.artifact)}"}
+    wrong: dict[Path, str] = {}
+    for index, name in enumerate(names):
+        message = _wrong_source(stage, name, entry.artifact if entry is not None else None, declared)
+        if name in names[:index]:
+            message = f"stage '{name}' is listed already"
+        if message:
+            wrong[(*place, index) if isinstance(node.value, list) else place] = message
+    return wrong
 
 
 def _wrong_source(
@@ -54,7 +87,7 @@ def _wrong_source(
     return f"'{source}' makes {_a(made)}, not {_a(artifact)}{hint}"
 
 
-def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, str]]]:
+def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, Source]]]:
     """Return (stage, inputs) in the order in which they can run; what cannot be wired goes to `problems`."""
     nodes = [
         Node(
@@ -63,6 +96,7 @@ def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[t
             {entry.name: entry.artifact for entry in stage.inputs},
             frozenset(entry.name for entry in stage.inputs if entry.optional),
             stage.given,
+            frozenset(entry.name for entry in stage.inputs if entry.many),
         )
         for stage in declared.values()
     ]
@@ -81,7 +115,9 @@ def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[t
         if not riddle:
             _tell_missing(artifact, entries, declared, problems)
     certain = {
-        name: {p: s for p, s in stage.given.items() if s} if riddle or not stage.known else wires[name]
+        name: {p: s for p, s in stage.given.items() if s is not None}
+        if riddle or not stage.known
+        else wires[name]
         for name, stage in declared.items()
     }
     for cycle in cycles(certain):
@@ -111,7 +147,7 @@ def _tell_missing(
 
 
 def _tell_cycle(cycle: list[str], wires: Wires, stage: Declared, problems: ProblemList) -> None:
-    parameter = next(p for p, source in wires[cycle[0]].items() if source == cycle[-2])
+    parameter = next(p for p, source in wires[cycle[0]].items() if cycle[-2] in each(source))
     problems.add(
         _mark(stage),
         ("stages", stage.name, "inputs", parameter),

@@ -20,6 +20,7 @@ from robid_core.pipeline.places import find_places
 from robid_core.pipeline.problems import Path as SettingPath, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
 from robid_core.pipeline.robot_check import check_against_robot
+from robid_core.pipeline.wiring import Source, feeding
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
 from robid_core.robot import Robot
 from robid_core.robot.reading import find_robot, read_description
@@ -31,19 +32,24 @@ from robid_core.stage import Stage
 class StageNode:
     """One stage of a pipeline, ready to run.
 
-    `inputs` maps parameters of `run` to the stage that feeds them (an optional one may be absent); `files`
-    are the files its settings name (hash them into the key of its result); `references` the plugins of
-    stages that its settings refer to.
+    `inputs` maps parameters of `run` to the stage that feeds them, or to the stages where a parameter takes many (an
+    optional one may be absent); `files` are the files its settings name (hash them into the key of its result);
+    `references` the plugins of stages that its settings refer to.
     """
 
     name: str
     plugin: Plugin
     stage: Stage
-    inputs: dict[str, str]
+    inputs: dict[str, Source]
     line: int
     column: int
     files: tuple[SettingFile, ...] = ()
     references: tuple[Plugin, ...] = ()
+
+    @property
+    def feeds(self) -> tuple[str, ...]:
+        """Every stage that feeds this one, each once."""
+        return feeding(self.inputs)
 
 
 @dataclass(frozen=True)

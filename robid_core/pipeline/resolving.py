@@ -13,10 +13,11 @@ from typing import Any
 from pydantic import BaseModel
 
 from robid_core.artifacts import Artifact
-from robid_core.errors import ConfigurationError, PluginError
+from robid_core.errors import ConfigurationError, PluginError, RobidError
 from robid_core.pipeline.checking import check, settings_model
 from robid_core.pipeline.document import Node, mapping
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest
+from robid_core.pipeline.wiring import Source
 from robid_core.registry import STAGES, Plugin, Registry
 from robid_core.settings_types import Places, SettingFile, StageRef
 from robid_core.stage import Input, Stage
@@ -37,7 +38,7 @@ class Declared:
     known: bool = False
     files: tuple[SettingFile, ...] = ()
     references: tuple[Plugin, ...] = ()
-    given: dict[str, str | None] = field(default_factory=dict)
+    given: dict[str, Source | None] = field(default_factory=dict)
 
 
 @dataclass
@@ -89,6 +90,17 @@ class Resolver:
             except (ConfigurationError, PluginError) as error:
                 self.problems.add(node.keys["use"], (*path, "use"), " ".join(str(error).split()))
 
+    def external(self, stage: Stage, plugin: Plugin, node: Node, path: Path) -> None:
+        """Let a stage look for the data files that its settings lead to."""
+        try:
+            stage.external_files(self.places.data_root)
+            return
+        except RobidError as error:
+            text = str(error)
+        except Exception as error:
+            text = f"{plugin} breaks the contract of stages: external_files: {type(error).__name__}: {error}"
+        self.problems.add(node.keys.get("with", node.mark), path, " ".join(text.split()))
+
     def stage(self, name: str, node: Node, mark: Mark) -> Declared:
         """Return what one entry of `stages:` declares."""
         path: Path = ("stages", name)
@@ -102,6 +114,7 @@ class Resolver:
                 self.used(checked[0], node, path)
             if checked and isinstance(checked[0], Stage):
                 declared.stage, declared.files = checked[0], checked[1]
+                self.external(checked[0], declared.plugin, node, (*path, "with"))
                 declared.references = tuple(self._references(checked[0], node, path))
         else:
             cls = self._probably(node)

@@ -16,7 +16,7 @@ from robid_core.errors import RobidError
 from robid_core.pipeline.checking import settings_model
 from robid_core.pipeline.grammar import VERSION, PipelineFile, RobotUse
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, STAGES, Plugin, Registry
-from robid_core.stage import Stage
+from robid_core.stage import Input, Stage
 
 Schema = dict[str, Any]
 
@@ -91,8 +91,8 @@ def _choice(plugins: Registry, group: str, definitions: Schema, description: str
     if group == STAGES:
         properties["inputs"] = {
             "type": "object",
-            "description": "Input: name of the stage that feeds it, where that is not obvious.",
-            "additionalProperties": {"type": "string"},
+            "description": "Input: name of the stage that feeds it, where that is not obvious; a list for many.",
+            "additionalProperties": {"type": ["string", "array"]},
         }
     return {
         "type": "object",
@@ -112,12 +112,22 @@ def _branch(plugin: Plugin, model: type[BaseModel], definitions: Schema) -> Sche
     if definitions[key].get("required"):
         branch["required"] = ["with"]
     if issubclass(model, Stage):
-        inputs = {
-            entry.name: {"type": "string", "description": f"A stage that makes {entry.artifact.__name__}."}
-            for entry in model.inputs()
-        }
+        inputs = {entry.name: _input(entry) for entry in model.inputs()}
         branch["properties"]["inputs"] = {"properties": inputs, "additionalProperties": False}
     return branch
+
+
+def _input(entry: Input) -> Schema:
+    """Return the schema of what stands under one input."""
+    if not entry.many:
+        return {"type": "string", "description": f"A stage that makes {entry.artifact.__name__}."}
+    return {
+        "type": ["string", "array"],
+        "items": {"type": "string"},
+        "minItems": 0 if entry.optional else 1,
+        "uniqueItems": True,
+        "description": f"Stages that make {entry.artifact.__name__}.",
+    }
 
 
 def _definitions_lifted(schema: Schema, definitions: Schema, prefix: str = "") -> Schema:

@@ -14,7 +14,9 @@ from robid_core.executors import ProcessMap, process_executor
 from robid_core.interruption import heed
 from robid_core.mechanics import warm_up
 from robid_core.pipeline import StageNode
+from robid_core.pipeline.wiring import each
 from robid_core.robot import Robot
+from robid_core.run.arguments import arguments_of
 from robid_core.run.beginning import executor_choice
 from robid_core.run.confine import Job, run_confined
 from robid_core.run.folder import RunFolder
@@ -47,10 +49,11 @@ class Caller:
         if limited and not self._shared.moves_hardware(node.stage):
             return checked_result(node, self._confined(node, entries))
         artifacts = {
-            parameter: self._store.read(entry, kind)
-            for parameter, (kind, entry) in self._inputs(node, entries).items()
+            parameter: [self._store.read(entry, kind) for kind, entry in found]
+            for parameter, found in self._inputs(node, entries).items()
         }
-        arguments: dict[str, Any] = {**artifacts, **self._lent(node)}
+        log = logging.getLogger(f"{NAME}.{node.name}")
+        arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts, log), **self._lent(node)}
         for parameter, kind in node.stage.lends().items():
             if kind is Context:
                 arguments[parameter] = make_context(
@@ -84,12 +87,13 @@ class Caller:
 
     def _inputs(
         self, node: StageNode, entries: Mapping[str, Entry]
-    ) -> dict[str, tuple[type[Artifact], Entry]]:
-        """Return class and entry of each input; an optional one whose stage gave nothing stays away."""
+    ) -> dict[str, list[tuple[type[Artifact], Entry]]]:
+        """Return class and entry of what feeds each input; an optional one whose stage gave nothing stays away."""
+        output = {stage.name: stage.stage.output for stage in self._shared.pipeline.stages}
         return {
-            parameter: (self._shared.pipeline.stage(source).stage.output, entries[source])
+            parameter: [(output[name], entries[name]) for name in each(source) if name in entries]
             for parameter, source in node.inputs.items()
-            if source in entries
+            if not isinstance(source, str) or source in entries
         }
 
     def _lent(self, node: StageNode) -> dict[str, Any]:
@@ -113,8 +117,8 @@ class Caller:
                 name=node.name,
                 stage=node.stage,
                 artifacts={
-                    parameter: (kind, self._store.verified_path(entry))
-                    for parameter, (kind, entry) in self._inputs(node, entries).items()
+                    parameter: [(kind, self._store.verified_path(entry)) for kind, entry in found]
+                    for parameter, found in self._inputs(node, entries).items()
                 },
                 lent=self._lent(node),
                 context=(context[0], pipeline.seed, pipeline.data_root) if context else None,

@@ -29,6 +29,8 @@ from typing import Any
 from robid_core.artifacts import Artifact
 from robid_core.errors import MotionAborted, PluginError
 from robid_core.interruption import SIGNALS, heed, held, settled, signals_as_interrupt
+from robid_core.run.arguments import arguments_of
+from robid_core.run.log import NAME
 from robid_core.stage import Stage
 
 LOG = logging.getLogger("robid.confine")
@@ -44,7 +46,7 @@ class Job:
 
     name: str
     stage: Stage
-    artifacts: Mapping[str, tuple[type[Artifact], Path]]  # by parameter
+    artifacts: Mapping[str, list[tuple[type[Artifact], Path]]]  # by parameter
     lent: Mapping[str, Any]  # by parameter; the Context is made over there
     context: tuple[str, int, Path] | None  # parameter, seed of the pipeline, data root
     executor: tuple[Callable[..., Any], Mapping[str, Any]]
@@ -206,7 +208,7 @@ def _work(job: Job, memory_mb: int | None, pipe: Connection) -> None:
     from robid_core.executors import one_thread
     from robid_core.run.calling import make_context
 
-    artifacts = {name: kind.read(path) for name, (kind, path) in job.artifacts.items()}
+    artifacts = {name: [kind.read(path) for kind, path in found] for name, found in job.artifacts.items()}
     if memory_mb is not None:  # on top of what libraries have mapped already
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         limit = taken + memory_mb * 2**20
@@ -219,7 +221,8 @@ def _work(job: Job, memory_mb: int | None, pipe: Connection) -> None:
 
     make, settings = job.executor
     with one_thread(), make(**settings) as tasks:
-        arguments = {**artifacts, **job.lent}
+        log = logging.getLogger(f"{NAME}.{job.name}")
+        arguments: dict[str, Any] = {**arguments_of(job.stage, artifacts, log), **job.lent}
         if job.context is not None:
             parameter, seed, data_root = job.context
             arguments[parameter] = make_context(job.name, seed, data_root, tasks, progress)

@@ -3,7 +3,7 @@
 The ingredients of a stage: which code it is (distribution, name, version, and a hash of the sources where
 they can change under the same version), its settings, the seed where it draws random numbers, the hashes of
 the artifacts it takes, of the robot and the drives where it is lent them (the code of their effects included), and
-of the files its settings name.
+of the files its settings name or lead to.
 A recording made on hardware does not depend on versions: no update makes a robot move again. Time stamps of
 files take no part.
 """
@@ -30,8 +30,10 @@ from robid_core.stage import Context, Stage
 from robid_core.store import canonical_json, failures_named, text_hash
 
 KEY_FORMAT = 1
+MANY_FILES = 4  # of which no more are named among the differences
 
 Ingredients = dict[str, Any]
+InputHash = str | list[str]  # sha256 of the artifact that a parameter takes, or of each where it takes many
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Surroundings:
         return drives is not None and drives.moves_hardware and Drives in stage.lends().values()
 
 
-def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundings) -> Ingredients:
+def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Surroundings) -> Ingredients:
     """Return everything the result of a stage depends on, as plain JSON values.
 
     Parameters
@@ -68,7 +70,7 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
     node
         The stage.
     inputs
-        sha256 of each artifact it takes, by parameter of `run`; one that stays away is absent.
+        sha256 of what it takes, by parameter of `run`; one that stays away is absent.
     shared
         Robot, drives and seed of the pipeline.
     """
@@ -79,7 +81,10 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
         "stage": plugin_identity(node.plugin, versioned=not hardware),
         "settings": stage.model_dump(mode="json", by_alias=True),
         "inputs": dict(inputs),
-        "files": {f"{f.setting}: {f.written}": file_hash(f.path) for f in node.files},
+        "files": {
+            **{f"{f.setting}: {f.written}": file_hash(f.path) for f in node.files},
+            **_data_hashes(node, shared.pipeline.data_root),
+        },
     }
     if not hardware:
         found["core"] = {"version": __version__, "sources": core_hash()}
@@ -102,6 +107,16 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, str], shared: Surroundi
             "plugins": {p.name: plugin_identity(p, versioned=not hardware) for p in _used(choice.settings)},
         }
     return found
+
+
+def _data_hashes(node: StageNode, root: Path) -> dict[str, str]:
+    """Return the sha256 of the data files that a stage reads beyond those that its settings name, by name."""
+    known = {file.path for file in node.files}
+    files = [path for path in node.stage.external_files(root) if path not in known]
+    return {
+        (path.relative_to(root) if path.is_relative_to(root) else path).as_posix(): file_hash(path)
+        for path in files
+    }
 
 
 def _dynamics(pipeline: Pipeline, hardware: bool) -> Any:
@@ -169,7 +184,12 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any], place: tuple[str
         if before == after:
             continue
         if isinstance(before, Mapping) and isinstance(after, Mapping):
-            lines += differences(before, after, (*place, name))
+            inner = differences(before, after, (*place, name))
+            if name == "files" and len(inner) > MANY_FILES:
+                inner[MANY_FILES - 1 :] = [
+                    f"{len(inner) - MANY_FILES + 1} more files appeared, changed or went away"
+                ]
+            lines += inner
         else:
             lines.append(_change((*place, name), before, after))
     return lines

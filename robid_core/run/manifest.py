@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from robid_core.errors import ConfigurationError, StoreError
+from robid_core.pipeline.wiring import Source
 from robid_core.run.folder import RunFolder
 from robid_core.run.identity import differences
 from robid_core.store import Files, Store, failures_named
@@ -34,7 +35,7 @@ class StageRecord:
     sha256: str = ""
     recording: bool = False
     seconds: float = 0.0
-    inputs: Mapping[str, str] = field(default_factory=dict)  # parameter: stage
+    inputs: Mapping[str, Source] = field(default_factory=dict)  # parameter: stage, or stages
     ingredients: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
     doubts: Sequence[Mapping[str, str]] = ()  # about a fit: kind, sentence, remedy

@@ -9,7 +9,8 @@ from typing import Any
 
 from robid_core.errors import ConfigurationError
 from robid_core.pipeline import Pipeline, StageNode
-from robid_core.run.identity import Surroundings, differences, ingredients_of, key_of
+from robid_core.pipeline.wiring import each
+from robid_core.run.identity import InputHash, Surroundings, differences, ingredients_of, key_of
 from robid_core.run.manifest import Manifest
 from robid_core.store import Entry, State, Store
 
@@ -39,7 +40,7 @@ class Decision:
 def selection(pipeline: Pipeline, first: str | None, last: str | None) -> set[str]:
     """Return the stages between two: `first` and what depends on it, `last` and what it needs."""
     chosen = {node.name for node in pipeline.stages}
-    feeds = {node.name: set(node.inputs.values()) for node in pipeline.stages}
+    feeds = {node.name: set(node.feeds) for node in pipeline.stages}
     if first is not None:
         after = {pipeline.stage(first).name}
         for node in pipeline.stages:  # in the order in which they run
@@ -57,15 +58,27 @@ def selection(pipeline: Pipeline, first: str | None, last: str | None) -> set[st
     return chosen
 
 
+def input_hashes(node: StageNode, hashes: Mapping[str, str]) -> dict[str, InputHash]:
+    """Return the sha256 of what feeds each parameter, from those of the stages; a stage without one stays away."""
+    found: dict[str, InputHash] = {}
+    for parameter, source in node.inputs.items():
+        known = [hashes[name] for name in each(source) if name in hashes]
+        if not isinstance(source, str):
+            found[parameter] = known
+        elif known:
+            found[parameter] = known[0]
+    return found
+
+
 def decide(
     node: StageNode,
-    inputs: Mapping[str, str],
+    inputs: Mapping[str, InputHash],
     shared: Surroundings,
     store: Store,
     previous: Manifest | None,
     forced: bool = False,
 ) -> Decision:
-    """Decide on a stage whose inputs are known (sha256 by parameter)."""
+    """Decide on a stage whose inputs are known (`input_hashes`)."""
     ingredients = ingredients_of(node, inputs, shared)
     key = key_of(ingredients)
     found = store.lookup(key)
@@ -94,7 +107,7 @@ def _with_source(line: str, node: StageNode) -> str:
     """Say which stage an input comes from."""
     for parameter, source in node.inputs.items():
         if line == f"input {parameter} changed":
-            return f"input {parameter} (from {source}) changed"
+            return f"input {parameter} (from {' and '.join(each(source))}) changed"
     return line
 
 
@@ -114,11 +127,11 @@ def preview(
     hashes: dict[str, str] = {}
     decisions = []
     for node in pipeline.stages:
-        coming = [source for source in node.inputs.values() if source not in hashes]
+        coming = [source for source in node.feeds if source not in hashes]
         if coming:
             decision = _waiting(node, coming, shared, previous, node.name in forced)
         else:
-            inputs = {parameter: hashes[source] for parameter, source in node.inputs.items()}
+            inputs = input_hashes(node, hashes)
             decision = decide(node, inputs, shared, store, previous, node.name in forced & chosen)
         if decision.action is Action.KEEP and decision.entry is not None:
             hashes[node.name] = decision.entry.sha256
@@ -155,7 +168,7 @@ def refuse_unmade(
     left = {d.stage: d for d in decisions if d.action is Action.LEAVE}
     for node in pipeline.stages:
         optional = {item.name for item in node.stage.inputs() if item.optional}
-        for parameter, source in node.inputs.items():
+        for parameter, source in ((p, name) for p, named in node.inputs.items() for name in each(named)):
             if (
                 node.name not in chosen
                 or source not in left

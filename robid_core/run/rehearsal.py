@@ -18,7 +18,9 @@ from robid_core.artifacts import Artifact
 from robid_core.executors import one_thread
 from robid_core.mechanics import warm_up
 from robid_core.pipeline import Pipeline, StageNode
+from robid_core.pipeline.wiring import each
 from robid_core.robot import Robot
+from robid_core.run.arguments import arguments_of
 from robid_core.run.calling import make_context
 from robid_core.run.guard import checked_result, named_errors
 from robid_core.run.log import NAME
@@ -42,12 +44,12 @@ def rehearsable(pipeline: Pipeline) -> list[StageNode]:
     for node in pipeline.stages:
         harmless = set(node.stage.lends().values()) <= {Robot, Context}
         kind = isinstance(node.stage, CandidateDesign | ExcitationDesign)
-        if kind and harmless and all(source in able for source in node.inputs.values()):
+        if kind and harmless and all(source in able for source in node.feeds):
             able[node.name] = node
     needed: set[str] = set()
     for node in reversed(able.values()):
         if isinstance(node.stage, ExcitationDesign) or node.name in needed:
-            needed |= {node.name, *node.inputs.values()}
+            needed |= {node.name, *node.feeds}
     return [node for node in able.values() if node.name in needed]
 
 
@@ -83,16 +85,15 @@ def _make(
     made: dict[str, Rehearsed],
     progress: Callable[..., None],
 ) -> Rehearsed:
-    arguments: dict[str, Any] = {
-        parameter: made[source].artifact for parameter, source in node.inputs.items()
-    }
+    artifacts = {p: [made[name].artifact for name in each(source)] for p, source in node.inputs.items()}
+    log = logging.getLogger(f"{NAME}.{node.name}")
+    arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts, log)}
     for parameter, kind in node.stage.lends().items():
         arguments[parameter] = (
             robot
             if kind is Robot
             else make_context(node.name, pipeline.seed, pipeline.data_root, map_in_process, progress)
         )
-    log = logging.getLogger(f"{NAME}.{node.name}")
     heard = _Heard()
     log.addHandler(heard)
     try:

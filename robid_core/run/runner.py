@@ -15,6 +15,7 @@ from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreE
 from robid_core.executors import one_thread
 from robid_core.interruption import heed, signals_as_interrupt
 from robid_core.pipeline import Pipeline, StageNode
+from robid_core.pipeline.wiring import feeding
 from robid_core.run.beginning import executor, hold_to, new_manifest
 from robid_core.run.calling import Caller
 from robid_core.run.folder import RunFolder
@@ -25,7 +26,7 @@ from robid_core.run.log import NAME, log_file
 from robid_core.run.manifest import Manifest, StageRecord
 from robid_core.run.motion import Motions
 from robid_core.run.options import RunOptions, RunResult
-from robid_core.run.plan import Action, Decision, decide, preview, refuse_unmade, selection
+from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
 from robid_core.run.progress import Listener, Silence
 from robid_core.run.recording import recording_decision
 from robid_core.stage import MapTasks
@@ -131,14 +132,13 @@ class _Run:
 
     def _stage(self, node: StageNode, index: int, chosen: bool, forced: bool) -> None:
         optional = {item.name for item in node.stage.inputs() if item.optional}
-        inputs = {p: self.entries[s].sha256 for p, s in node.inputs.items() if s in self.entries}
-        missing = [p for p in node.inputs if p not in inputs and p not in optional]
+        needed = feeding({p: source for p, source in node.inputs.items() if p not in optional})
+        missing = [name for name in needed if name not in self.entries]
         if missing:
             if chosen:
-                self._refuse(
-                    node, f"needs {' and '.join(node.inputs[p] for p in missing)}, which gave no result"
-                )
+                self._refuse(node, f"needs {' and '.join(missing)}, which gave no result")
             return
+        inputs = input_hashes(node, {name: entry.sha256 for name, entry in self.entries.items()})
         decision = decide(node, inputs, self.shared, self.store, self.previous, forced)
         moves = self.shared.moves_hardware(node.stage)
         if moves and chosen:

@@ -22,6 +22,7 @@ from robid_core.pipeline.checking import check
 from robid_core.pipeline.document import read_document
 from robid_core.pipeline.problems import ProblemList
 from robid_core.robot import Robot
+from robid_core.run.arguments import arguments_of
 from robid_core.stage import KINDS, Context, FrfEstimator, Stage
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.estimators import (
@@ -74,7 +75,10 @@ def check_stage(
     for n_axis in for_axes:
         robot = example_robot(n_axis)
         inputs = {**example_artifacts(robot), **(artifacts(robot) if artifacts is not None else {})}
-        arguments = {entry.name: _of_type(inputs, entry.artifact) for entry in cls.inputs()}
+        arguments = {
+            entry.name: [_of_type(inputs, entry.artifact)] * (2 if entry.many else 1)
+            for entry in cls.inputs()
+        }
         _check_run(stage, arguments, robot, data_root)
     needed = {entry.name: arguments[entry.name] for entry in cls.inputs() if not entry.optional}
     if len(needed) < len(arguments):
@@ -127,12 +131,13 @@ def _of_type(inputs: Mapping[type[Artifact], Artifact], wanted: type[Artifact]) 
     raise ContractBroken(f"there is no example of {wanted.__name__}; give one by `artifacts`")
 
 
-def _check_run(stage: Stage, arguments: dict[str, Artifact], robot: Robot, data_root: Path) -> None:
+def _check_run(stage: Stage, inputs: dict[str, list[Artifact]], robot: Robot, data_root: Path) -> None:
     """Run twice, compare, write, read."""
     name = f"{type(stage).__name__} with {robot.n_axis} axes"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        before = {key: _bytes(artifact, folder / "input") for key, artifact in arguments.items()}
+        arguments: dict[str, Any] = {**arguments_of(stage, inputs, example_context().log)}
+        before = {key: _all_bytes(artifacts, folder / "input") for key, artifacts in inputs.items()}
         robot_before = robot.to_yaml()
         chance = repr(np.random.get_state())  # noqa: NPY002 - to see whether somebody else draws
         settings = stage.model_dump_json()
@@ -145,7 +150,7 @@ def _check_run(stage: Stage, arguments: dict[str, Artifact], robot: Robot, data_
         if repr(np.random.get_state()) != chance:  # noqa: NPY002
             raise ContractBroken(f"{name}: run draws from np.random; draw from context.generator")
         changed = [
-            key for key, artifact in arguments.items() if _bytes(artifact, folder / "input") != before[key]
+            key for key, artifacts in inputs.items() if _all_bytes(artifacts, folder / "input") != before[key]
         ]
         if changed or robot.to_yaml() != robot_before or stage.model_dump_json() != settings:
             raise ContractBroken(
@@ -159,12 +164,16 @@ def _check_run(stage: Stage, arguments: dict[str, Artifact], robot: Robot, data_
         again = type(stage).output.read(folder / "output")
         if _bytes(again, folder / "again") != written:
             raise ContractBroken(f"{name}: the result changes when it is written and read")
-        _check_result(name, first, arguments, robot)
+        _check_result(name, first, [artifact for found in inputs.values() for artifact in found], robot)
 
 
 def _bytes(artifact: Artifact, path: Path) -> bytes:
     artifact.write(path)
     return path.read_bytes()
+
+
+def _all_bytes(artifacts: Sequence[Artifact], path: Path) -> list[bytes]:
+    return [_bytes(artifact, path) for artifact in artifacts]
 
 
 def _lent(stage: Stage, robot: Robot, data_root: Path, folder: Path) -> dict[str, Any]:
@@ -181,7 +190,7 @@ def _lent(stage: Stage, robot: Robot, data_root: Path, folder: Path) -> dict[str
     return lent
 
 
-def _check_result(name: str, result: Artifact, arguments: Mapping[str, Artifact], robot: Robot) -> None:
+def _check_result(name: str, result: Artifact, inputs: Sequence[Artifact], robot: Robot) -> None:
     """Check what each kind of result promises."""
     names = getattr(result, "axis_names", robot.axis_names)
     if names != robot.axis_names:
@@ -196,7 +205,7 @@ def _check_result(name: str, result: Artifact, arguments: Mapping[str, Artifact]
             )
     if isinstance(result, Excitation):
         _check_excitation(name, result, robot)
-    record = next((a for a in arguments.values() if isinstance(a, Record)), None)
+    record = next((artifact for artifact in inputs if isinstance(artifact, Record)), None)
     if isinstance(result, Frf) and record is not None:
         shape = (len(record.angle), len(record.frequency_hz), robot.n_axis, robot.n_axis)
         if result.response.shape != shape:

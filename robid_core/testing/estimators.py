@@ -10,6 +10,7 @@ import numpy as np
 
 from robid_core.artifacts import FloatArray, Frf, Record
 from robid_core.robot import Robot
+from robid_core.run.arguments import arguments_of
 from robid_core.stage import Context, FrfEstimator
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.lending import example_context
@@ -40,7 +41,8 @@ def estimate(
     if damping_deviation is not None:
         shape = (len(record.angle), len(record.frequency_hz), plant.n_axis)
         record = record.replace(damping_deviation=np.full(shape, damping_deviation))
-    arguments: dict[str, Any] = {entry.name: record for entry in stage.inputs() if not entry.optional}
+    needed = {entry.name: [record] for entry in stage.inputs() if not entry.optional}
+    arguments: dict[str, Any] = {**arguments_of(stage, needed, example_context().log)}
     for name, kind in lent.items():
         if kind is Context:
             arguments[name] = example_context()

@@ -24,7 +24,8 @@ from robid_core.artifacts import (
     TimeComparison,
     Truth,
 )
-from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE, Channel, DenseRun
+from robid_core.artifacts.dense_run import Channel, DenseRun
+from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.robot import Robot
 
 N_SAMPLE = 500

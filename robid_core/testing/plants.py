@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.artifacts import ComplexArray, FloatArray, Record
-from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE, Channel, DenseRun
+from robid_core.artifacts.dense_run import Channel, DenseRun
+from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration
 from robid_core.robot import Robot
 

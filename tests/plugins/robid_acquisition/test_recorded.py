@@ -13,7 +13,8 @@ import pytest
 import scipy.io
 from pydantic import ValidationError
 
-from robid_acquisition.recorded import RecordedAcquisition, even_sample_time, to_side
+from robid_acquisition.recorded import RecordedAcquisition
+from robid_acquisition.signals import even_sample_time, to_side
 from robid_core import ConfigurationError, Context, DataRejected, Record, Robot
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage

@@ -26,6 +26,7 @@ _STAGES = {
     "frf.h1": "LogMean",
     "fit.log_response": "LogFit",
     "fit.choosy": "Choosy",
+    "fit.joint": "JointFit",
     "report.html": "Page",
     "broken.contract": "Explain",
     "broken.object": "not_a_stage",

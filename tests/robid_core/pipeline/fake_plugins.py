@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, model_validator
@@ -12,6 +13,7 @@ from robid_core import (
     ConfigurationError,
     Configurations,
     DataPath,
+    DataRejected,
     Design,
     DiagnosisStage,
     Drives,
@@ -92,6 +94,13 @@ class Recorded(Acquisition):
     filters: tuple[Filter, ...] = ()
     reader: str = ""
 
+    def external_files(self, data_root: Path) -> list[Path]:
+        if self.origin == "nowhere":
+            raise DataRejected("the second half\nis not there")
+        if self.origin == "broken":
+            raise KeyError("half")
+        return []
+
     def uses(self) -> list[tuple[str, str]]:
         return [("robid.records", self.reader)] if self.reader else []
 
@@ -148,6 +157,13 @@ class Choosy(Estimator):
         return {p: f"no axis '{name}'" for p, name in listed.items() if name not in robot.axis_names}
 
     def run(self, robot: Robot, frf: Frf) -> Fit:
+        raise NotImplementedError
+
+
+class JointFit(Estimator):
+    """Fits all responses together, with what records there are."""
+
+    def run(self, robot: Robot, frfs: tuple[Frf, ...], records: tuple[Record, ...] = ()) -> Fit:
         raise NotImplementedError
 
 

@@ -24,6 +24,7 @@ stages:
   read: {use: acquisition.recorded, with: {path: a, filters: [{cutoff_hz: 3}]}}
   frf: {use: 'unknown:frf.log'}
   fit: {use: fit.log_response, with: {starts: 20, estimator: {use: frf.h1, with: {discard: 1}}}}
+  joint: {use: fit.joint, inputs: {frfs: [frf], records: acquire}}
   page: {use: report.html}
 """
 
@@ -60,6 +61,14 @@ def test_a_good_pipeline_is_valid(validator: jsonschema.Draft7Validator) -> None
         ("[4, 80]", "[4]", ["stages", "excite", "with", "band_hz"], "is too short"),
         ("[4, 80]", "[4, x]", ["stages", "excite", "with", "band_hz", 1], "is not of type 'number'"),
         ("configurations:", "configs:", ["stages", "acquire", "inputs"], "'configs' was unexpected"),
+        ("[frf]", "[frf, 3]", ["stages", "joint", "inputs", "frfs", 1], "is not of type 'string'"),
+        ("[frf]", "[]", ["stages", "joint", "inputs", "frfs"], "should be non-empty"),
+        (
+            "{configurations: where}",
+            "{configurations: [where]}",
+            ["stages", "acquire", "inputs", "configurations"],
+            "is not of type 'string'",
+        ),
         ("cutoff_hz", "cutof_hz", ["stages", "read", "with", "filters", 0], "'cutof_hz' was unexpected"),
         ("  page: {use: report.html}", "  p-1: {use: report.html}", ["stages"], "does not match"),
         ("{use: report.html}", "{with: {}}", ["stages", "page"], "'use' is a required property"),

@@ -88,6 +88,26 @@ def test_a_plugin_that_settings_will_need_is_looked_for_now(problems: Read, data
     assert line.startswith("bad.yaml:6:10: stages.read.use: no reader of recordings 'tape'; ")
 
 
+@pytest.mark.parametrize(
+    ("origin", "told"),
+    [
+        ("nowhere", "the second half is not there"),
+        (
+            "broken",
+            "'acquisition.recorded' (unknown 0) breaks the contract of stages: external_files: KeyError: 'half'",
+        ),
+    ],
+)
+def test_what_a_stage_says_of_its_data_files_is_told_with_the_rest(
+    problems: Read, data: Path, origin: str, told: str
+) -> None:
+    found = problems(
+        pipeline_text(f"path: a.csv, origin: {origin}") + "  frf: {use: frf.lgo}\n", data_root=data
+    )
+    assert found[0] == f"bad.yaml:6:37: stages.read.with: {told}"
+    assert found[1].startswith("bad.yaml:7:9: stages.frf.use: no stage 'frf.lgo'")
+
+
 def test_keys_of_nested_settings_are_told_where_they_stand(problems: Read, data: Path) -> None:
     found = problems(
         pipeline_text("path: a.csv, filters: [{cutoff_hz: 3}, {cutof_hz: 0}, {cutoff_hz: 0}]"), data_root=data

@@ -111,6 +111,68 @@ def test_a_required_input_with_one_source_closes_a_cycle_that_is_told() -> None:
     assert cycles(wires) == [["excite", "acquire", "frf", "fit", "choose", "excite"]]
 
 
+def joint(*extra: Node, **of_fit: object) -> list[Node]:
+    """Two responses and a fit that takes all there are; records where there are any."""
+    fit = Node(
+        "fit",
+        Fit,
+        {"frfs": Frf, "records": Record},
+        frozenset({"records"}),
+        many=frozenset({"frfs", "records"}),
+        **of_fit,  # type: ignore[arg-type]
+    )
+    return [fit, Node("light", Frf, {}), Node("heavy", Frf, {}), *extra]
+
+
+def test_an_input_that_takes_many_takes_all_there_are_in_the_order_of_the_file() -> None:
+    wires, left = wire(joint())
+    assert not left
+    assert wires["fit"] == {"frfs": ("light", "heavy")}
+    assert in_order(wires) == ["light", "heavy", "fit"]
+    wires, left = wire(joint(Node("again", Record, {}), given={"frfs": ("heavy",)}))
+    assert wires["fit"] == {"frfs": ("heavy",), "records": ("again",)}
+
+
+def test_an_input_that_takes_many_leaves_out_what_is_made_from_its_own_stage() -> None:
+    verify = Node("verify", Record, {"fit": Fit})
+    check = Node("check", Frf, {"record": Record})
+    wires, left = wire(joint(verify, check))
+    assert not left
+    assert wires["fit"] == {"frfs": ("light", "heavy")}
+    assert not cycles(wires)
+
+
+def test_what_needs_many_decides_what_a_single_one_can_mean() -> None:
+    """`frf` may take the record of `verify` only if that does not come from the fit that takes `frf`."""
+    nodes = joint(
+        Node("frf", Frf, {"record": Record}),
+        Node("verify", Record, {"fit": Fit}),
+        Node("acquire", Record, {}),
+    )
+    wires, left = wire(nodes)
+    assert not left
+    assert wires["frf"] == {"record": "acquire"}
+    assert wires["fit"] == {"frfs": ("light", "heavy", "frf"), "records": ("acquire",)}
+
+
+def test_many_that_nobody_makes_stay_open() -> None:
+    nodes = joint()[:1]
+    assert wire(nodes)[1] == [Open("fit", "frfs", Frf, ())]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_two_that_could_feed_each_other_take_neither(order: tuple[int, ...]) -> None:
+    many = {"records": Record}
+    nodes = [
+        Node("acquire", Record, {}),
+        Node("one", Record, many, many=frozenset(many)),
+        Node("other", Record, many, many=frozenset(many)),
+    ]
+    wires, left = wire([nodes[i] for i in order])
+    assert not left
+    assert wires["one"] == wires["other"] == {"records": ("acquire",)}
+
+
 def test_separate_knots_are_told_separately() -> None:
     wires: Wires = {"a": {"x": "b"}, "b": {"x": "a"}, "c": {"x": "d"}, "d": {"x": "c"}, "e": {"x": "a"}}
     assert cycles(wires) == [["a", "b", "a"], ["c", "d", "c"]]

@@ -1,6 +1,7 @@
 """Each kind of mistake in a pipeline file: where it is told, in which words, and that nothing echoes it."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -343,6 +344,73 @@ def test_one_mistake_is_told_once_at_its_place(text: str, expected: list[str], p
     assert len(found) == len(expected)
     for line, beginning in zip(found, expected, strict=True):
         assert line.startswith(beginning)
+
+
+MANY = """\
+robid: 1
+name: example
+seed: 7
+robot: one_axis
+stages:
+  read: {use: acquisition.recorded, with: {path: bad.csv}}
+  a: {use: frf.log}
+  b: {use: frf.h1}
+  fit: {use: fit.joint}
+"""
+
+
+def test_a_stage_may_take_all_artifacts_of_a_type_or_those_that_are_listed(
+    load: Callable[..., Pipeline], tmp_path: Path
+) -> None:
+    (tmp_path / "bad.csv").write_text("1\n")
+    node = load(MANY, data_root=tmp_path).stage("fit")
+    assert node.inputs == {"frfs": ("a", "b"), "records": ("read",)}
+    assert node.feeds == ("a", "b", "read")
+    listed = MANY.replace("fit.joint", "fit.joint, inputs: {frfs: [b, a], records: []}")
+    assert load(listed, data_root=tmp_path).stage("fit").inputs == {"frfs": ("b", "a"), "records": ()}
+    changed_by_option = load(MANY, "stages.fit.inputs.frfs=[b]", data_root=tmp_path).stage("fit")
+    assert changed_by_option.inputs == {"frfs": ("b",), "records": ("read",)}
+    one = MANY.replace("fit.joint", "fit.joint, inputs: {frfs: b}")
+    assert load(one, data_root=tmp_path).stage("fit").inputs == {"frfs": ("b",), "records": ("read",)}
+
+
+@pytest.mark.parametrize(
+    ("inputs", "expected"),
+    [
+        (
+            "{frfs: [a, x]}",
+            ["bad.yaml:9:44: stages.fit.inputs.frfs[1]: no stage 'x'; the other stages are: "],
+        ),
+        ("{frfs: [a, a]}", ["bad.yaml:9:44: stages.fit.inputs.frfs[1]: stage 'a' is listed already"]),
+        (
+            "{frfs: []}",
+            ["bad.yaml:9:34: stages.fit.inputs.frfs: the list is empty; name the stages that make an Frf"],
+        ),
+        (
+            "{frfs: [a, 3], records: [b]}",
+            [
+                "bad.yaml:9:44: stages.fit.inputs.frfs[1]: Input should be a valid string; 3 is no text",
+                "bad.yaml:9:58: stages.fit.inputs.records[0]: 'b' makes an Frf, not a Record; read makes one",
+            ],
+        ),
+        ("{frfs: {a: b}}", ["bad.yaml:9:34: stages.fit.inputs.frfs: Input should be a valid string"]),
+        ("{frfs: [fit]}", ["bad.yaml:9:41: stages.fit.inputs.frfs[0]: stage 'fit' cannot feed itself"]),
+    ],
+)
+def test_a_mistake_in_a_list_of_inputs_is_told_at_its_item(
+    inputs: str, expected: list[str], problems: Read, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.csv").write_text("1\n")
+    found = problems(MANY.replace("fit.joint", f"fit.joint, inputs: {inputs}"), data_root=tmp_path)
+    assert len(found) == len(expected)
+    for line, beginning in zip(found, expected, strict=True):
+        assert line.startswith(beginning)
+
+
+def test_a_list_for_an_input_that_takes_one_is_refused(problems: Read) -> None:
+    (line,) = problems(changed("inputs: {configurations: where}", "inputs: {configurations: [where]}"))
+    assert line.startswith("bad.yaml:15:14: stages.acquire.inputs.configurations: 'acquisition.drives'")
+    assert "takes one Configurations here; write the name of one stage, no list" in line
 
 
 def test_two_distributions_with_one_name_are_both_named(problems: Read) -> None:

@@ -88,6 +88,10 @@ class Measure(Acquisition):
     """How long it takes."""
     fault: str = ""
     """What goes wrong."""
+    test: tuple[int, ...] = ()
+    """Configurations that are put aside."""
+    variants: tuple[str, ...] = ()
+    """Of each configuration."""
 
     def run(self, configurations: Configurations, drives: Drives, context: Context) -> Record:
         called("acquire")
@@ -108,9 +112,20 @@ class Measure(Acquisition):
         )
         channel = Channel("motor", "rad", values)
         run = DenseRun(
-            0.001, {"motor_position": channel}, np.arange(64) * 0.001, np.ones(shape[:-1], dtype=bool)
+            0.001,
+            {"motor_position": channel},
+            np.arange(64) * 0.001,
+            np.ones(shape[:-1], dtype=bool),
+            np.isin(np.arange(n_config), self.test).reshape(n_config, 1, 1),
         )
-        return Record(configurations.axis_names, "strange", "zero_order_hold", (run,), configurations.angle)
+        return Record(
+            configurations.axis_names,
+            "strange",
+            "zero_order_hold",
+            (run,),
+            configurations.angle,
+            variants=self.variants,
+        )
 
 
 class Respond(FrfEstimator):
@@ -186,6 +201,26 @@ class Estimate(Estimator):
             own = Doubt("weather", "it rained, and the cell was wet", "wait for the sun")
             return Fit("strange", status, True, 1.5, 8, 3, table, np.eye(1), stated_doubts=(own,))
         return Fit("strange", status, converged, 1.0, 1, 1, table, np.eye(1))
+
+
+class Combine(Estimator):
+    """A fit of all responses together, and of records where there are any."""
+
+    def run(self, frfs: tuple[Frf, ...], records: tuple[Record, ...] = ()) -> Fit:
+        called("combine")
+        means = np.array([np.abs(frf.response).mean() for frf in frfs])
+        n = len(means)
+        table = ParameterTable(
+            tuple(f"gear_stiffness.axis_{index + 1}" for index in range(n)),
+            ("N m/rad",) * n,
+            ("stiffness",) * n,
+            np.ones(n),
+            means,
+            np.full(n, 0.1),
+            np.ones(n, dtype=bool),
+            np.zeros(n, dtype=bool),
+        )
+        return Fit("strange", f"of {len(records)} records", True, 1.0, 1, 1, table, np.eye(n))
 
 
 class Choose(ExperimentDesign):

@@ -24,6 +24,7 @@ STAGES = {
     "strange.measure": "Measure",
     "strange.respond": "Respond",
     "strange.estimate": "Estimate",
+    "strange.combine": "Combine",
     "strange.choose": "Choose",
     "strange.page": "Page",
 }

@@ -88,6 +88,19 @@ def test_the_plant_of_the_kit_is_what_its_record_shows() -> None:
     np.testing.assert_allclose(force, torque @ plant.input.T, atol=1e-9 * np.abs(torque).max())
 
 
+class Joint(Mean):
+    """The mean of the means of several records of the same configurations."""
+
+    def run(self, records: tuple[Record, ...]) -> Frf:  # type: ignore[override]
+        first, *others = (super(Joint, self).run(record) for record in records)
+        total = sum((frf.response for frf in others), first.response)
+        return first.replace(response=total / len(records))
+
+
+def test_a_stage_that_takes_many_artifacts_is_given_some() -> None:
+    check_stage(Joint, discard=0)
+
+
 class Transposed(Mean):
     """Input over output."""
 

@@ -1,0 +1,106 @@
+"""Samples of one experiment: evenly spaced, on their side of the gear, in whole periods."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid_core import DataRejected, FloatArray
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# A time step may differ from the mean one by this share before the recording counts as unevenly sampled.
+STEP_TOLERANCE = 0.1
+
+
+def even_sample_time(time: FloatArray) -> float:
+    """Mean sampling time of evenly spaced instants in seconds.
+
+    Raises
+    ------
+    DataRejected
+        If the clock stands, runs back or jumps (fault A10); the message has the sample.
+    """
+    if time.ndim != 1 or len(time) < 2:
+        raise DataRejected(f"the time column has shape {time.shape}; one instant per sample is needed")
+    steps = np.diff(time)
+    known = steps[np.isfinite(steps)]
+    mean = float(np.median(known)) if len(known) else float("nan")
+    wrong = np.flatnonzero(~(np.abs(steps - mean) <= STEP_TOLERANCE * abs(mean)) | (steps <= 0))
+    if len(wrong):
+        raise DataRejected(
+            f"A10: time goes from {time[wrong[0]]:g} s to {time[wrong[0] + 1]:g} s at sample {wrong[0] + 1}, the usual "
+            f"step is {mean:g} s ({len(wrong)} such steps); resample it evenly, or give sample_time_s where only the "
+            "time stamps are wrong"
+        )
+    return float((time[-1] - time[0]) / (len(time) - 1))
+
+
+def window(n_sample: int, sample_time: float, start_s: float, stop_s: float | None) -> slice:
+    """Return the samples between two times; DataRejected where there are less than two."""
+    first = round(start_s / sample_time)
+    stop = n_sample if stop_s is None else min(n_sample, first + round((stop_s - start_s) / sample_time))
+    if stop - first < 2:
+        raise DataRejected(
+            f"nothing lies between {start_s:g} s and {'its end' if stop_s is None else f'{stop_s:g} s'}; it lasts "
+            f"{n_sample * sample_time:g} s"
+        )
+    return slice(first, stop)
+
+
+def samples_per_period(n_sample: int, sample_time: float, period_s: float | None) -> int:
+    """Return how many samples a period has, all of them where nothing repeats.
+
+    Raises
+    ------
+    DataRejected
+        If a period is no whole number of samples (fault A09), or longer than the recording (A11).
+    """
+    if period_s is None:
+        return n_sample
+    exact = period_s / sample_time
+    whole = round(exact)
+    # A tenth of a sample over the whole recording leaks less than the noise of any encoder.
+    if whole < 1 or abs(exact - whole) * (n_sample / max(whole, 1)) > 0.1:
+        raise DataRejected(
+            f"A09: a period of {period_s:g} s is {exact:.6g} samples of {sample_time:g} s, not a whole "
+            "number; correct period_s or resample"
+        )
+    if n_sample < whole:
+        raise DataRejected(
+            f"A11: {n_sample * sample_time:g} s were recorded, less than a period of {period_s:g} s"
+        )
+    return whole
+
+
+def split_periods(values: FloatArray, n_per_period: int) -> FloatArray:
+    """Cut whole periods, the rest dropped: (n_sample, n_axis) to (n_period, n_per_period, n_axis)."""
+    n_period = len(values) // n_per_period
+    return values[: n_period * n_per_period].reshape(n_period, n_per_period, -1)
+
+
+def to_side(values: FloatArray, name: str, given: str, wanted: str, gear: FloatArray) -> FloatArray:
+    """Bring values through the gear: joint = gear @ motor for motion, motor = gear^T @ joint for torque.
+
+    Parameters
+    ----------
+    values
+        Shape (n_sample, n_axis).
+    name
+        Channel; one with "torque" in it is a torque, any other of position, speed, acceleration is motion.
+    given, wanted
+        "motor" or "joint".
+    gear
+        r_g, shape (n_axis, n_axis).
+    """
+    if given == wanted or not any(word in name for word in ("position", "speed", "acceleration", "torque")):
+        return values
+    if np.isnan(values).any() and np.count_nonzero(gear - np.diag(np.diag(gear))):
+        raise DataRejected(
+            f"channel {name}: the gears are coupled; all axes are needed to bring it to the {wanted} side"
+        )
+    matrix = gear.T if "torque" in name else np.linalg.inv(gear)
+    if wanted == "joint":
+        matrix = np.linalg.inv(matrix)
+    if not np.count_nonzero(gear - np.diag(np.diag(gear))):
+        result: FloatArray = values * np.diag(matrix)
+        return result
+    return values @ matrix.T

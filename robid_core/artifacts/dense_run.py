@@ -1,0 +1,83 @@
+"""Experiments of one length, sampled together: named channels, sampling instants, a mask, and under what they ran."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid_core.artifacts.artifact import Artifact, BoolArray, FloatArray, IntArray, array
+from robid_core.errors import DataRejected
+
+
+@dataclass(frozen=True, eq=False)
+class Channel(Artifact):
+    """One measured quantity of every axis, with the sign of the URDF axis, on a stated side of the gear.
+
+    `side` is "motor" or "joint". Names in use: motor_position, motor_speed, motor_torque, speed_reference,
+    position_reference, joint_position, temperature.
+    """
+
+    side: str
+    unit_symbol: str
+    values: FloatArray = array("n_config n_block n_exp n_period n_sample n_axis", finite=False)
+
+
+@dataclass(frozen=True, eq=False)
+class DenseRun(Artifact):
+    """Experiments of one length, sampled together.
+
+    `time_s` holds the sampling instants within a period (or within the whole run when nothing repeats and
+    n_period is 1); `valid` marks the samples that were really measured. `test` marks the experiments that are put
+    aside to judge a fit by, which no fit may see; None: none is. `constants` holds numbers that did not change during
+    an experiment (a payload, a temperature), called `constant_names`; NaN where one is not known.
+    """
+
+    sample_time_s: float
+    channels: dict[str, Channel]
+    time_s: FloatArray = array("n_sample", "s")
+    valid: BoolArray = array("n_config n_block n_exp n_period n_sample")
+    test: BoolArray | None = array("n_config n_block n_exp", optional=True)
+    constant_names: tuple[str, ...] = ()
+    constants: FloatArray | None = array("n_config n_block n_exp n_constant", finite=False, optional=True)
+
+    def __post_init__(self) -> None:
+        """Check that every constant has a name."""
+        super().__post_init__()
+        n_constant = 0 if self.constants is None else self.constants.shape[3]
+        if n_constant != len(self.constant_names):
+            raise DataRejected(
+                f"DenseRun.constants: {n_constant} constants with {len(self.constant_names)} names; give one for each"
+            )
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel by name; DataRejected names the ones that exist."""
+        if name not in self.channels:
+            raise DataRejected(f"the record has no channel {name}; it has {', '.join(sorted(self.channels))}")
+        return self.channels[name]
+
+    def values(self, name: str) -> FloatArray:
+        """Return a channel's values, shape (n_config, n_block, n_exp, n_period, n_sample, n_axis)."""
+        return self.channel(name).values
+
+    def constant(self, name: str) -> FloatArray:
+        """Return a constant of every experiment, shape (n_config, n_block, n_exp); DataRejected names what there is."""
+        if self.constants is None or name not in self.constant_names:
+            known = ", ".join(self.constant_names) or "none"
+            raise DataRejected(f"the record has no constant {name}; it has {known}")
+        result: FloatArray = self.constants[..., self.constant_names.index(name)]
+        return result
+
+    def experiments(self, index: tuple[IntArray, IntArray, IntArray]) -> DenseRun:
+        """Return the run of some experiments, by the index that `packing.packed` makes."""
+        return self.replace(
+            channels={
+                name: channel.replace(values=channel.values[index]) for name, channel in self.channels.items()
+            },
+            valid=self.valid[index],
+            test=None if self.test is None else self.test[index],
+            constants=None if self.constants is None else self.constants[index],
+        )
+
+    @property
+    def n_period(self) -> int:
+        """Periods measured."""
+        return int(self.valid.shape[3])
