@@ -11,7 +11,7 @@ _HOME = {
     "robid_core.artifacts": (
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "ParameterTable", "Record", "Report",
-        "ResponseComparison", "TimeComparison", "Truth", "array",
+        "ResponseComparison", "TimeComparison", "Truth", "array", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -24,6 +24,7 @@ _HOME = {
     "robid_core.parameters": ("FreeParameters", "chosen_names"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
+    "robid_core.robot.recorded": ("simulate_record",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.effect": (
         "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect",
@@ -62,6 +63,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         TimeComparison as TimeComparison,
         Truth as Truth,
         array as array,
+        mean_travel as mean_travel,
     )
     from robid_core.drives import (
         Drives as Drives,
@@ -123,6 +125,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         ExperimentBatch as ExperimentBatch,
         simulate_over as simulate_over,
         simulate_portions as simulate_portions,
+    )
+    from robid_core.robot.recorded import (
+        simulate_record as simulate_record,
     )
     from robid_core.settings_types import (
         DataPath as DataPath,

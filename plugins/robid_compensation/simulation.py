@@ -22,6 +22,7 @@ from robid_core import (
     Preprocessing,
     Record,
     Robot,
+    mean_travel,
     simulate_over,
 )
 from robid_core.estimation.distortion.linear_motion import random_phases
@@ -63,8 +64,7 @@ def simulated_period(
 
     Takes references (n_exp, n_sample, n_axis) and the motor angles that the motion goes about, (n_exp, n_axis).
     """
-    travel = np.cumsum(reference, axis=1) * robot.sample_time_s
-    start = robot.joint_angle(middle - travel.mean(axis=1))
+    start = robot.joint_angle(middle - mean_travel(reference, robot.sample_time_s))
     result = simulate_over(context.map, robot, reference, start, n_period=2, n_kept=1)
     torque, position = (
         np.fft.rfft(signal.reshape(reference.shape), axis=1) / reference.shape[1]

@@ -10,7 +10,7 @@ from robid_core.artifacts.artifact import (
 )
 from robid_core.artifacts.configurations import Configurations
 from robid_core.artifacts.design import Design
-from robid_core.artifacts.excitation import Excitation
+from robid_core.artifacts.excitation import Excitation, mean_travel
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.record import Channel, DenseRun, Record
@@ -37,4 +37,5 @@ __all__ = [
     "TimeComparison",
     "Truth",
     "array",
+    "mean_travel",
 ]
