@@ -7,8 +7,6 @@ a payload is known, like any body.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from robid_core import ConfigurationError, Robot
 from robid_fit.rigid_model import random_motion, torque_columns
 
@@ -29,8 +27,11 @@ def refuse_effects(robot: Robot, unknowns: tuple[str, ...]) -> None:
         Where it is not; the message names the effects and says what to do.
     """
     entries = robot.description.effects
-    bare = _with_effects(robot, ())
-    beside = [label for label in entries if _acts_beside(_with_effects(robot, (label,)), bare, unknowns)]
+    bare, beside = robot.without_effect(*entries), []
+    for label in entries:
+        others = [other for other in entries if other != label]
+        if _acts_beside(robot.without_effect(*others), bare, unknowns):
+            beside.append(label)
     if beside:
         told = ", ".join(f"{label} ({entries[label].use})" for label in beside)
         raise ConfigurationError(
@@ -38,11 +39,6 @@ def refuse_effects(robot: Robot, unknowns: tuple[str, ...]) -> None:
             "them out of the robot file (friction of a motor goes to axes.<name>.friction, a payload into the bodies), "
             "or fit periodic records with fit.torque_residual"
         )
-
-
-def _with_effects(robot: Robot, labels: tuple[str, ...]) -> Robot:
-    kept = {label: robot.description.effects[label] for label in labels}
-    return replace(robot, description=robot.description.model_copy(update={"effects": kept}))
 
 
 def _acts_beside(robot: Robot, bare: Robot, unknowns: tuple[str, ...]) -> bool:

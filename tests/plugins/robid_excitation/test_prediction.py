@@ -188,8 +188,7 @@ def test_numbers_of_a_multisine_are_those_of_its_own_simulation(one_axis: Robot)
 
 
 def test_a_sine_has_the_speed_distribution_and_travel_of_a_sine(one_axis: Robot) -> None:
-    friction = one_axis.description.axes["axis_1"].friction.model_copy(update={"coulomb": 0.0})
-    smooth = with_changes(one_axis, friction=friction)
+    smooth = one_axis.without_friction()
     found = cleared(smooth, sine(one_axis, 20.0))
     # |A sin| stays below s for a share (2 / pi) asin(s / A) of the time; without Coulomb friction the motor moves in a
     # sine, somewhat larger than was asked for: the loop's resonance is not far.
