@@ -24,6 +24,7 @@ _HOME = {
     "robid_core.parameters": ("FreeParameters", "chosen_names"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
+    "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.effect": (
@@ -125,6 +126,12 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         ExperimentBatch as ExperimentBatch,
         simulate_over as simulate_over,
         simulate_portions as simulate_portions,
+    )
+    from robid_core.robot.forces_along import (
+        ForceAlong as ForceAlong,
+        ForcesAlong as ForcesAlong,
+        RobotMotion as RobotMotion,
+        forces_along as forces_along,
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,
