@@ -24,6 +24,7 @@ _HOME = {
     "robid_core.parameters": ("FreeParameters", "chosen_names"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
+    "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
@@ -126,6 +127,10 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         ExperimentBatch as ExperimentBatch,
         simulate_over as simulate_over,
         simulate_portions as simulate_portions,
+    )
+    from robid_core.robot.effect_columns import (
+        EffectColumn as EffectColumn,
+        effect_columns as effect_columns,
     )
     from robid_core.robot.forces_along import (
         ForceAlong as ForceAlong,

@@ -27,14 +27,11 @@ def gear_load(robot: Robot, coordinates: FloatArray, torque: FloatArray) -> Floa
     torque
         Motor torques, held from each sample to the next, N m, shape (n_lane, n_sample, n_axis).
     """
-    step, motors, elastic = robot.sample_time_s, slice(robot.n_axis), robot.mechanism.elastic_gear
+    step, elastic = robot.sample_time_s, robot.mechanism.elastic_gear
     speed = np.gradient(coordinates, step, axis=1)
-    shaft = None
+    load = forces_along(robot, RobotMotion(coordinates, speed, step, torque=torque)).load
     if not elastic.all():
-        shaft = torque - robot.drives.rotor_inertia * np.gradient(speed[..., motors], step, axis=1)
-    load = forces_along(robot, RobotMotion(coordinates, speed, step, shaft_torque=shaft)).load
-    if not elastic.all():
-        load[..., ~elastic] = rigid_load(robot, coordinates[..., motors], torque)[..., ~elastic]
+        load[..., ~elastic] = rigid_load(robot, coordinates[..., : robot.n_axis], torque)[..., ~elastic]
     return load
 
 

@@ -34,9 +34,27 @@ class RobotMotion:
     """Between two samples, s."""
     settle: int = 0
     """How many samples, from the end of a periodic motion, laws with a memory are run through before its first one."""
-    shaft_torque: FloatArray | None = None
-    """Torque of each motor less what its rotor takes, N m, (n_lane, n_sample, n_axis): what rigid gears pass on. Needed
-    where a gear is rigid and a law asks for its load."""
+    torque: FloatArray | None = None
+    """Of the motors, N m, (n_lane, n_sample, n_axis); needed for the load of rigid gears, and for laws on signals."""
+
+    @classmethod
+    def periodic(cls, coordinates: FloatArray, sample_time: float, finer: int) -> RobotMotion:
+        """Return one period of a band-limited motion, `finer` steps a sample, laws with a memory settled over a period.
+
+        Parameters
+        ----------
+        coordinates
+            One period of generalised coordinates, (n_lane, n_sample, n_coordinate).
+        sample_time
+            Of these, s.
+        finer
+            How many steps a sample has; the first is about the first instant.
+        """
+        n_sample, fine = coordinates.shape[1], finer * coordinates.shape[1]
+        spectrum = finer * np.fft.rfft(coordinates, axis=1)
+        omega = 2 * np.pi * np.fft.rfftfreq(n_sample, sample_time)[:, None]
+        position, speed = (np.fft.irfft(s, n=fine, axis=1) for s in (spectrum, 1j * omega * spectrum))
+        return cls(position, speed, sample_time / finer, settle=fine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +92,7 @@ def forces_along(robot: Robot, motion: RobotMotion) -> ForcesAlong:
     Raises
     ------
     ConfigurationError
-        Where a law asks for the load of a rigid gear and the motion does not say what its motor passes.
+        Where a law asks for the load of a rigid gear and the motion has no torques.
     """
     gears = np.flatnonzero(robot.mechanism.elastic_gear)
     rows = robot.mechanism.spring_directions[: len(gears)]
@@ -86,7 +104,7 @@ def forces_along(robot: Robot, motion: RobotMotion) -> ForcesAlong:
         known = np.where(term.load == 0, 0.0, load) @ term.load
         if np.isnan(known).any():
             raise ConfigurationError(
-                f"effect '{term.label}' asks for the load of a rigid gear: say what its motor passes (shaft_torque)"
+                f"effect '{term.label}' asks for the load of a rigid gear: give the motion the torque of the motors"
             )
         seen = motion.position @ term.coordinate, motion.speed @ term.coordinate
         run = law_along(term, *seen, known, motion.step, settle=motion.settle)
@@ -99,7 +117,9 @@ def forces_along(robot: Robot, motion: RobotMotion) -> ForcesAlong:
 
 def _of_rigid_gears(robot: Robot, motion: RobotMotion) -> FloatArray:
     """Torque that rigid gears would pass, joint side, (n_lane, n_sample, n_axis)."""
-    if motion.shaft_torque is None:
+    if motion.torque is None:
         return np.full((*motion.position.shape[:2], robot.n_axis), np.nan)
-    passed: FloatArray = motion.shaft_torque @ np.linalg.inv(robot.drives.gear)
+    acceleration = np.gradient(motion.speed[..., : robot.n_axis], motion.step, axis=1)
+    shaft = motion.torque - robot.drives.rotor_inertia * acceleration
+    passed: FloatArray = shaft @ np.linalg.inv(robot.drives.gear)
     return passed
