@@ -29,7 +29,7 @@ def gear_load(robot: Robot, coordinates: FloatArray, torque: FloatArray) -> Floa
     """
     step, elastic = robot.sample_time_s, robot.mechanism.elastic_gear
     speed = np.gradient(coordinates, step, axis=1)
-    load = forces_along(robot, RobotMotion(coordinates, speed, step, torque=torque)).load
+    load = forces_along(robot, RobotMotion(coordinates, speed, step, torque=torque), ()).load
     if not elastic.all():
         load[..., ~elastic] = rigid_load(robot, coordinates[..., : robot.n_axis], torque)[..., ~elastic]
     return load

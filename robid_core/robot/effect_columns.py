@@ -64,22 +64,27 @@ def effect_columns(robot: Robot, names: Iterable[str], motion: RobotMotion) -> t
     ConfigurationError
         Where a name is no parameter of such an effect, or the motion lacks what a law asks for.
     """
-    along = forces_along(robot, motion)
-    bound = {effect.label: effect for effect in robot.effects}
+    asked = [_parameter(robot, name) for name in names]
+    along = forces_along(robot, motion, {bound.label for bound, _ in asked})
     found: list[EffectColumn] = []
-    for name in names:
-        head, _, rest = name.partition(".")
-        label, _, row = rest.partition(".")
-        if head != "effect" or label not in bound or name not in robot.layout:
-            raise ConfigurationError(
-                f"{robot.name}: '{name}' is no parameter of a law on forces or signals: it has no column along a motion"
-            )
-        effect = bound[label]
-        if issubclass(effect.effect, ForceEffect):
-            found += _of_force(effect, row, along.of(label), motion)
+    for bound, row in asked:
+        if issubclass(bound.effect, ForceEffect):
+            found += _of_force(bound, row, along.of(bound.label), motion)
         else:
-            found.append(_of_signal(effect, row, motion))
+            found.append(_of_signal(bound, row, motion))
     return tuple(found)
+
+
+def _parameter(robot: Robot, name: str) -> tuple[BoundEffect, str]:
+    """Return the effect that a parameter is of, and its name in the effect's table."""
+    place = robot.layout.get(name)
+    if place is not None and place.row is not None:
+        for bound in robot.effects:
+            if bound.label == place.path[1]:
+                return bound, place.row.name
+    raise ConfigurationError(
+        f"{robot.name}: '{name}' is no parameter of a law on forces or signals: it has no column along a motion"
+    )
 
 
 def _of_force(

@@ -6,6 +6,7 @@ that the whole transmission passes.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -79,15 +80,22 @@ class ForcesAlong:
     """Torque that the transmissions pass, joint side, N m, (n_lane, n_sample, n_axis); NaN where a rigid gear's is not
     known."""
     forces: tuple[ForceAlong, ...]
-    """In the order of `Robot.forces`."""
+    """Of those that were asked for, and along gears, in the order of `Robot.forces`."""
 
     def of(self, label: str) -> tuple[ForceAlong, ...]:
         """Return the laws of one effect."""
         return tuple(force for force in self.forces if force.term.label == label)
 
 
-def forces_along(robot: Robot, motion: RobotMotion) -> ForcesAlong:
-    """Run every law that exerts a force along a motion of the robot.
+def forces_along(robot: Robot, motion: RobotMotion, labels: Collection[str] | None = None) -> ForcesAlong:
+    """Run the laws that exert forces along a motion of the robot.
+
+    Parameters
+    ----------
+    robot, motion
+        The robot, and how it moves.
+    labels
+        Effects whose laws are asked for; None: all. Laws along gears are run all the same: others see their torque.
 
     Raises
     ------
@@ -101,6 +109,9 @@ def forces_along(robot: Robot, motion: RobotMotion) -> ForcesAlong:
     load[..., gears] = stiffness * (motion.position @ rows.T) + damping * (motion.speed @ rows.T)
     found = []
     for term in robot.forces:
+        along_gear = [g for g, row in zip(gears, rows, strict=True) if np.array_equal(term.direction, row)]
+        if not along_gear and labels is not None and term.label not in labels:
+            continue
         known = np.where(term.load == 0, 0.0, load) @ term.load
         if np.isnan(known).any():
             raise ConfigurationError(
@@ -108,9 +119,7 @@ def forces_along(robot: Robot, motion: RobotMotion) -> ForcesAlong:
             )
         seen = motion.position @ term.coordinate, motion.speed @ term.coordinate
         run = law_along(term, *seen, known, motion.step, settle=motion.settle)
-        for gear, row in zip(gears, rows, strict=True):
-            if np.array_equal(term.direction, row):
-                load[..., gear] += run.force
+        load[..., along_gear] += run.force[..., None]
         found.append(ForceAlong(term, *seen, known, run))
     return ForcesAlong(load, tuple(found))
 

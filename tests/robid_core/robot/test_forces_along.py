@@ -117,6 +117,20 @@ def test_the_load_is_what_gears_pass(six: Robot) -> None:
     np.testing.assert_array_equal(seal.load, found.load @ d.gear[:, 1])
 
 
+def test_laws_that_are_asked_for_see_the_load_that_all_give(six: Robot) -> None:
+    robot = six.with_effect("hard", "transmission.stiffening", "axis_2").with_effect(
+        "oil", "friction.viscous", "axis_1"
+    )
+    robot = robot.with_effect("seal", "friction.load_dependent", "axis_2", "motor")
+    coordinates, _, _ = moved(robot, 100)
+    before, after = coordinates[:, :-1], coordinates[:, 1:]
+    motion = RobotMotion(0.5 * (before + after), (after - before) / STEP, STEP)
+    every, asked = forces_along(robot, motion), forces_along(robot, motion, ["seal"])
+    assert [force.term.label for force in asked.forces] == ["hard", "seal"]
+    np.testing.assert_array_equal(asked.load, every.load)
+    np.testing.assert_array_equal(asked.of("seal")[0].run.force, every.of("seal")[0].run.force)
+
+
 def test_a_rigid_gear_needs_the_torque_of_its_motor(six: Robot) -> None:
     axes = {
         n: a.model_copy(update={"gear": None}) if n == "axis_2" else a
