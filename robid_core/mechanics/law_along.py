@@ -126,36 +126,56 @@ def _run(
     state = np.array(np.broadcast_to(start, (shape[0], term.n_state)), dtype=np.float64, order="C")
     outputs = np.empty((n_output, *shape))
     entries = entries_of(term.law, "force" if n_output == N_OUTPUT else "signal", term.n_state, term.label)
-    arguments = np.append(np.asarray(term.arguments, dtype=np.float64), 0.0)  # never empty
+    arguments = np.append(np.asarray(term.arguments, dtype=np.float64), 0.0)
     run_law(entries.lanes, inputs, outputs, state, arguments, float(step), settle)
     return outputs, state
 
 
+def run_law(
+    entry: int,
+    inputs: FloatArray,
+    outputs: FloatArray,
+    state: FloatArray,
+    arguments: FloatArray,
+    step: float,
+    settle: int = 0,
+) -> None:
+    """Run the law at an address over inputs (3, n_lane, n_sample) into outputs (n_output, n_lane, n_sample).
+
+    `state` (n_lane, n_state) moves on in place; `arguments` must not be empty.
+    """
+    memory = np.zeros((N_INPUT + N_OUTPUT + 2 * max(state.shape[1], 1), LANES))
+    _march(entry, inputs, outputs, state, arguments, step, settle, memory)
+
+
 @kernel
-def run_law(entry, inputs, outputs, state, arguments, step, settle):  # type: ignore[no-untyped-def]
-    """Run a law over inputs (3, n_lane, n_sample) into outputs (n_output, n_lane, n_sample); states move on."""
+def _march(entry, inputs, outputs, state, arguments, step, settle, memory):  # type: ignore[no-untyped-def]
+    """Call the law for each block of lanes and sample; `memory` has rows of its place, its state and the next."""
+    n_place, n_input = memory.shape[0] - 2 * max(state.shape[1], 1), inputs.shape[0]
     n_lane, n_sample, n_state = inputs.shape[1], inputs.shape[2], state.shape[1]
-    place = np.zeros((N_INPUT + N_OUTPUT, LANES))
-    before, after = np.zeros((n_state + 1, LANES)), np.zeros((n_state + 1, LANES))
-    rows, first, second, numbers = view_of(place), view_of(before), view_of(after), view_of(arguments)
+    following = n_place + max(n_state, 1)
+    rows, numbers = view_of(memory), view_of(arguments)
     for block in range(0, n_lane, LANES):
-        width = min(LANES, n_lane - block)
+        last = min(n_lane - block, LANES) - 1
         for lane in range(LANES):
             for k in range(n_state):
-                before[k, lane] = state[block + min(lane, width - 1), k]
+                memory[n_place + k, lane] = state[block + min(lane, last), k]
         for sample in range(-settle, n_sample):
-            now = sample + n_sample if sample < 0 else sample
-            for lane in range(LANES):
-                for i in range(inputs.shape[0]):
-                    place[i, lane] = inputs[i, block + min(lane, width - 1), now]
+            now = sample if sample >= 0 else sample + n_sample
+            for i in range(n_input):
+                for lane in range(LANES):
+                    memory[i, lane] = inputs[i, block + min(lane, last), now]
             call_law(
-                entry, address_of(rows, 0), address_of(first, 0), address_of(second, 0), address_of(numbers, 0), step
+                entry, address_of(rows, 0), address_of(rows, n_place), address_of(rows, following),
+                address_of(numbers, 0), step,
             )  # fmt: skip
-            before[:n_state] = after[:n_state]
-            if sample >= 0:
-                for lane in range(width):
-                    for i in range(outputs.shape[0]):
-                        outputs[i, block + lane, now] = place[inputs.shape[0] + i, lane]
-        for lane in range(width):
             for k in range(n_state):
-                state[block + lane, k] = before[k, lane]
+                for lane in range(LANES):
+                    memory[n_place + k, lane] = memory[following + k, lane]
+            if sample >= 0:
+                for i in range(outputs.shape[0]):
+                    for lane in range(last + 1):
+                        outputs[i, block + lane, now] = memory[n_input + i, lane]
+        for lane in range(last + 1):
+            for k in range(n_state):
+                state[block + lane, k] = memory[n_place + k, lane]

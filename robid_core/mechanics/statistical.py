@@ -205,7 +205,7 @@ def _on_grid(
     inputs[0, :, 0] = np.repeat(position, len(velocity))
     inputs[1, :, 0] = np.tile(velocity, len(position))
     inputs[2] = load
-    run_law(entry, inputs, outputs, np.empty((len(outputs[0]), 0)), arguments, step, 0)
+    run_law(entry, inputs, outputs, np.empty((len(outputs[0]), 0)), arguments, step)
     return outputs.reshape(N_OUTPUT, len(position), len(velocity))
 
 
