@@ -19,7 +19,8 @@ _HOME = {
     ),
     "robid_core.settings_types": ("DataPath", "ProjectPath", "RobotName", "StageRef"),
     "robid_core.drives": (
-        "Drives", "Experiment", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace", "assemble_record",
+        "Drives", "Experiment", "ExperimentIndex", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace",
+        "assemble_record",
     ),
     "robid_core.parameters": ("FreeParameters", "chosen_names"),
     "robid_core.registry": ("Plugin", "load_plugin"),
@@ -70,6 +71,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.drives import (
         Drives as Drives,
         Experiment as Experiment,
+        ExperimentIndex as ExperimentIndex,
         OpenDrives as OpenDrives,
         Plant as Plant,
         RawLog as RawLog,
