@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
 Start = Literal["rest", "motion"]
 
-SETTLING_S = (
-    1.0  # run before a periodic record, in whole periods: drives' loops settle in some tenths of a second
-)
+SAMPLES = 50  # of the beginning, that tell what the integrators hold
+SETTLING_S = 1.0  # run before a periodic record, in whole periods: arms ring for some tenths of a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,19 +143,25 @@ def _with_settling(lanes: RecordedLanes, n_sample: int, sample_time_s: float) ->
 def state_in_motion(robot: Robot, lanes: RecordedLanes) -> SimulationState:
     """State at the first of recorded samples; DataRejected where there are less than three.
 
-    Speed and the angle measured before are those of a parabola through the first three angles; the integrators stand
-    where the first torque is the recorded one. Without a position reference the position loops begin without error.
+    Speed and the angle measured before are those of a parabola through the first three angles. The integrators hold
+    what the recorded torques are more than the control law gives without, median over the first SAMPLES: noise and
+    limits of single samples do not count. Without a position reference the position loops begin without error.
     """
     if lanes.position.shape[1] < 3:
         raise DataRejected("an experiment has less than three samples: they do not tell a motion")
     time, control = robot.sample_time_s, controller_of(robot)
     first, second, third = lanes.position[:, :3].swapaxes(0, 1)
     before = 3 * first - 3 * second + third
-    state = standing(robot, first)
-    state = state.moving(robot.mechanism, (4 * second - 3 * first - third) / (2 * time))
-    aim = first if lanes.position_reference is None else lanes.position_reference[:, 0]
-    error = control.speed_feedforward * lanes.speed_reference[:, 0] + control.position_gain * (aim - first)
-    error = error - (first - before) / time
-    gain = control.speed_gain + control.integral_gain * time
-    integral = lanes.torque[:, 0] - state.holding_torque - gain * error
+    state = standing(robot, first).moving(robot.mechanism, (4 * second - 3 * first - third) / (2 * time))
+    angle, wanted, torque = (
+        values[:, :SAMPLES] for values in (lanes.position, lanes.speed_reference, lanes.torque)
+    )
+    if lanes.position_reference is None:
+        aim = first[:, None] + time * (np.cumsum(wanted, axis=1) - wanted)
+    else:
+        aim = lanes.position_reference[:, :SAMPLES]
+    speed = np.diff(angle, axis=1, prepend=before[:, None]) / time
+    error = control.speed_feedforward * wanted + control.position_gain * (aim - angle) - speed
+    law = control.speed_gain * error + control.integral_gain * time * np.cumsum(error, axis=1)
+    integral = np.median(torque - law, axis=1) - state.holding_torque
     return replace(state, measured=before, integral=integral)

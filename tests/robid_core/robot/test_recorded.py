@@ -107,7 +107,8 @@ def test_a_record_cut_from_a_motion_is_given_back(six: Robot, by_position: bool)
     again = {start: simulate_record(robot, record, start) for start in ("rest", "motion")}  # type: ignore[arg-type]
     torque = done.torque[:, cut:]
     first = values(again["motion"], "motor_torque")[:, 0]
-    np.testing.assert_allclose(first, torque[:, 0], rtol=0, atol=1e-9 * abs(torque).max())
+    # The speed before is a parabola's: off by a third difference of angles, 9e-6 rad in 1 ms, times 0.2 N m s/rad.
+    np.testing.assert_allclose(first, torque[:, 0], rtol=0, atol=2e-3)
     # What is behind the motors has rung out after a second; friction remembers nothing.
     error = {
         start: np.sqrt(((values(r, "motor_torque") - torque)[:, 1000:] ** 2).mean() / torque.var())
@@ -115,6 +116,23 @@ def test_a_record_cut_from_a_motion_is_given_back(six: Robot, by_position: bool)
     }
     assert error["motion"] < 2e-3
     assert error["rest"] > 2 * error["motion"]
+
+
+def test_noise_of_the_first_samples_does_not_drive_the_motors_away(six: Robot) -> None:
+    reference, cut = np.tile(waves(1000), (1, 2, 1)), 317
+    done = six.simulate(reference, ANGLE)
+    noise = 0.01 * six.drives.torque_limit * np.random.default_rng(5).standard_normal(done.torque.shape)
+    torque, asked = (done.torque + noise)[:, cut:], reference[:, cut:]
+    exact, noisy = (
+        values(simulate_record(six, record, "motion"), "motor_position")
+        for record in (
+            record_of(done.position[:, cut:], done.torque[:, cut:], 1, speed_reference=asked),
+            record_of(done.position[:, cut:], torque, 1, speed_reference=asked),
+        )
+    )
+    # A torque T too much that the integrators hold moves a motor by T / integral gain.
+    gain = np.array([six.parameter(f"controller.{name}.integral_gain") for name in six.axis_names])
+    assert (abs(noisy - exact)[:, -1] < 0.5 * 0.01 * six.drives.torque_limit / gain).all()
 
 
 def test_what_cannot_be_simulated_is_refused(six: Robot, tmp_path: Path) -> None:
