@@ -12,6 +12,7 @@ _HOME = {
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "ParameterTable", "Record",
         "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
+        "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -19,11 +20,15 @@ _HOME = {
     ),
     "robid_core.settings_types": ("DataPath", "ProjectPath", "RobotName", "StageRef"),
     "robid_core.drives": (
-        "Drives", "Experiment", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace", "assemble_record",
+        "Drives", "Experiment", "ExperimentIndex", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace",
+        "assemble_record",
     ),
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
+    "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
+    "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
+    "robid_core.robot.recorded": ("simulate_record",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.effect": (
         "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect",
@@ -64,10 +69,12 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         TimeComparison as TimeComparison,
         Truth as Truth,
         array as array,
+        mean_travel as mean_travel,
     )
     from robid_core.drives import (
         Drives as Drives,
         Experiment as Experiment,
+        ExperimentIndex as ExperimentIndex,
         OpenDrives as OpenDrives,
         Plant as Plant,
         RawLog as RawLog,
@@ -126,6 +133,19 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         ExperimentBatch as ExperimentBatch,
         simulate_over as simulate_over,
         simulate_portions as simulate_portions,
+    )
+    from robid_core.robot.effect_columns import (
+        EffectColumn as EffectColumn,
+        effect_columns as effect_columns,
+    )
+    from robid_core.robot.forces_along import (
+        ForceAlong as ForceAlong,
+        ForcesAlong as ForcesAlong,
+        RobotMotion as RobotMotion,
+        forces_along as forces_along,
+    )
+    from robid_core.robot.recorded import (
+        simulate_record as simulate_record,
     )
     from robid_core.settings_types import (
         DataPath as DataPath,

@@ -77,7 +77,8 @@ class Trace:
     reference_unit: FloatArray | None = None  # (n_axis,) rad/s per increment, likewise
 
 
-Place = tuple[int, int, int]  # configuration, block, experiment
+ExperimentIndex = tuple[int, int, int]
+"""Configuration, block, experiment."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class RecordPlan:
     line: npt.NDArray[np.int64]  # (n_freq,); empty where the motion is not for a frequency response
 
 
-def assemble_record(plan: RecordPlan, traces: Mapping[Place, Trace]) -> Record:
+def assemble_record(plan: RecordPlan, traces: Mapping[ExperimentIndex, Trace]) -> Record:
     """Record of a plan from the traces of its experiments.
 
     What was not measured is NaN and not valid, a trace that is not there included. Without lines the record has none.
@@ -138,7 +139,7 @@ class RawLog(Protocol):
     def bulk(self, time_s: float, note: str, n_frame: int, n_byte: int) -> None:
         """Count the frames of a bulk transfer, whose content is kept as a trace."""
 
-    def trace(self, place: Place, label: str, trace: Trace) -> None:
+    def trace(self, place: ExperimentIndex, label: str, trace: Trace) -> None:
         """Keep what was measured in one experiment."""
 
     def close(self, complete: bool) -> None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -129,11 +129,10 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Equivalent:
-    """Linear spring, damper and inertia that stand for a law under a motion, at the place's coordinate."""
+    """Linear spring and damper that stand for a law under a motion, at the place's coordinate."""
 
     stiffness: FloatArray
     damping: FloatArray
-    inertia: FloatArray = field(default_factory=lambda: np.zeros(()))
 
 
 class Effect(abc.ABC):
@@ -193,10 +192,11 @@ class ForceEffect(_LawEffect):
 
     @classmethod
     def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Return the spring and damper that a small signal meets (statistical linearisation).
+        """Return the spring and damper that a small signal meets in a law at a motor or on the arm.
 
-        E[d force / d position] and E[d force / d velocity] under the motion; by numerical integration of the law here,
-        in closed form where an effect has one.
+        E[d force / d position] and E[d force / d velocity] under the motion (statistical linearisation); by numerical
+        integration of the law here, in closed form where an effect has one. Laws along springs are taken with their
+        slope at rest, or along a motion (`forces_along`).
         """
         from robid_core.mechanics.statistical import linearize_law
 
@@ -224,7 +224,10 @@ class ForceEffect(_LawEffect):
         parameters: FloatArray,
         place: Place,
     ) -> dict[str, FloatArray]:
-        """Return the force per unit of each parameter in which it is linear; empty where there is none."""
+        """Return the force per unit of each parameter in which it is linear; empty where there is none.
+
+        `effect_columns` gives these to fits, and differences of the law for all other parameters.
+        """
         del position, velocity, load, parameters, place
         return {}
 

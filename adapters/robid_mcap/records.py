@@ -17,14 +17,13 @@ import numpy.typing as npt
 from google.protobuf.message import DecodeError, Message  # type: ignore[import-untyped]
 from mcap.records import Channel, Schema
 
-from robid_core import DataRejected, Record, RecordPlan, StoreError, Trace, assemble_record
+from robid_core import DataRejected, ExperimentIndex, Record, RecordPlan, StoreError, Trace, assemble_record
 from robid_mcap.arrays import FloatArray, Packed, unpack
 from robid_mcap.reader import Log, flatten
 from robid_mcap.schema import message_class, message_class_of
 from robid_mcap.writer import PLAN, McapLog
 
 _log = logging.getLogger("robid.mcap")
-Place = tuple[int, int, int]
 Decoder = Callable[[bytes], Iterator[tuple[str, float]]]
 
 
@@ -135,7 +134,7 @@ class Slices:
         self._n_axis = len(plan.axis_names)
         self._shape = (plan.n_period, plan.n_sample, self._n_axis)
         self._limits = (len(plan.angle), plan.n_block, plan.n_exp)
-        self._traces: dict[Place, Trace] = {}
+        self._traces: dict[ExperimentIndex, Trace] = {}
 
     def take(self, name: str, slice_: Any) -> None:
         """Enter a slice; raises ValueError where it does not fit the plan."""
@@ -168,7 +167,7 @@ class Slices:
         valid: npt.NDArray[np.bool_] = np.zeros(self._shape[:2], dtype=bool)
         return Trace(nan, nan.copy(), valid, np.full(self._n_axis, np.nan), nan[0].copy(), 0.0)
 
-    def complete(self) -> dict[Place, Trace]:
+    def complete(self) -> dict[ExperimentIndex, Trace]:
         """Return the traces as far as they came; a sample whose reference is not known is not valid."""
         for trace in self._traces.values():
             trace.valid[:] &= np.isfinite(trace.reference).all(axis=1)

@@ -24,6 +24,7 @@ from robid_core import (
     Drives,
     Excitation,
     Experiment,
+    ExperimentIndex,
     FloatArray,
     MotionAborted,
     MotionRefused,
@@ -39,7 +40,6 @@ from robid_core import (
 )
 
 UNSATURATED = 3.9  # standard deviations of a Gaussian torque that the limit should be away: 1 sample in 10^4
-Place = tuple[int, int, int]
 
 
 def plan_experiments(
@@ -49,7 +49,7 @@ def plan_experiments(
     periods: int,
     traced: int,
     seeds: npt.NDArray[np.int64],
-) -> dict[Place, Experiment]:
+) -> dict[ExperimentIndex, Experiment]:
     """Every experiment by (configuration, block, experiment), each cleared by the safety gate.
 
     Parameters
@@ -219,7 +219,7 @@ class DriveAcquisition(Acquisition):
             angle=configurations.angle,
             line=excitation.line,
         )
-        traces: dict[Place, Trace] = {}
+        traces: dict[ExperimentIndex, Trace] = {}
         with self._raw_log(context, robot, plan) as log:
             session = Session(robot, context.log, log, lambda text: context.log.info("%s", text))
             try:

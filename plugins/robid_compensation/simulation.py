@@ -22,25 +22,11 @@ from robid_core import (
     Preprocessing,
     Record,
     Robot,
+    mean_travel,
     simulate_over,
 )
 from robid_core.estimation.distortion.linear_motion import random_phases
 from robid_core.estimation.response.spectra import response_from_spectra
-
-
-def without_friction(robot: Robot, damping: FloatArray) -> Robot:
-    """The robot with a viscous damping of its motors, N m s/rad, (n_axis,), in place of all friction."""
-    effects = {
-        label: effect
-        for label, effect in robot.description.effects.items()
-        if not effect.use.startswith("friction.")
-    }
-    bare = Robot(robot.description.model_copy(update={"effects": effects}))
-    rubbing: dict[str, float] = {}
-    for name, viscous in zip(robot.axis_names, damping.tolist(), strict=True):
-        rubbing |= {f"friction.{name}.coulomb": 0.0, f"friction.{name}.offset": 0.0}
-        rubbing[f"friction.{name}.viscous"] = viscous
-    return bare.with_parameters(rubbing)
 
 
 def other_realisations(
@@ -63,8 +49,7 @@ def simulated_period(
 
     Takes references (n_exp, n_sample, n_axis) and the motor angles that the motion goes about, (n_exp, n_axis).
     """
-    travel = np.cumsum(reference, axis=1) * robot.sample_time_s
-    start = robot.joint_angle(middle - travel.mean(axis=1))
+    start = robot.joint_angle(middle - mean_travel(reference, robot.sample_time_s))
     result = simulate_over(context.map, robot, reference, start, n_period=2, n_kept=1)
     torque, position = (
         np.fft.rfft(signal.reshape(reference.shape), axis=1) / reference.shape[1]
@@ -159,7 +144,7 @@ class SimulationCompensation(Preprocessing):
         references = run.values("speed_reference")
         damping = robot.equivalent_motor_damping(*record.speed_levels())
         for c in context.track(range(len(torque)), len(torque), "simulated mechanics"):
-            plant = without_friction(model, damping[c])
+            plant = model.without_friction(damping[c])
             asked, middle = all_experiments(references[c]), all_experiments(position[c]).mean(axis=1)
             number = self.realizations * robot.n_axis
             drawn = other_realisations(asked, line, number, context.generator)

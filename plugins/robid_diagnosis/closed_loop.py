@@ -7,9 +7,8 @@ parameters and for those of the robot file, so that the gain of the fit is a num
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from pydantic import NonNegativeFloat
@@ -18,7 +17,6 @@ from robid_core import (
     ConfigurationError,
     Context,
     DataRejected,
-    DenseRun,
     Diagnosis,
     DiagnosisStage,
     Fit,
@@ -27,73 +25,14 @@ from robid_core import (
     Record,
     Robot,
     TimeComparison,
+    simulate_record,
 )
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One recorded run as lanes of the simulator, each (n_lane, n_sample, n_axis), motor side."""
-
-    position: FloatArray
-    torque: FloatArray
-    speed_reference: FloatArray
-    position_reference: FloatArray | None
-
-
-def lanes(run: DenseRun) -> Recorded:
-    """Return every experiment of a run as a lane, its periods joined.
-
-    Where only a position reference was recorded, the speed reference is its derivative.
-
-    Raises
-    ------
-    DataRejected
-        If there is no reference, or a sample is missing.
-    """
-    if not run.valid.all():
-        raise DataRejected(
-            "diagnosis.closed_loop: samples are missing; a simulation needs the whole reference"
-        )
-
-    def joined(name: str) -> FloatArray:
-        values = run.values(name)
-        if not np.isfinite(values).all():
-            raise DataRejected(
-                f"diagnosis.closed_loop: {name} was not recorded on every axis; all are needed"
-            )
-        n_config, n_block, n_exp, n_period, n_sample, n_axis = values.shape
-        return values.reshape(n_config * n_block * n_exp, n_period * n_sample, n_axis)
-
-    position_reference = joined("position_reference") if "position_reference" in run.channels else None
-    if "speed_reference" in run.channels:
-        speed_reference = joined("speed_reference")
-    elif position_reference is not None:
-        speed_reference = np.gradient(position_reference, run.sample_time_s, axis=1)
-    else:
-        raise DataRejected(
-            "diagnosis.closed_loop: the record has neither position_reference nor speed_reference; map the channel "
-            "that the controller followed"
-        )
-    return Recorded(joined("motor_position"), joined("motor_torque"), speed_reference, position_reference)
 
 
 def relative_error(measured: FloatArray, modelled: FloatArray) -> float:
     """|measured - modelled| / |measured| over all samples and axes; infinite where nothing was measured."""
     norm = float(np.linalg.norm(measured))
     return float(np.linalg.norm(measured - modelled)) / norm if norm > 0 else float("inf")
-
-
-def simulate_lanes(robot: Robot, recorded: Recorded) -> tuple[FloatArray, FloatArray]:
-    """Position and torque of the robot under the recorded reference, from rest at the first recorded position.
-
-    Each (n_lane, n_sample, n_axis), without sensor noise.
-    """
-    result = robot.simulate(
-        recorded.speed_reference,
-        robot.joint_angle(recorded.position[:, 0]),
-        position_reference=recorded.position_reference,
-    )
-    return result.position, result.torque
 
 
 def identified(robot: Robot, fit: Fit) -> tuple[Robot, list[str]]:
@@ -115,20 +54,17 @@ def identified(robot: Robot, fit: Fit) -> tuple[Robot, list[str]]:
     return robot.with_parameters(values), [name for name in fit.parameters.names if name not in known]
 
 
-def collected(
-    record: Record, skip_s: float, source: Callable[[Recorded], tuple[FloatArray, FloatArray]]
-) -> tuple[FloatArray, FloatArray]:
-    """Position and torque that `source` gives for every lane of every run, one after another, (n_sample, n_axis)."""
-    position: list[FloatArray] = []
-    torque: list[FloatArray] = []
+def compared(record: Record, channel: str, skip_s: float) -> FloatArray:
+    """A channel of every experiment from `skip_s` on, one after another, shape (n_sample, n_axis)."""
+    parts: list[FloatArray] = []
     for run in record.runs:
-        first = round(skip_s / run.sample_time_s)
-        pair = source(lanes(run))
-        if first >= pair[0].shape[1]:
+        first, values = round(skip_s / run.sample_time_s), run.values(channel)
+        n_axis = values.shape[-1]
+        lanes = values.reshape(-1, run.n_period * len(run.time_s), n_axis)
+        if first >= lanes.shape[1]:
             raise DataRejected(f"diagnosis.closed_loop: an experiment is shorter than skip_s = {skip_s:g} s")
-        for values, collection in zip(pair, (position, torque), strict=True):
-            collection.append(values[:, first:].reshape(-1, values.shape[2]))
-    return np.concatenate(position), np.concatenate(torque)
+        parts.append(lanes[:, first:].reshape(-1, n_axis))
+    return np.concatenate(parts)
 
 
 def instants(record: Record, skip_s: float) -> FloatArray:
@@ -189,37 +125,35 @@ class ClosedLoopSimulation(DiagnosisStage):
           with: {skip_s: 0.5}
     """
 
+    start: Literal["rest", "motion"] = "rest"
+    """How each experiment begins: at rest, or under way (a periodic record: in steady motion)."""
     skip_s: NonNegativeFloat = 0.0
-    """Time at the start of each experiment that is simulated and not compared (recordings that begin in motion)."""
+    """Time at the start of each experiment that is simulated and not compared: what is behind the motors of a recording
+    that begins under way is not known, and has to ring out."""
 
     def run(self, record: Record, fit: Fit, robot: Robot, context: Context) -> Diagnosis:
         """Simulate twice, with fitted and with nominal parameters, and compare."""
-        for run in record.runs:
-            if abs(run.sample_time_s / robot.sample_time_s - 1) > 1e-3:
-                raise ConfigurationError(
-                    f"diagnosis.closed_loop: the record is sampled every {run.sample_time_s:g} s and the drives "
-                    f"control every {robot.sample_time_s:g} s; set sample_time_s in the robot file"
-                )
         model, left_out = identified(robot, fit)
-        measured = collected(record, self.skip_s, lambda recorded: (recorded.position, recorded.torque))
+        measured = {name: compared(record, name, self.skip_s) for name in ("motor_position", "motor_torque")}
         context.progress(0, 2, "simulating the identified robot")
-        fitted = collected(record, self.skip_s, partial(simulate_lanes, model))
+        fitted = simulate_record(model, record, self.start)
         context.progress(1, 2, "simulating the robot file's parameters")
-        nominal = collected(record, self.skip_s, partial(simulate_lanes, robot))
+        nominal = simulate_record(robot, record, self.start)
         context.progress(2, 2)
-        comparisons = tuple(
-            TimeComparison(
-                axis_names=record.axis_names,
-                channel=name,
-                unit_symbol=record.runs[0].channel(name).unit_symbol,
-                relative_error=relative_error(measured[i], fitted[i]),
-                time_s=instants(record, self.skip_s),
-                measured=measured[i],
-                modelled=fitted[i],
+        comparisons, before = [], []
+        for name, values in measured.items():
+            modelled, start = (compared(r, name, self.skip_s) for r in (fitted, nominal))
+            comparisons.append(
+                TimeComparison(
+                    axis_names=record.axis_names,
+                    channel=name,
+                    unit_symbol=record.runs[0].channel(name).unit_symbol,
+                    relative_error=relative_error(values, modelled),
+                    time_s=instants(record, self.skip_s),
+                    measured=values,
+                    modelled=modelled,
+                )
             )
-            for i, name in enumerate(("motor_position", "motor_torque"))
-        )
-        before = [relative_error(measured[i], nominal[i]) for i in range(len(comparisons))]
-        return Diagnosis(
-            method="closed-loop simulation", verdict=sentence(comparisons, before, left_out), time=comparisons
-        )
+            before.append(relative_error(values, start))
+        verdict = sentence(comparisons, before, left_out)
+        return Diagnosis(method="closed-loop simulation", verdict=verdict, time=tuple(comparisons))

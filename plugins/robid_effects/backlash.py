@@ -5,8 +5,9 @@ and Gutman 2002, Automatica 38): spring and damper of the robot file act on the 
 computable. The corners are rounded within a tenth of the gap (ROUNDING of the half gap; a contact is soft at first
 anyway), and inside a thousandth of the spring stays (RESIDUAL), without which an unloaded joint would have no
 equilibrium. The law returns the difference to the linear spring and damper. Under a sine of amplitude A the spring
-acts as `describing_function`; under a Gaussian by the share of time on the flanks. Backlash lowers a resonance
-that swings through the gap and does nothing to a joint that gravity holds on one flank.
+acts as k N(A), N = 1 - (2 / pi) (asin mu + mu sqrt(1 - mu^2)), mu = gap / (2 A) (Gelb and Vander Velde 1968); under a
+Gaussian by the share of time on the flanks. Backlash lowers a resonance that swings through the gap and does nothing
+to a joint that gravity holds on one flank.
 """
 
 from __future__ import annotations
@@ -14,14 +15,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
-from robid_effects.deflection import (
-    SMALLEST_RADIUS,
-    describing_function_outside,
-    mean_slope_outside,
-    rounded_ramp,
-)
+from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -48,16 +44,6 @@ def backlash_law(position, velocity, load, state, next_state, parameters, step):
 def rounding_radius(gap: float) -> float:
     """Radius of the rounded corners of a gap, rad."""
     return max(0.5 * ROUNDING * gap, SMALLEST_RADIUS)
-
-
-def describing_function(amplitude: npt.ArrayLike, gap: float, stiffness: float) -> FloatArray:
-    """First harmonic of the whole spring torque over the amplitude of a sine deflection, N m/rad; real and in phase.
-
-    k (r + (1 - r) N(A)), r = RESIDUAL and N(A) = 1 - (2 / pi) (asin mu + mu sqrt(1 - mu^2)), mu = gap / (2 A), for A
-    above half the gap, else 0 (Gelb and Vander Velde 1968); here with the rounding of the corners, exactly.
-    """
-    outside = describing_function_outside(amplitude, 0.5 * gap, rounding_radius(gap))
-    return stiffness * (RESIDUAL + (1 - RESIDUAL) * outside)
 
 
 class Backlash(ForceEffect):
@@ -87,10 +73,3 @@ class Backlash(ForceEffect):
         """Half the gap, radius of its corners, spring and damper of the robot file."""
         gap = float(parameters[0])
         return np.array([0.5 * gap, rounding_radius(gap), place.stiffness, place.damping])
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Spring and damper of the robot file times the share of the time in the gap, negative."""
-        half, radius, stiffness, damping = cls.arguments(parameters, place)
-        free = (1 - RESIDUAL) * (mean_slope_outside(half, radius, motion) - 1)
-        return Equivalent(stiffness * free, damping * free)

@@ -15,17 +15,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import j0
 
-from robid_core import ConfigurationError, Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import exponential, kernel, natural_logarithm, sine_and_cosine, where
-from robid_effects.deflection import slow_amplitude
 
 FloatArray = npt.NDArray[np.float64]
 
 SMALLEST_COLUMN = 0.05
-N_ANGLE = 1024
-"""Angles of a turn for the torque's Fourier series; its terms fall as (b / a)^m."""
 
 
 @kernel
@@ -84,25 +80,6 @@ class Counterbalance(ForceEffect):
         per_length = (1.0 if preload >= 0 else -1.0) / gas_length
         length = np.sqrt(squares - 2 * product * np.cos(mounting_angle))
         return np.array([squares, product, mounting_angle, preload, stiffness, per_length, exponent, length])
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Mean slope of the torque's Fourier series: E[exp(i m q)] = exp(i m bias - m^2 rms^2 / 2) J0(m A).
-
-        The error is that of the series cut at N_ANGLE / 2, below 1e-9 for b < 0.95 a.
-        """
-        angle = 2 * np.pi * np.arange(N_ANGLE) / N_ANGLE
-        unit = cls.regressor(angle, angle, angle, parameters, place)
-        torque = parameters[3] * unit["preload"] + parameters[4] * unit["stiffness"]
-        order = np.arange(N_ANGLE // 2)
-        wave = np.fft.rfft(torque)[: len(order)] * 2 / N_ANGLE
-        bias, rms, amplitude = (
-            np.asarray(value, dtype=float)[..., None]
-            for value in (motion.position_bias, motion.position_rms, slow_amplitude(motion))
-        )
-        mean = np.exp(1j * order * bias - 0.5 * (order * rms) ** 2) * j0(order * amplitude)
-        stiffness = np.sum((1j * order * wave * mean).real, axis=-1)
-        return Equivalent(stiffness, np.zeros_like(stiffness))
 
     @classmethod
     def regressor(

@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
-from robid_core.mechanics import equivalent_damping, kernel, smooth_sign, where
-from robid_effects.deflection import SMALLEST_RADIUS, mean_slope_outside, rounded_ramp
+from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core.mechanics import kernel, smooth_sign, where
+from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,19 +65,6 @@ class SoftZone(ForceEffect):
         radius = max(0.25 * zone, SMALLEST_RADIUS)
         missing = place.stiffness * (1 - softness)
         return np.array([0.5 * zone, radius, missing, hysteresis, speed])
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Missing stiffness times the share of deflections inside; mean slope of the friction."""
-        corner, radius, missing, hysteresis, speed = cls.arguments(parameters, place)
-        damping = equivalent_damping(
-            np.asarray(motion.velocity_rms, dtype=float),
-            np.asarray(motion.sine_speed, dtype=float),
-            np.asarray(hysteresis),
-            np.asarray(0.0),
-            np.asarray(speed),
-        )
-        return Equivalent(missing * (mean_slope_outside(corner, radius, motion) - 1), damping)
 
     @classmethod
     def regressor(

@@ -5,8 +5,8 @@ q_m - q_a (Tuttle and Seering 1996; Ghorbel, Gandhi and Alpeter 2001), hence the
 q_m'). A virtual displacement does the work -T (dx + e' dq_m): T acts along x, and the motor feels T e'(q_m)
 besides. The linear spring is in the robot already, which leaves two terms, both with the motor angle as their
 coordinate: k e + d e' q_m' along the deflection, and T e' along the motor angle, T the whole torque of the
-transmission at the joint side. Together they neither make nor lose energy except in the damper d. The law, its
-slopes and its regressor speak of the motor angle. One effect is one order; put several on a gear (strain wave
+transmission at the joint side. Together they neither make nor lose energy except in the damper d. The law and
+its slopes speak of the motor angle. One effect is one order; put several on a gear (strain wave
 gears: 2 a motor turn).
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import ForceTerm, kernel, sine_and_cosine
 
 FloatArray = npt.NDArray[np.float64]
@@ -80,28 +80,3 @@ class KinematicError(ForceEffect):
             ForceTerm(cls.law, arguments, place.transmission, place.motor, place.load, 0, label),
             ForceTerm(error_reaction_law, arguments, place.motor, place.motor, place.load, 0, label),
         )
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Nothing at the deflection: the error drives the gear at order times speed, its torque does not depend on x.
-
-        What is left out, amplitude times order in the ratio of the gear, averages out once the motor swings over a
-        period of the error.
-        """
-        return Equivalent(np.zeros(()), np.zeros(()))
-
-    @classmethod
-    def regressor(
-        cls,
-        position: FloatArray,
-        velocity: FloatArray,
-        load: FloatArray,
-        parameters: FloatArray,
-        place: Place,
-    ) -> dict[str, FloatArray]:
-        """Torque along the deflection per unit of amplitude; position and velocity are the motor's."""
-        _, order, phase = parameters
-        angle = order * np.asarray(position, dtype=float) + phase
-        return {
-            "amplitude": place.stiffness * np.sin(angle) + place.damping * order * np.cos(angle) * velocity
-        }

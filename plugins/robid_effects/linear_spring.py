@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel
 
 FloatArray = npt.NDArray[np.float64]
@@ -38,11 +38,6 @@ class SpringDamper(ForceEffect):
             "definition: 50 - 2",
         ),
     )
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """The spring and the damper themselves, under every motion."""
-        return Equivalent(np.asarray(parameters[0]), np.asarray(parameters[1]))
 
     @classmethod
     def regressor(

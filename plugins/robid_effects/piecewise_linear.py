@@ -21,9 +21,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import ConfigurationError, Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
-from robid_effects.deflection import SMALLEST_RADIUS, mean_slope_outside, rounded_ramp
+from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -96,15 +96,3 @@ class PiecewiseLinear(ForceEffect):
         radius = np.maximum(radius, SMALLEST_RADIUS)
         corners = np.stack([corner, radius, np.diff(stiffness)], axis=-1)
         return np.array([place.stiffness, stiffness[0], *corners.ravel()])
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Stiffness of each piece times the share of the deflections beyond its corner, less the linear spring."""
-        linear, first, *corners = cls.arguments(parameters, place)
-        rows = np.reshape(corners, (N_CORNER, 3))
-        stiffness = (
-            first
-            - linear
-            + sum(rise * mean_slope_outside(corner, radius, motion) for corner, radius, rise in rows)
-        )
-        return Equivalent(np.asarray(stiffness), np.zeros(np.shape(stiffness)))

@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel
-from robid_effects.deflection import slow_amplitude
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,16 +40,6 @@ class Stiffening(ForceEffect):
             "definition: 1e10 * 8e-9, 3e10 * 4e-6",
         ),
     )
-
-    @classmethod
-    def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """3 c (bias^2 + rms^2 + A^2 / 2), A the amplitude of the slow sine."""
-        bias, rms = (
-            np.asarray(motion.position_bias, dtype=float),
-            np.asarray(motion.position_rms, dtype=float),
-        )
-        stiffness = 3 * parameters[0] * (bias**2 + rms**2 + 0.5 * slow_amplitude(motion) ** 2)
-        return Equivalent(stiffness, np.zeros_like(stiffness))
 
     @classmethod
     def regressor(

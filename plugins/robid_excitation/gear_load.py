@@ -9,47 +9,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import FloatArray, Robot
+from robid_core import FloatArray, Robot, RobotMotion, forces_along
 from robid_core.mechanics import friction_torque
-from robid_core.mechanics.static_laws import law_values
 
 
 def gear_load(robot: Robot, coordinates: FloatArray, torque: FloatArray) -> FloatArray:
     """Torque that each transmission passes, N m (N on a prismatic axis), joint side, shape (n_lane, n_sample, n_axis).
 
-    Laws with a memory (hysteresis) count as they are at their first state. Friction that an effect puts on the motor
-    of a rigid gear is not taken off: the load is overstated by it.
+    Friction that an effect puts on the motor of a rigid gear is not taken off: the load is overstated by it.
 
     Parameters
     ----------
     robot
-        What was simulated.
+        What was simulated, from rest.
     coordinates
         True generalised coordinates, shape (n_lane, n_sample, n_coordinate).
     torque
         Motor torques, held from each sample to the next, N m, shape (n_lane, n_sample, n_axis).
     """
-    elastic = robot.mechanism.elastic_gear
-    load = np.empty_like(torque)
+    step, elastic = robot.sample_time_s, robot.mechanism.elastic_gear
+    speed = np.gradient(coordinates, step, axis=1)
+    load = forces_along(robot, RobotMotion(coordinates, speed, step, torque=torque), ()).load
     if not elastic.all():
         load[..., ~elastic] = rigid_load(robot, coordinates[..., : robot.n_axis], torque)[..., ~elastic]
-    load[..., elastic] = elastic_load(robot, coordinates)
-    return load
-
-
-def elastic_load(robot: Robot, coordinates: FloatArray) -> FloatArray:
-    """Torque of the gear springs, their dampers and laws, shape (n_lane, n_sample, number of elastic gears)."""
-    n_gear = int(robot.mechanism.elastic_gear.sum())
-    rows = robot.mechanism.spring_directions[:n_gear]
-    stiffness, damping = (values[:n_gear] for values in robot.spring_arrays())
-    deflection = coordinates @ rows.T
-    rate = np.gradient(deflection, robot.sample_time_s, axis=1)
-    load: FloatArray = stiffness * deflection + damping * rate
-    for term in robot.forces:
-        for gear, row in enumerate(rows):
-            if np.array_equal(term.direction, row):
-                seen = coordinates @ term.coordinate
-                load[..., gear] += law_values(term, seen.ravel(), 0.0)[0].reshape(seen.shape)
     return load
 
 

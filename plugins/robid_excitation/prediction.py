@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robid_core import FloatArray, IntArray, MotionRefused, Robot
+from robid_core import ExperimentIndex, FloatArray, IntArray, MotionRefused, Robot
 from robid_core.estimation.excitation.predicted import PredictedDeviation, SensorNoise, predicted_deviation
 from robid_excitation.gear_load import load_of_motor
 from robid_excitation.limits import excesses, factors_that_fit
@@ -30,9 +30,6 @@ QUANTILES = (0.1, 0.5, 0.9, 0.99)
 MOST_EXPERIMENTS = 48  # simulated for the scatter: about 3 s of one core for six axes and periods of 8 s
 MOST_BLOCKS = 16  # tried where not all are simulated
 TOGETHER = 16  # experiments in memory at a time
-
-Experiment = tuple[int, int, int]
-"""Configuration, block, experiment."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ class Cleared:
         }
 
 
-def experiments_to_try(fast: FloatArray, most: int = MOST_BLOCKS) -> list[Experiment]:
+def experiments_to_try(fast: FloatArray, most: int = MOST_BLOCKS) -> list[ExperimentIndex]:
     """Experiments that stand for all of their configuration.
 
     Where all of a configuration have the same root mean square on every axis, as multisines do, that is the highest
@@ -92,7 +89,7 @@ def experiments_to_try(fast: FloatArray, most: int = MOST_BLOCKS) -> list[Experi
     rms = np.sqrt(np.mean(fast**2, axis=3))
     alike = np.ptp(rms, axis=(1, 2)) <= 0.01 * rms.max(axis=(1, 2))
     crest = np.abs(fast).max(axis=3) / np.where(rms > 0, rms, 1.0)
-    tried: list[Experiment] = []
+    tried: list[ExperimentIndex] = []
     for i in range(n_config):
         if alike[i].all():
             tried += [(i, m, int(np.argmax(crest[i, m].max(axis=-1)))) for m in blocks]
@@ -103,7 +100,7 @@ def experiments_to_try(fast: FloatArray, most: int = MOST_BLOCKS) -> list[Experi
 
 def experiments_to_simulate(
     fast: FloatArray, most: int = MOST_EXPERIMENTS
-) -> tuple[list[Experiment], list[int]]:
+) -> tuple[list[ExperimentIndex], list[int]]:
     """Every experiment of as many configurations as `most` allows, spread evenly, and those that stand for the others.
 
     Returns (experiments, configurations of which every experiment is among them).
@@ -176,10 +173,10 @@ def clear(
     motor_angle = robot.motor_angle(angle)
     tell = progress or (lambda done, total, note: None)
 
-    def reference(some: Sequence[Experiment], multisine: float = 1.0, sine: float = 1.0) -> FloatArray:
+    def reference(some: Sequence[ExperimentIndex], multisine: float = 1.0, sine: float = 1.0) -> FloatArray:
         return np.stack([multisine * fast[t] + sine * slow[t[0], t[1], 0] for t in some])
 
-    def simulate(some: Sequence[Experiment], mirrored: bool = False) -> Prediction:
+    def simulate(some: Sequence[ExperimentIndex], mirrored: bool = False) -> Prediction:
         parts = []
         for first in range(0, len(some), TOGETHER):
             tell(first, len(some), "experiments simulated")

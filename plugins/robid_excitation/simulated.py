@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from robid_core import ComplexArray, FloatArray, IntArray, Robot
+from robid_core import ComplexArray, FloatArray, IntArray, Robot, mean_travel
 from robid_core.mechanics.static_laws import law_values
 from robid_excitation.gear_load import gear_load
 
@@ -90,7 +90,7 @@ def predict(robot: Robot, reference: FloatArray, motor_angle: FloatArray, line: 
     """
     step, n_sample = robot.sample_time_s, reference.shape[1]
     travel = np.cumsum(reference, axis=1) * step
-    start = motor_angle - travel.mean(axis=1)
+    start = motor_angle - mean_travel(reference, step)
     n_start = min(n_sample, round(START_UP_S / step))
     whole = np.concatenate([reference, reference[:, :n_start]], axis=1)
     simulation = robot.simulate(whole, robot.joint_angle(start), keep_coordinates=True)

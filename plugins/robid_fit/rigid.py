@@ -34,6 +34,7 @@ from robid_core.estimation.rigid.regression import (
     linear_least_squares,
 )
 from robid_fit.mass_matrix import mass_matrix_doubts
+from robid_fit.rigid_effects import refuse_effects
 from robid_fit.rigid_model import (
     KINDS,
     Columns,
@@ -81,7 +82,8 @@ class RigidBodyFit(Estimator):
 
     Estimates go by the robot's own names: mass.<joint>, rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous,
     .offset; base parameters that the robot file cannot hold are first_moment.<joint>.x and joint_inertia.<joint>.xx,
-    about the joint's frame.
+    about the joint's frame. It knows bodies, rotors and the friction under `axes`: a robot with effects that it would
+    ignore, or count twice, is refused.
 
         fit:
           use: fit.rigid
@@ -111,6 +113,7 @@ class RigidBodyFit(Estimator):
         if self.friction_speed is not None:
             speed = np.full(robot.n_axis, self.friction_speed)
         robot = without_bearings(robot)
+        refuse_effects(robot, self.unknowns)
         columns, wanted, base = structure(robot, self.unknowns, speed)
         named = np.flatnonzero(wanted)[base.independent]
         held = np.setdiff1d(np.arange(len(columns.names)), named)

@@ -71,7 +71,7 @@ class TorqueResidualFit(Estimator):
     """Speeds of the free friction functions tanh(v / w), rad/s at the motor."""
     model_error: PositiveFloat = 2e-4
     """Relative error of the model's torque per bin and axis, beside the noise."""
-    passes: PositiveInt = 8
+    passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""

@@ -12,7 +12,7 @@ from robid_core.artifacts.configurations import Configurations
 from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
-from robid_core.artifacts.excitation import Excitation
+from robid_core.artifacts.excitation import Excitation, mean_travel
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.misfit import MisfitTable
@@ -42,4 +42,5 @@ __all__ = [
     "TimeComparison",
     "Truth",
     "array",
+    "mean_travel",
 ]

@@ -99,6 +99,21 @@ class Excitation(Artifact):
         travel; a motion that starts at the configuration *minus* this has it in its middle. Motor side, rad,
         shape (n_block, n_exp, n_axis).
         """
-        travel = np.cumsum(self.realization(configuration), axis=2) * self.sample_time_s
-        result: FloatArray = travel.mean(axis=2)
-        return result
+        return mean_travel(self.realization(configuration), self.sample_time_s)
+
+
+def mean_travel(speed_reference: FloatArray, sample_time_s: float) -> FloatArray:
+    """Mean over a period of how far a speed reference has led from its start, rad, shape (..., n_axis).
+
+    A motion that starts at an angle minus this goes about the angle, and not away from it.
+
+    Parameters
+    ----------
+    speed_reference
+        One period, rad/s, shape (..., n_sample, n_axis).
+    sample_time_s
+        Of the reference.
+    """
+    travel = np.cumsum(speed_reference, axis=-2) * sample_time_s
+    result: FloatArray = travel.mean(axis=-2)
+    return result

@@ -11,13 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.mechanics.chain import FloatArray
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.laws import entries_of
+from robid_core.mechanics.law_along import law_along
 from robid_core.mechanics.terms import ForceTerm
-from robid_core.mechanics.views import address_of, call_law, view_of
 
-ROW = 6  # numbers that go into a law and come out of it
 FAST = 1e3  # rad/s: dry friction has long reached its level, no bristle sticks
 
 
@@ -62,24 +58,5 @@ def law_values(
     term: ForceTerm, position: FloatArray, velocity: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Force of one law and its slopes in position and velocity, under no load, from its first state; (n_row,) each."""
-    entries = entries_of(term.law, "force", term.n_state, term.label)
-    place = np.zeros((-(-len(position) // LANES), ROW, LANES))
-    place[:, 0] = np.resize(position, len(place) * LANES).reshape(len(place), LANES)
-    place[:, 1] = velocity
-    state = np.zeros((max(term.n_state, 1), LANES))
-    arguments = np.concatenate((term.arguments, [0.0]))  # never empty
-    call_rows(entries.lanes, place, state, state.copy(), arguments)
-    force, stiffness, damping = (place[:, row].reshape(-1)[: len(position)].copy() for row in (3, 4, 5))
-    return force, stiffness, damping
-
-
-@kernel
-def call_rows(entry, place, state, next_state, arguments):  # type: ignore[no-untyped-def]
-    """Call a law for every block of lanes, with a step of no length."""
-    rows = view_of(place.reshape(-1))
-    before, after, numbers = view_of(state.reshape(-1)), view_of(next_state.reshape(-1)), view_of(arguments)
-    for block in range(place.shape[0]):
-        call_law(
-            entry, address_of(rows, block * place.shape[1] * place.shape[2]), address_of(before, 0),
-            address_of(after, 0), address_of(numbers, 0), 0.0,
-        )  # fmt: skip
+    run = law_along(term, position[:, None], np.full((len(position), 1), velocity), 0.0, 0.0)
+    return run.force[:, 0], run.slope_position[:, 0], run.slope_velocity[:, 0]

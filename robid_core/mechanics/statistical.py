@@ -21,7 +21,8 @@ from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.laws import entries_of
+from robid_core.mechanics.law_along import run_law
+from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, entries_of
 from robid_core.mechanics.terms import Law
 from robid_core.mechanics.views import address_of, call_law, view_of
 
@@ -199,26 +200,13 @@ def _on_grid(
     entry: int, arguments: FloatArray, step: float, position: FloatArray, velocity: FloatArray, load: float
 ) -> FloatArray:
     """Force and its slopes, shape (3, n_position, n_velocity)."""
-    n = len(position) * len(velocity)
-    inputs = np.empty((3, -(-n // LANES) * LANES))
-    inputs[0, :n] = np.repeat(position, len(velocity))
-    inputs[1, :n] = np.tile(velocity, len(position))
-    inputs[:2, n:] = inputs[:2, n - 1 : n]
+    shape = (len(position) * len(velocity), 1)
+    inputs, outputs = np.empty((N_INPUT, *shape)), np.empty((N_OUTPUT, *shape))
+    inputs[0, :, 0] = np.repeat(position, len(velocity))
+    inputs[1, :, 0] = np.tile(velocity, len(position))
     inputs[2] = load
-    place = np.empty((inputs.shape[1] // LANES, 6, LANES))
-    place[:, :3] = inputs.reshape(3, -1, LANES).transpose(1, 0, 2)
-    _evaluate(entry, place.reshape(len(place), -1), np.zeros((2, LANES)), arguments, step)
-    outputs = place[:, 3:].transpose(1, 0, 2).reshape(3, -1)
-    return outputs[:, :n].reshape(3, len(position), len(velocity))
-
-
-@kernel
-def _evaluate(entry, place, state, arguments, step):  # type: ignore[no-untyped-def]
-    """Call a law without memory, block after block; place (n_block, 6 LANES) takes the outputs."""
-    rows, memory, constants = view_of(place), view_of(state), view_of(arguments)
-    for block in range(place.shape[0]):
-        inputs = address_of(rows, block)
-        call_law(entry, inputs, address_of(memory, 0), address_of(memory, 1), address_of(constants, 0), step)
+    run_law(entry, inputs, outputs, np.empty((len(outputs[0]), 0)), arguments, step)
+    return outputs.reshape(N_OUTPUT, len(position), len(velocity))
 
 
 # With memory: a realisation of the motion --------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from robid_core.errors import NotTrustworthy
 from robid_core.executors.stream import stream, stream_threads
 from robid_core.executors.task import perform, unit
 from robid_core.registry import EFFECTS, TASKS
-from robid_core.robot.experiments import GROUP, ExperimentBatch, places, simulate_experiments, task
+from robid_core.robot.experiments import GROUP, ExperimentBatch, portions, simulate_experiments, task
 from robid_core.robot.plant import check_once
 
 if TYPE_CHECKING:
@@ -123,12 +123,12 @@ def simulate_portions(
     if count:
         for batch in batches:
             _prepare(batch)
-        work = (task(batches[index], first, last) for index, first, last in places(batches))
+        work = (task(batches[index], first, last) for index, first, last in portions(batches))
         results = stream_threads(count, simulate_experiments, work)
     else:
         results = stream(tasks, perform, _travelling(batches))
     with contextlib.closing(results):
-        for (index, first, last), result in zip(places(batches), results, strict=True):
+        for (index, first, last), result in zip(portions(batches), results, strict=True):
             position, torque, saturated, problem, lane = result
             done += last - first
             tell(done, total, HERE)
@@ -199,7 +199,7 @@ def _travelling(batches: Sequence[ExperimentBatch]) -> Iterator[tuple[Any, ...]]
         unit(TASKS, UNIT, ((EFFECTS, entry.use) for entry in batch.robot.description.effects.values()))
         for batch in batches
     ]
-    for index, first, last in places(batches):
+    for index, first, last in portions(batches):
         yield codes[index], task(batches[index], first, last)
 
 

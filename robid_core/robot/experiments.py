@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-Place = tuple[int, int, int]  # batch, first experiment, behind the last
+Portion = tuple[int, int, int]  # batch, first experiment, behind the last
 
 GROUP = 8  # experiments of a portion are a multiple of this: the lanes of the kernel
 PORTION = 120_000  # samples of all experiments of a portion: half a second of work, 12 MB of six axes
@@ -102,8 +102,8 @@ def lanes_per_portion(n_sample: int) -> int:
     return GROUP * max(1, PORTION // (GROUP * max(n_sample, 1)))
 
 
-def places(batches: Sequence[ExperimentBatch]) -> Iterator[Place]:
-    """Yield the place of every portion of some batches."""
+def portions(batches: Sequence[ExperimentBatch]) -> Iterator[Portion]:
+    """Yield every portion of some batches."""
     for index, batch in enumerate(batches):
         size = lanes_per_portion(batch.n_period * batch.speed_reference.shape[1])
         for first in range(0, batch.n_lane, size):

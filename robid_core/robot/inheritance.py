@@ -16,7 +16,7 @@ import numpy as np
 
 from robid_core.effect import StructureEffect
 from robid_core.registry import EFFECTS, load_plugin
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.description import EffectEntry, RobotDescription
 from robid_core.robot.named_parameters import number_at
 from robid_core.robot.parameter_places import ParameterPlace
 
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from robid_core.robot.effects import BoundEffect
     from robid_core.robot.robot import Robot
 
-NAMES = ("layout", "stiffness_names", "damping_names", "spring_names", "spring_places")
+SPRINGS = ("stiffness_names", "damping_names", "spring_names", "spring_places")
+NAMES = ("layout", *SPRINGS)
 AT_SPRING = ("gear", "bearing")
 
 
@@ -41,7 +42,7 @@ def inherited(robot: Robot, changed: RobotDescription, places: Iterable[Paramete
     """
     places = tuple(places)
     kept = {name: getattr(robot, name) for name in NAMES}
-    if has_structure_effects(robot.description):
+    if structure_effects(robot.description):
         return kept
     touched = {_touches(place) for place in places}
     known = robot.__dict__
@@ -61,11 +62,27 @@ def inherited(robot: Robot, changed: RobotDescription, places: Iterable[Paramete
     return kept
 
 
-def has_structure_effects(description: RobotDescription) -> bool:
-    """Tell whether some effect changes the robot itself."""
-    return any(
-        issubclass(load_plugin(EFFECTS, entry.use), StructureEffect) for entry in description.effects.values()
-    )
+def inherited_beside(robot: Robot, changed: RobotDescription) -> dict[str, Any]:
+    """Return the cached properties of a robot that hold for its description with other effects.
+
+    Laws and signals act on bodies, drives and springs and leave them as they are; another structure leaves nothing.
+    """
+    if structure_effects(robot.description) != structure_effects(changed):
+        return {}
+    return {
+        name: robot.__dict__[name]
+        for name in ("chain", "mechanism", "drives", *SPRINGS)
+        if name in robot.__dict__
+    }
+
+
+def structure_effects(description: RobotDescription) -> list[tuple[str, EffectEntry]]:
+    """Return the effects that change the robot itself, in their order."""
+    return [
+        (label, entry)
+        for label, entry in description.effects.items()
+        if issubclass(load_plugin(EFFECTS, entry.use), StructureEffect)
+    ]
 
 
 def _touches(place: ParameterPlace) -> str:

@@ -40,6 +40,7 @@ from robid_core.robot.named_parameters import with_values
 from robid_core.robot.problems import suggestion
 from robid_core.robot.reading import find_robot, read_description
 from robid_core.robot.unknowns import NamedUnknowns
+from robid_core.robot.variants import Variants
 from robid_core.robot.wording import reason
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
 
 @dataclass(frozen=True)
-class Robot(NamedUnknowns, Motions):
+class Robot(NamedUnknowns, Variants, Motions):
     """Chain, drives and elastic coordinates of one robot, with names for its unknowns."""
 
     description: RobotDescription

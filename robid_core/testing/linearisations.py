@@ -12,9 +12,8 @@ OMEGA = 2 * np.pi * 20.0  # rad/s, where a gain with memory is asked for
 AGREEMENT = 0.02  # of the gain: the default is a realisation's regression where a law has a state
 
 
-def motions(side: str) -> tuple[Motion, ...]:
-    """Return three motions at a place, slow to fast: of a deflection by some 1e-4 rad, or of a motor that turns."""
-    deflection = ((2e-3, True, 0.0, 0.0), (0.02, True, 2e-4, 10.0), (0.1, False, -3e-4, -3.0))
+def motions() -> tuple[Motion, ...]:
+    """Return three motions of a motor or an arm, slow to fast."""
     turning = ((0.02, True, 2e-4, 10.0), (2.0, True, 0.1, 0.0), (20.0, False, -0.3, -3.0))
     return tuple(
         Motion(
@@ -27,7 +26,7 @@ def motions(side: str) -> tuple[Motion, ...]:
             omega=OMEGA,
             signal_rms=0.3,
         )
-        for speed, slow, bias, load in (deflection if side in ("gear", "bearing") else turning)
+        for speed, slow, bias, load in turning
     )
 
 
@@ -46,7 +45,7 @@ def check_equivalent(
         omega=OMEGA,
     )
     _finite(name, effect.linearize(values.copy(), place, spread), (2, 3))
-    for motion in motions(place.side):
+    for motion in motions():
         own = effect.linearize(values.copy(), place, motion)
         _finite(name, own, ())
         if not compare:
@@ -61,7 +60,7 @@ def check_equivalent(
 
 
 def _finite(name: str, gain: Equivalent, shape: tuple[int, ...]) -> None:
-    for word in ("stiffness", "damping", "inertia"):
+    for word in ("stiffness", "damping"):
         part = np.asarray(getattr(gain, word))
         try:
             fits = np.broadcast_shapes(part.shape, shape) == shape
@@ -77,7 +76,7 @@ def _finite(name: str, gain: Equivalent, shape: tuple[int, ...]) -> None:
 def check_gain(name: str, effect: type[SignalEffect], values: FloatArray, place: Place) -> None:
     """Check that a complex gain has a finite value a frequency, standstill of the signal included."""
     omega = np.array([0.0, 1.0, OMEGA, 2 * np.pi * 400.0])
-    for motion in (Motion(), *motions(place.side)):
+    for motion in (Motion(), *motions()):
         gain = np.asarray(effect.gain(values.copy(), place, omega, motion))
         if gain.shape != omega.shape or gain.dtype != np.complex128 or not np.isfinite(gain).all():
             raise ContractBroken(

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
 
-from robid_core import Record, Robot
+from robid_core import Record, Robot, mean_travel
 from studies.frf_methods.figures_style import EVEN, INK, ODD, UNUSED, USED, laid_out, plain_ticks
 from studies.frf_methods.measurement import BLOCKS, SETTLE_PERIODS, ExcitationClass, measure, references
 
@@ -54,7 +54,7 @@ def measured(
     seed = int(generator.integers(2**62))
     record = measure(robot, angle, excitation, reference, seed)
     lanes = reference.reshape(-1, *reference.shape[2:])
-    start = robot.motor_angle(angle) - (np.cumsum(lanes, axis=1) * excitation.sample_time_s).mean(axis=1)
+    start = robot.motor_angle(angle) - mean_travel(lanes, excitation.sample_time_s)
     first = robot.simulate(np.tile(lanes, (1, SETTLE_PERIODS, 1)), robot.joint_angle(start), seed)
     return Shown(
         record,

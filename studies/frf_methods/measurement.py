@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Channel, Context, DenseRun, Record, Robot
+from robid_core import Channel, Context, DenseRun, Record, Robot, mean_travel
 from robid_core.testing import example_context
 
 sys.path.append(str(Path(__file__).parents[2] / "tests"))
@@ -75,7 +75,7 @@ def measure(
     n_sample, n_axis = reference.shape[2:]
     step = excitation.sample_time_s
     lanes = reference.reshape(-1, n_sample, n_axis)
-    start = robot.motor_angle(angle) - (np.cumsum(lanes, axis=1) * step).mean(axis=1)
+    start = robot.motor_angle(angle) - mean_travel(lanes, step)
     whole = np.tile(lanes, (1, SETTLE_PERIODS + n_period, 1))
     result = robot.simulate(whole, robot.joint_angle(start), noise_seed)
     shape = (1, *reference.shape[:2], n_period, n_sample, n_axis)

@@ -60,9 +60,7 @@ SETTINGS = {
 
 def without_friction(plant: ReferencePlant) -> ReferencePlant:
     """The plant without ripple and without Coulomb friction; viscous friction stays."""
-    robot = without_effects(plant.robot)
-    coulomb = {name: 0.0 for name in robot.parameters() if name.endswith(".coulomb")}
-    return dataclasses.replace(plant, robot=robot.with_parameters(coulomb))
+    return dataclasses.replace(plant, robot=without_effects(plant.robot).without_friction())
 
 
 def scenes_of(key: str, folder: Path) -> Iterator[Scene]:

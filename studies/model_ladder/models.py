@@ -30,7 +30,7 @@ def ladder(plant: Robot) -> dict[str, Robot]:
 
 def without_effects(plant: Robot) -> Robot:
     """The plant with linear springs and plain friction."""
-    return Robot(plant.description.model_copy(update={"effects": {}}))
+    return plant.without_effect(*plant.description.effects)
 
 
 def off_by(plant: Robot, share: float) -> Robot:

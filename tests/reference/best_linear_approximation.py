@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from reference.excitation_class import ExcitationClass
 
-from robid_core import Robot
+from robid_core import Robot, mean_travel
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -158,8 +158,7 @@ def simulated_batch(
     reference = (fast + np.stack([slow for _, slow in drawn])[:, None]).reshape(-1, period, n_axis)
     # From the period's beginning, as a measurement does: where it starts decides the torque that the integrators hold,
     # and so the mean angle. Any period after `n_settle` samples will do.
-    travel = np.cumsum(reference, axis=1) * step
-    start = robot.motor_angle(pose) - travel.mean(axis=1)
+    start = robot.motor_angle(pose) - mean_travel(reference, step)
     n_settle = round(settle_s / step)
     whole = np.concatenate([reference] * -(-(n_settle + period) // period), axis=1)[:, : n_settle + period]
     result = robot.simulate(whole, robot.joint_angle(start), noise_seed, n_thread=n_thread)

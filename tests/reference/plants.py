@@ -149,7 +149,7 @@ def without_sensor_errors(robot: Robot) -> Robot:
 
 def without_effects(robot: Robot) -> Robot:
     """Return the robot without ripple: what its linear model is about."""
-    return Robot(robot.description.model_copy(update={"effects": {}}))
+    return robot.without_effect(*robot.description.effects)
 
 
 def _known_to_the_user(robot: Robot, gains: np.random.Generator, sensors: np.random.Generator) -> Robot:

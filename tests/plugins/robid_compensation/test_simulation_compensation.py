@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robid_compensation.simulation import SimulationCompensation, other_realisations, without_friction
+from robid_compensation.simulation import SimulationCompensation, other_realisations
 from robid_core import Channel, ComplexArray, DenseRun, Frf, Record, Robot
 from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
 from robid_core.testing import check_stage, example_context, example_fit, example_robot
@@ -20,8 +20,7 @@ POSE = np.array([[0.2, 0.9]])
 @pytest.fixture(scope="module")
 def plant() -> Robot:
     """Two arms without friction: all that scatters is what moving about does to their inertia."""
-    robot = example_robot(2)
-    return robot.with_parameters({n: 0.0 for n in robot.parameters() if n.endswith("coulomb")})
+    return example_robot(2).without_friction()
 
 
 @pytest.fixture(scope="module")
@@ -114,14 +113,6 @@ def test_a_fit_replaces_the_nominal_parameters(plant: Robot, record: Record) -> 
     assert changed <= set(table.names)
     name = "motor_torque"
     assert np.array_equal(fitted.run.values(name), right.run.values(name))
-
-
-def test_friction_becomes_a_damper() -> None:
-    robot = example_robot(2)
-    damping = np.array([0.01, 0.02])
-    bare = without_friction(robot, damping)
-    assert bare.drives.coulomb.tolist() == [0, 0]
-    assert bare.drives.viscous == pytest.approx(damping)
 
 
 def test_other_realisations_have_the_amplitudes_and_nothing_above_the_band() -> None:

@@ -151,6 +151,23 @@ def test_each_experiment_starts_at_its_own_rest_and_the_start_can_be_skipped(tmp
     np.testing.assert_array_equal(position.measured[2600:, 0], exact_run(reference(), 0.13)[0][400:])
 
 
+def test_a_recording_that_begins_under_way_is_taken_up_in_motion(tmp_path: Path) -> None:
+    robot, first = slide(tmp_path), 200
+    whole = record(robot, exact_run(reference(), 0.1))
+    run = whole.run
+    channels = {
+        name: Channel("motor", channel.unit_symbol, channel.values[..., first:, :])
+        for name, channel in run.channels.items()
+    }
+    cut = run.replace(channels=channels, valid=run.valid[..., first:], time_s=run.time_s[:-first])
+    under_way = whole.replace(runs=(cut,))
+    position, force = diagnose(robot, under_way, TRUE, start="motion").time
+    # Acceleration is known from the first three samples: the speed is wrong by a third of its change in 1 ms^2.
+    assert position.relative_error < 1e-5
+    assert force.relative_error < 1e-2
+    assert diagnose(robot, under_way, TRUE).time[1].relative_error > 0.1
+
+
 def test_the_verdict_tells_errors_in_units_place_and_gain(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     position, force = exact_run(reference(), 0.1)

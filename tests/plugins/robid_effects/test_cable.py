@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from robid_core import ForceEffect, Motion
 from robid_effects.cable import CableSpring
 
 PARAMETERS = np.array([8.0, -0.5, 0.7])
@@ -17,14 +16,6 @@ def test_it_pulls_towards_its_rest_angle() -> None:
     assert law(-0.5, 0.0) == (0.0, 8.0, 0.7)
     assert law(0.5, 0.0)[0] == pytest.approx(8.0, rel=1e-14)
     assert law(-1.5, 2.0)[0] == pytest.approx(-8.0 + 1.4, rel=1e-14)
-
-
-def test_the_linearisation_is_the_law_itself(at) -> None:
-    motion = Motion(position_bias=0.3, position_rms=0.1, velocity_rms=2.0)
-    got = CableSpring.linearize(PARAMETERS, at("arm"), motion)
-    by_quadrature = ForceEffect.linearize.__func__(CableSpring, PARAMETERS, at("arm"), motion)
-    assert float(got.stiffness) == pytest.approx(float(by_quadrature.stiffness), rel=1e-9)
-    assert float(got.damping) == pytest.approx(float(by_quadrature.damping), rel=1e-9)
 
 
 def test_the_regressor_times_the_parameters_is_the_torque(at) -> None:

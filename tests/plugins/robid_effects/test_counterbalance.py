@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid_core import ConfigurationError, ForceEffect, Motion
+from robid_core import ConfigurationError
 from robid_effects.counterbalance import SMALLEST_COLUMN, Counterbalance
 
 # anchor, attachment, mounting angle, preload, stiffness, gas length, exponent
@@ -92,28 +92,6 @@ def test_gas_without_a_column_keeps_its_pull(at) -> None:
         2 * h
     )
     assert slope == pytest.approx(by_difference, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    "motion",
-    [
-        Motion(position_bias=0.4, position_rms=0.05, velocity_rms=1.0),
-        Motion(position_bias=-1.2, position_rms=0.02, velocity_rms=1.0, sine_speed=0.5, sine_omega=1.5),
-    ],
-)
-def test_the_equivalent_stiffness_is_the_mean_slope(at, motion: Motion) -> None:
-    for parameters in CASES:
-        got = Counterbalance.linearize(parameters, at("arm"), motion)
-        by_quadrature = ForceEffect.linearize.__func__(Counterbalance, parameters, at("arm"), motion)
-        assert float(got.stiffness) == pytest.approx(float(by_quadrature.stiffness), rel=1e-4, abs=1e-3)
-        assert float(got.damping) == 0.0
-
-
-def test_at_rest_the_equivalent_stiffness_is_the_slope(at) -> None:
-    for parameters in CASES:
-        got = Counterbalance.linearize(parameters, at("arm"), Motion(position_bias=np.array([0.3, -2.0])))
-        expected = [law(parameters, angle, at("arm"))[1] for angle in (0.3, -2.0)]
-        np.testing.assert_allclose(got.stiffness, expected, rtol=1e-9, atol=1e-7)
 
 
 def test_the_regressor_times_the_parameters_is_the_torque(at) -> None:

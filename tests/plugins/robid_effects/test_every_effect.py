@@ -14,7 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import Effect, ForceEffect, Robot, StructureEffect
+from robid_core import (
+    ConfigurationError,
+    Effect,
+    ForceEffect,
+    Robot,
+    RobotMotion,
+    StructureEffect,
+    effect_columns,
+    forces_along,
+)
 from robid_core.registry import EFFECTS, registry
 from robid_core.testing import check_effect
 
@@ -151,6 +160,45 @@ def test_without_it_the_robot_moves_otherwise(name: str, tmp_path: Path) -> None
     robot = Robot.load(str(written(name, tmp_path, LIVELY.get(name, {}))))
     motors = [(a[..., :6], b[..., :6]) for a, b in zip(motion(robot), nominal_motion(), strict=True)]
     assert any(not np.array_equal(a, b) for a, b in motors)
+
+
+def swung(robot: Robot) -> RobotMotion:
+    """The motion of the axis, with everything behind it, sampled once a sample."""
+    time = robot.sample_time_s * np.arange(60)
+    reference = np.zeros((1, 60, 6))
+    reference[0, :, 1] = 5.0 * np.sin(2 * np.pi * 20 * time)
+    run = robot.simulate(reference, np.array([[0.1, 0.5, 0.2, 0.1, 0.3, 0.1]]), keep_coordinates=True)
+    assert run.coordinates is not None
+    speed = np.gradient(run.coordinates, robot.sample_time_s, axis=1)
+    return RobotMotion(run.coordinates, speed, robot.sample_time_s, torque=run.torque)
+
+
+@EVERY
+def test_every_parameter_of_a_law_has_a_column(name: str, tmp_path: Path) -> None:
+    effect = effect_of(name)
+    robot = Robot.load(str(written(name, tmp_path, LIVELY.get(name, {}))))
+    names = [f"effect.cause.{row.name}" for row in effect.parameters]
+    if issubclass(effect, StructureEffect):
+        with pytest.raises(ConfigurationError, match="no parameter of a law"):
+            effect_columns(robot, names, swung(robot))
+        return
+    motion = swung(robot)
+    columns = effect_columns(robot, names, motion)
+    assert {column.name for column in columns} == set(names)
+    assert all(np.isfinite(column.values).all() for column in columns)
+    draws = name.endswith("noise")  # drawn before the run, by no law
+    assert draws or any(column.values.any() for column in columns)
+    if not issubclass(effect, ForceEffect):
+        return
+    linear = [column for column in columns if column.linear]
+    for column in linear:  # what the regressor says is what the law does
+        value = robot.parameter(column.name)
+        forces = [
+            forces_along(robot.with_parameters({column.name: at}), motion).of("cause")[0].run.force
+            for at in (value, 1.001 * value + 1e-3)
+        ]
+        change = column.values * (0.001 * value + 1e-3)
+        np.testing.assert_allclose(forces[1] - forces[0], change, rtol=0, atol=1e-8 * np.abs(forces).max())
 
 
 def test_the_robot_file_of_the_readme_loads_and_moves(tmp_path: Path) -> None:

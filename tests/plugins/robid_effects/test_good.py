@@ -1,9 +1,8 @@
-"""The soft wind-up zone: stiffness inside and outside, its friction, its means."""
+"""The soft wind-up zone: stiffness inside and outside, its friction."""
 
 import numpy as np
 import pytest
 
-from robid_core import ForceEffect, Motion
 from robid_effects.good import SoftZone
 
 SOFTNESS, ZONE, HYSTERESIS, SPEED = 0.4, 5e-4, 2.0, 5e-3
@@ -52,22 +51,6 @@ def test_slopes_are_derivatives(place) -> None:
         # Rounding eps * 45 N m / h; at the end of a parabola curvature * h / 2 = 0.1.
         assert in_position == pytest.approx(by_position, abs=0.2)
         assert in_velocity == pytest.approx(by_velocity, abs=1e-5)  # third derivative 2 h / v_s^3, g^2 / 6
-
-
-@pytest.mark.parametrize(
-    "motion",
-    [
-        Motion(position_rms=2e-4, velocity_rms=0.01),
-        Motion(position_rms=1e-4, velocity_rms=4e-3, position_bias=2e-4, sine_speed=6e-4, sine_omega=2.0),
-        Motion(position_rms=2e-3, velocity_rms=0.2, position_bias=-1e-3),
-    ],
-)
-def test_the_linearisation_is_the_mean_slope(place, motion: Motion) -> None:
-    got = SoftZone.linearize(PARAMETERS, place, motion)
-    by_quadrature = ForceEffect.linearize.__func__(SoftZone, PARAMETERS, place, motion)
-    assert float(got.stiffness) == pytest.approx(float(by_quadrature.stiffness), abs=1e-3 * SPRING)
-    assert float(got.damping) == pytest.approx(float(by_quadrature.damping), rel=1e-4)
-    assert -(1 - SOFTNESS) * SPRING <= float(got.stiffness) <= 0
 
 
 def test_the_regressor_is_the_force_per_hysteresis(place) -> None:

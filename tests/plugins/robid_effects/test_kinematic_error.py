@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from robid_core import Motion
 from robid_core.mechanics.laws import entries_of
 from robid_effects.kinematic_error import KinematicError
 
@@ -94,20 +93,3 @@ def test_slopes_are_derivatives(place) -> None:
 def test_both_laws_run_on_all_lanes(place) -> None:
     for term in KinematicError.bind(PARAMETERS, place):
         assert entries_of(term.law, "force", term.n_state, term.label).vectorized
-
-
-def test_the_regressor_times_the_amplitude_is_the_torque_along_the_deflection(place) -> None:
-    angle, speed = np.linspace(-9.0, 9.0, 13), np.linspace(30.0, -30.0, 13)
-    column = KinematicError.regressor(angle, speed, 0 * angle, PARAMETERS, place)["amplitude"]
-    along = KinematicError.bind(PARAMETERS, place)[0]
-    expected = [
-        call(along, np.array([q, 0.0]), np.array([v, 0.0]), 0.0)[0] for q, v in zip(angle, speed, strict=True)
-    ]
-    np.testing.assert_allclose(PARAMETERS[0] * column, expected, rtol=1e-10, atol=1e-10)
-
-
-def test_it_is_no_spring_of_the_deflection(place) -> None:
-    got = KinematicError.linearize(PARAMETERS, place, Motion(position_rms=1e-3, velocity_rms=0.1))
-    assert (float(got.stiffness), float(got.damping)) == (0.0, 0.0)
-    for term in KinematicError.bind(PARAMETERS, place):
-        np.testing.assert_array_equal(term.coordinate, MOTOR)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from robid_core import ForceEffect, Motion
 from robid_effects.linear_spring import SpringDamper
 
 PARAMETERS = np.array([4e4, 25.0])
@@ -16,14 +15,6 @@ def test_the_law_is_a_spring_and_a_damper() -> None:
         )
         assert force == pytest.approx(4e4 * position + 25.0 * velocity, rel=1e-14)
         assert (in_position, in_velocity) == (4e4, 25.0)
-
-
-def test_the_linearisation_is_the_law_itself(at) -> None:
-    place, motion = at("gear"), Motion(velocity_rms=0.1, position_rms=1e-3, sine_speed=0.2, sine_omega=3.0)
-    got = SpringDamper.linearize(PARAMETERS, place, motion)
-    by_quadrature = ForceEffect.linearize.__func__(SpringDamper, PARAMETERS, place, motion)
-    assert float(got.stiffness) == pytest.approx(float(by_quadrature.stiffness), rel=1e-9)
-    assert float(got.damping) == pytest.approx(float(by_quadrature.damping), rel=1e-9)
 
 
 def test_the_regressor_times_the_parameters_is_the_force(at) -> None:

@@ -1,14 +1,10 @@
-"""The catalogue's stiffness curve: its corner points, its own example, symmetry, and its mean stiffness."""
-
-from itertools import pairwise
+"""The catalogue's stiffness curve: its corner points, its own example, symmetry."""
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
-from scipy.stats import norm
 
-from robid_core import ConfigurationError, ForceEffect, Motion
+from robid_core import ConfigurationError
 from robid_effects.piecewise_linear import CLOSING, ROUNDING, PiecewiseLinear
 
 K1, K2, K3, T1, T2 = 6.7e4, 1.1e5, 1.2e5, 29.0, 108.0
@@ -95,23 +91,6 @@ def test_three_times_the_files_stiffness_is_no_difference(at) -> None:
     for x in (-2e-3, 1e-5, 4.3e-4, 1e-3):
         # Nothing but rounding of numbers of up to 134 N m.
         assert abs(slopes(x, values, place)[0]) < 1e-12
-
-
-@pytest.mark.parametrize(("bias", "rms"), [(0.0, 1e-4), (0.0, 6e-4), (1e-3, 3e-4), (-5e-4, 2e-4)])
-def test_the_equivalent_stiffness_is_the_mean_slope(place, bias: float, rms: float) -> None:
-    values, motion = parameters(), Motion(position_bias=bias, position_rms=rms, velocity_rms=0.01)
-    corner = PiecewiseLinear.arguments(values, place)[2:].reshape(3, 3)
-    breaks = sorted(s * (c + e) for s in (-1, 1) for c, r, *_ in corner for e in (-r, r))
-    ends = [bias - 9 * rms, *(b for b in breaks if abs(b - bias) < 9 * rms), bias + 9 * rms]
-    expected = sum(
-        quad(lambda x: slopes(x, values, place)[1] * norm.pdf(x, bias, rms), low, high)[0]
-        for low, high in pairwise(ends)
-    )
-    got = PiecewiseLinear.linearize(values, place, motion)
-    assert float(got.stiffness) == pytest.approx(expected, abs=1e-3)
-    assert float(got.damping) == 0.0
-    by_stein = ForceEffect.linearize.__func__(PiecewiseLinear, values, place, motion)
-    assert float(by_stein.stiffness) == pytest.approx(expected, abs=2e-3 * SPRING)  # kinks: 1e-3 of its gain
 
 
 def test_torques_in_the_wrong_order_are_refused(place) -> None:

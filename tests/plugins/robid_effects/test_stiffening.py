@@ -1,9 +1,8 @@
-"""The cubic spring: slopes, mean stiffness in closed form, regressor."""
+"""The cubic spring: slopes, regressor."""
 
 import numpy as np
 import pytest
 
-from robid_core import ForceEffect, Motion
 from robid_effects.stiffening import Stiffening
 
 PARAMETERS = np.array([2e9])
@@ -25,26 +24,6 @@ def test_the_slope_is_the_derivative() -> None:
         # Central difference of a cubic: c h^2 = 2e-3 too large.
         assert law(x)[1] == pytest.approx((law(x + h)[0] - law(x - h)[0]) / (2 * h) - 2e9 * h * h, abs=1e-5)
         assert law(x)[2] == 0.0
-
-
-@pytest.mark.parametrize(
-    "motion",
-    [
-        Motion(position_rms=1e-3),
-        Motion(position_rms=5e-4, position_bias=2e-3),
-        Motion(position_rms=5e-4, position_bias=-1e-3, sine_speed=3e-3, sine_omega=2.0, velocity_rms=0.01),
-    ],
-)
-def test_the_equivalent_stiffness_is_the_mean_slope(at, motion: Motion) -> None:
-    got = Stiffening.linearize(PARAMETERS, at("gear"), motion)
-    by_quadrature = ForceEffect.linearize.__func__(Stiffening, PARAMETERS, at("gear"), motion)
-    assert float(got.stiffness) == pytest.approx(float(by_quadrature.stiffness), rel=1e-6)
-    assert float(got.damping) == 0.0
-
-
-def test_the_equivalent_stiffness_of_a_gaussian_is_three_times_its_variance(at) -> None:
-    got = Stiffening.linearize(PARAMETERS, at("gear"), Motion(position_rms=np.array([1e-3, 2e-3])))
-    np.testing.assert_allclose(got.stiffness, [6e3, 2.4e4], rtol=1e-14)
 
 
 def test_the_regressor_times_the_parameter_is_the_force(at) -> None:

@@ -231,8 +231,7 @@ def measured(robot: Robot, excitation: Excitation, angle: float, periods: int, k
 
 @pytest.fixture(scope="module")
 def frictionless() -> Robot:
-    still = {f"friction.axis_1.{name}": 0.0 for name in ("coulomb", "viscous")}
-    return Robot.load("one_axis").with_parameters(still)
+    return Robot.load("one_axis").without_friction([0.0])
 
 
 @pytest.mark.parametrize("stage", STAGES[:6], ids=NAMES[:6])

@@ -184,18 +184,7 @@ def test_searched_phases_put_more_torque_under_the_same_peaks(robot: Robot, stan
 
 def test_torque_of_the_nominal_loop_is_that_of_the_simulation(robot: Robot, standing: Configurations) -> None:
     # Without Coulomb friction, which the response leaves out.
-    axis = robot.description.axes["axis_1"]
-    smooth = Robot(
-        robot.description.model_copy(
-            update={
-                "axes": {
-                    "axis_1": axis.model_copy(
-                        update={"friction": axis.friction.model_copy(update={"coulomb": 0.0})}
-                    )
-                }
-            }
-        )
-    )
+    smooth = robot.without_friction()
     excitation = run(smooth, standing, slow_sine_rad_s=0.0, speed_rms_rad_s=0.2)
     reference = np.concatenate([excitation.reference[0, :, 0]] * 3, axis=1)
     torque = smooth.simulate(reference, standing.angle).torque[:, 4000:]

@@ -11,7 +11,6 @@ import pytest
 from robid_acquisition.batch import SimulatedAcquisition
 from robid_core import Configurations, Context, MotionRefused, Robot
 from robid_core.mechanics import dynamics, friction_torque
-from robid_core.robot.description import RobotDescription
 from robid_core.stage import map_in_process
 from robid_excitation.gear_load import gear_load, load_of_motor, rigid_load
 from robid_excitation.multisine import Multisine
@@ -116,10 +115,12 @@ def test_a_rigid_gear_carries_what_the_arm_takes(one_axis: Robot) -> None:
     assert np.sqrt(np.mean((load - expected) ** 2)) < 0.03 * np.sqrt(np.mean(expected**2))
 
 
-def test_a_law_in_the_gear_is_part_of_its_load(one_axis: Robot) -> None:
-    content = one_axis.description.model_dump(mode="python", by_alias=True)
-    content["effects"] = {"bent": {"use": "transmission.stiffening", "on": "axis_1", "side": "gear"}}
-    robot = Robot(RobotDescription.model_validate(content))
+@pytest.mark.parametrize(
+    ("use", "values"),
+    [("transmission.stiffening", {}), ("transmission.bouc_wen", {"stiffness": 2e5, "torque": 60.0})],
+)
+def test_a_law_in_the_gear_is_part_of_its_load(one_axis: Robot, use: str, values: dict[str, float]) -> None:
+    robot = one_axis.with_effect("bent", use, "axis_1", "gear", values)
     moved = robot.simulate(sine(robot, 30.0)[0, 0], np.array([[1.2]]), keep_coordinates=True)
     assert moved.coordinates is not None
     load = gear_load(robot, moved.coordinates, moved.torque)[0, 100:, 0]
@@ -188,8 +189,7 @@ def test_numbers_of_a_multisine_are_those_of_its_own_simulation(one_axis: Robot)
 
 
 def test_a_sine_has_the_speed_distribution_and_travel_of_a_sine(one_axis: Robot) -> None:
-    friction = one_axis.description.axes["axis_1"].friction.model_copy(update={"coulomb": 0.0})
-    smooth = with_changes(one_axis, friction=friction)
+    smooth = one_axis.without_friction()
     found = cleared(smooth, sine(one_axis, 20.0))
     # |A sin| stays below s for a share (2 / pi) asin(s / A) of the time; without Coulomb friction the motor moves in a
     # sine, somewhat larger than was asked for: the loop's resonance is not far.

@@ -10,7 +10,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from robid_core import Channel, DataRejected, DenseRun, Fit, NotIdentifiable, Record, Robot
+from robid_core import (
+    Channel,
+    ConfigurationError,
+    DataRejected,
+    DenseRun,
+    Fit,
+    NotIdentifiable,
+    Record,
+    Robot,
+)
 from robid_core.testing import check_stage
 from robid_fit.mass_matrix import mass_matrix
 from robid_fit.rigid import RigidBodyFit
@@ -311,3 +320,36 @@ def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: 
     assert first.names == second.names
     np.testing.assert_allclose(first.estimate, second.estimate, rtol=1e-9)
     np.testing.assert_array_equal(first.start, second.start)
+
+
+@pytest.mark.parametrize(
+    ("effect", "unknowns", "told"),
+    [
+        ({"use": "friction.stribeck", "on": "j2"}, ("inertia",), r"grease \(friction.stribeck\)"),
+        ({"use": "load.cable_spring", "on": "j1"}, ("inertia",), "load.cable_spring"),
+        ({"use": "drive.torque_ripple", "on": "j1"}, ("coulomb",), "drive.torque_ripple"),
+        ({"use": "structure.foundation"}, ("viscous",), "structure.foundation"),
+        ({"use": "structure.elastic_coordinate", "on": "j1", "with": {"axis_x": 1, "axis_z": 0}}, ("viscous",),
+         "structure.elastic_coordinate"),
+        ({"use": "load.payload", "on": "j2"}, ("inertia", "coulomb"), "a payload into the bodies"),
+        ({"use": "drive.rotor_inertia", "on": "j1"}, ("rotor_inertia",), "drive.rotor_inertia"),
+    ],
+)  # fmt: skip
+def test_effects_that_the_fit_would_ignore_or_count_twice_are_refused_by_name(
+    tmp_path: Path, effect: dict[str, Any], unknowns: Any, told: str
+) -> None:
+    bare, robot = loaded(tmp_path, ARM), loaded(tmp_path, {**ARM, "effects": {"grease": effect}})
+    with pytest.raises(ConfigurationError, match=told):
+        RigidBodyFit(unknowns=unknowns).run(recording(bare, 1, seconds=1.0), robot)
+
+
+def test_a_payload_is_known_where_inertia_is_not_estimated(tmp_path: Path) -> None:
+    bare = loaded(tmp_path, ARM)
+    tool = {"use": "load.payload", "on": "j2", "with": {"mass": 4, "x": 0.3}}
+    robot = loaded(tmp_path, {**ARM, "name": "loaded", "effects": {"tool": tool}})
+    record = recording(robot, 3)
+    settings = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20)
+    told, untold = settings.run(record, robot), settings.run(record, bare)
+    for deviation in relative_deviation(told, robot).values():
+        assert abs(deviation) < 0.005
+    assert untold.time[0].relative_error > 20 * told.time[0].relative_error

@@ -183,7 +183,7 @@ def test_an_elastic_gear_asks_for_the_fourth_derivative() -> None:
 def test_at_rest_the_tool_stands_where_it_is_wanted_although_everything_sags() -> None:
     """The oracle is the equilibrium of the elastic robot at the motor angles that come out."""
     robot = Robot.load("six_axis_flex")
-    robot = Robot(robot.description.model_copy(update={"effects": {}}))
+    robot = robot.without_effect(*robot.description.effects)
     for pose in ([0.2, 0.7, -0.5, 0.3, 0.9, 0.1], [-0.5, 0.3, 0.1, -0.8, -0.7, 0.4]):
         found = feedforward_of(robot, np.tile(pose, (40, 1)), tool=TOOL, iterations=8)
         rest = robot.equilibrium(robot.joint_angle(found.motor_angle[:1]))

@@ -141,8 +141,7 @@ def test_a_run_goes_on_from_the_state_it_ended_in(tmp_path: Path) -> None:
 def test_a_closed_loop_in_steady_state_gives_back_its_held_torques_below_a_tenth_of_the_sampling_rate() -> (
     None
 ):
-    robot = Robot.load("six_axis")  # without friction, whose corners a band limit cuts
-    robot = robot.with_parameters({n: 0.0 for n in robot.parameters() if n.endswith(".coulomb")})
+    robot = Robot.load("six_axis").without_friction()  # whose corners a band limit cuts
     n_sample, time = 1000, np.arange(1000) * 1e-3
     generator = np.random.default_rng(7)
     reference = np.zeros((3, n_sample, 6))

@@ -12,7 +12,7 @@ from robid_core import ConfigurationError, Robot
 from robid_core.executors import process_executor
 from robid_core.robot import experiments
 from robid_core.robot.batch import BatchDiverged, simulate_over, simulate_portions
-from robid_core.robot.experiments import ExperimentBatch, lanes_per_portion, places, robot_of, task
+from robid_core.robot.experiments import ExperimentBatch, lanes_per_portion, portions, robot_of, task
 from robid_core.stage import map_in_process
 
 N_LANE, N_SAMPLE = 21, 150
@@ -89,7 +89,7 @@ def test_portions_are_multiples_of_eight_experiments_whoever_computes() -> None:
         for n in (17, 8, 3)
     ]
     assert none.size == 0
-    assert list(places(batches)) == [(0, 0, 8), (0, 8, 16), (0, 16, 17), (1, 0, 8), (2, 0, 3)]
+    assert list(portions(batches)) == [(0, 0, 8), (0, 8, 16), (0, 16, 17), (1, 0, 8), (2, 0, 3)]
 
 
 def test_many_robots_are_many_batches_and_come_in_order(robot: Robot, asked: dict[str, Any]) -> None:
@@ -104,7 +104,7 @@ def test_many_robots_are_many_batches_and_come_in_order(robot: Robot, asked: dic
         steps.append((done, total))
 
     found = list(simulate_portions(map_in_process, batches, progress))
-    assert [(p.batch, p.first, p.last) for p in found] == list(places(batches))
+    assert [(p.batch, p.first, p.last) for p in found] == list(portions(batches))
     for index, one in enumerate((robot, softer)):
         whole = simulate_over(map_in_process, one, **asked)
         mine = np.concatenate([p.torque for p in found if p.batch == index])

@@ -95,9 +95,7 @@ def test_the_linear_model_has_the_slope_of_the_nonlinear_springs(tmp_path: Path)
 def test_a_small_motion_about_rest_is_that_of_the_linear_model(tmp_path: Path) -> None:
     signals = "  lag: {use: drive.current_loop, on: axis_3}\n  late: {use: sensing.delay, on: axis_3}\n"
     robot = _robot(tmp_path, SPRINGS + signals)
-    quiet = robot.with_parameters(
-        {name: 0.0 for name in robot.parameters() if name.startswith("friction") and "coulomb" in name}
-    )
+    quiet = robot.without_friction()
     n_sample, n_period, lines = 1000, 6, np.arange(6, 80, 7)
     t = 1e-3 * np.arange(n_sample * n_period)
     rng = np.random.default_rng(4)

@@ -294,7 +294,7 @@ def test_six_axis_flex_has_the_masses_of_six_axis_and_resonances_like_it() -> No
         np.testing.assert_allclose(ours.centre_of_mass, theirs.centre_of_mass, atol=1e-6)
         np.testing.assert_allclose(ours.inertia, theirs.inertia, atol=1e-6)
     stretched = [0.0, 0.9, -0.7, 0.0, 0.3, 0.0]
-    linear = Robot(flex.description.model_copy(update={"effects": {}}))
+    linear = flex.without_effect(*flex.description.effects)
     first = frequencies_hz(linear, stretched)[6:10]
     assert ((first > 8) & (first < 30)).all()  # what six_axis promises of its own first resonances
 
