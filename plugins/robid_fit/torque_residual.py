@@ -26,8 +26,17 @@ from robid_core import (
     chosen_names,
     pattern_problems,
 )
-from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
-from robid_core.residual import Solution, TorqueBlock, TorqueProblem, misfit, misfit_table, solve
+from robid_core.estimation.torque.spectra import periodic_motion_of
+from robid_core.estimation.torque.windowed import windowed_motion_of
+from robid_core.residual import (
+    PeriodicBlock,
+    Solution,
+    TorqueProblem,
+    WindowedBlock,
+    misfit,
+    misfit_table,
+    solve,
+)
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
@@ -98,31 +107,38 @@ class TorqueResidualFit(Estimator):
 
     # Data and unknowns
 
-    def _motion(self, record: Record) -> PeriodicMotion:
+    def _block(self, record: Record, robot: Robot) -> PeriodicBlock | WindowedBlock:
+        """Return the spectra of a record: of its periods, or of all of it where nothing repeats."""
         run = record.run
-        if record.line is None:
-            raise DataRejected("the record is not periodic; fit.torque_residual needs whole periods")
         if record.torque_hold != "zero_order_hold":
             raise DataRejected(
                 f"the torque is said to be {record.torque_hold}; fit.torque_residual needs a held one"
             )
+        if not run.valid[:, :, :, self.discard :].all():
+            raise DataRejected("a sample is missing in a period that is kept; drop its period")
+        position, torque = (
+            run.values(name)[:, :, :, self.discard :] for name in ("motor_position", "motor_torque")
+        )
+        if record.line is None:
+            n_config, n_axis = position.shape[0], position.shape[-1]
+            n_time = position.shape[3] * position.shape[4]
+            shape = (n_config, -1, n_time, n_axis)
+            cut = windowed_motion_of(
+                position.reshape(shape), torque.reshape(shape), run.sample_time_s, self.highest_hz
+            )
+            return WindowedBlock.of_record(robot, cut, self.friction_widths)
         if run.n_period - self.discard < 2:
             raise DataRejected(
                 f"{run.n_period - self.discard} period is left; two are needed to tell the noise: measure "
                 "more periods (acquisition: periods)"
             )
-        position, torque = (
-            run.values(name)[:, :, :, self.discard :] for name in ("motor_position", "motor_torque")
-        )
-        if not run.valid[:, :, :, self.discard :].all():
-            raise DataRejected("a sample is missing in a period that is kept; drop its period")
-        return periodic_motion_of(position, torque, run.sample_time_s, record.line, self.highest_hz)
+        motion = periodic_motion_of(position, torque, run.sample_time_s, record.line, self.highest_hz)
+        return PeriodicBlock.of_record(robot, motion, self.friction_widths)
 
     def problem(self, record: Record, robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")
-        motion = self._motion(record)
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
         levels = {
@@ -131,7 +147,7 @@ class TorqueResidualFit(Estimator):
         bare = robot.with_parameters(levels)
         free = FreeParameters.of_robot(bare, names, self.prior)
         laws = (*(f"odd_{width:g}" for width in self.friction_widths), "even", "constant")
-        return TorqueProblem(free, (TorqueBlock.of_record(bare, motion, self.friction_widths),), laws)
+        return TorqueProblem(free, (self._block(record, bare),), laws)
 
     # What is stated
 

@@ -7,29 +7,27 @@ inverse response of the linear model and g what holds its weight, N what a presc
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.estimation.torque.spectra import (
-    PeriodicMotion,
-    SpeedFunction,
-    friction_deviation,
-    friction_spectra,
-    speed_functions,
-)
+from robid_core.estimation.torque.spectra import MotionSpectra, SpeedFunction
 from robid_core.estimation.torque.weights import covariance_of, whitener
-from robid_core.mechanics import SimulationState
+from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
 from robid_core.residual.columns import body_derivatives, parameter_columns, passive_motion
-from robid_core.residual.remainder import impedance, remainder
+from robid_core.residual.impedance import impedance
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 IntArray = npt.NDArray[np.int64]
+
+M = TypeVar("M", bound=MotionSpectra)
 
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
 
@@ -40,8 +38,6 @@ class SimulatedColumn:
 
     index: int
     """Number of the parameter among the free ones."""
-    about: float
-    """Its coordinate where the derivative was taken."""
     remainder: ComplexArray
     """Of the remainder, shape (n_config, n_exp, n_bin, n_axis)."""
     linear: ComplexArray
@@ -49,42 +45,60 @@ class SimulatedColumn:
 
 
 @dataclass(eq=False)
-class TorqueBlock:
+class TorqueBlock(ABC, Generic[M]):
     """Measured spectra of one record, and what the robot under which it was measured gives for them."""
 
     robot: Robot
     """Without Coulomb friction at the motors; the free parameters are set on it."""
-    motion: PeriodicMotion
+    motion: M
     laws: tuple[SpeedFunction, ...]
     """Functions of speed that stand for friction."""
     friction: ComplexArray
     """Spectra of these functions and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis)."""
-    friction_deviation: ComplexArray
-    """Those of each period less their mean, without the constant, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
     angle: FloatArray
-    """Mean joint-side angles, rad, shape (n_config, n_axis)."""
+    """Joint-side angles about which the model is linear, rad, shape (n_config, n_axis)."""
     remainder: ComplexArray = field(init=False)
     """Shape (n_config, n_exp, n_bin, n_axis)."""
-    simulated: tuple[SimulatedColumn, ...] = ()
-    state: SimulationState | None = None
-    """Where the last prescribed motion ended."""
-
-    @classmethod
-    def of_record(cls, robot: Robot, motion: PeriodicMotion, widths: tuple[float, ...]) -> TorqueBlock:
-        """Prepare a block; `widths` are those of the friction functions, rad/s."""
-        laws, angle = tuple(speed_functions(widths)), robot.joint_angle(motion.angle.mean(axis=(1, 2)))
-        friction = friction_spectra(motion, laws, motion.fine_speed())
-        return cls(robot, motion, laws, friction, friction_deviation(motion, laws), angle)
+    about: FloatArray | None = field(init=False, default=None)
+    """Coordinates at which the remainder was taken, shape (n_free,)."""
+    simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.motion.torque_spectrum)
 
-    def thinned(self, keep: IntArray) -> TorqueBlock:
+    # What kinds of records differ in
+
+    @abstractmethod
+    def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
+        """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis).
+
+        `final` tells that the robot is that of the present point, not one beside it.
+        """
+
+    @abstractmethod
+    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+        """Covariance of the residual, shape (n_bin, n_axis, n_axis); arguments as of `predicted`."""
+
+    @property
+    @abstractmethod
+    def noise_freedom(self) -> float:
+        """Complex degrees of freedom of the noise at each bin."""
+
+    @property
+    def moves_far(self) -> bool:
+        """Whether the arm leaves what a linear model can tell."""
+        return False
+
+    def ringing(self, robot: Robot) -> ComplexArray | None:
+        """Torques of what swings since an unknown start, (n_config, n_bin, n_axis, n_unknown); None: nothing does."""
+        return None
+
+    def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
+        """Evaluate the functions of speed anew with what is known by now; arguments as of `predicted`."""
+
+    def thinned(self, keep: IntArray) -> Self:
         """Return the block with some of its bins, before any motion was prescribed."""
-        friction, deviation = self.friction[:, :, :, keep], self.friction_deviation[..., keep, :]
-        return replace(
-            self, motion=self.motion.thinned(keep), friction=friction, friction_deviation=deviation
-        )
+        return replace(self, motion=self.motion.thinned(keep), friction=self.friction[:, :, :, keep])
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
         """Return this block's robot with the free parameters at some coordinates."""
@@ -108,8 +122,9 @@ class TorqueBlock:
         torque: ComplexArray = np.matmul(z[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
         torque += self.remainder
         torque[:, :, 0] += robot.gravity_torque(self.angle)[:, None]
-        for column in self.simulated:
-            torque += (coordinates[column.index] - column.about) * column.remainder
+        if self.about is not None:
+            for column in self.simulated:
+                torque += (coordinates - self.about)[column.index] * column.remainder
         for law, size in zip(self.friction, coefficient, strict=True):
             torque += law * size
         return torque
@@ -121,71 +136,59 @@ class TorqueBlock:
         return difference
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:
-        """Prescribe the measured motion to the model, and differentiate what only that knows.
+        """Prescribe the measured motion to the model."""
+        self.remainder = self._remainder(self.robot_at(free, coordinates), final=True)
+        self.about = coordinates.copy()
 
-        With nonlinear springs it knows the linear ones, too: what they do depends on how far the others are bent.
+    def differentiate(self, free: FreeParameters, coordinates: FloatArray) -> None:
+        """Take by two prescribed motions the derivatives that only those know, after `renew`.
+
+        Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
+        others are bent. Of everything where the arm moves far; of bodies only once, since they hardly change.
         """
-        robot, motion, angle = self.robot_at(free, coordinates), self.motion, self.angle
-        self.remainder, self.state = remainder(robot, angle, motion, self.state)
-        self.remainder[:, :, 0] -= robot.gravity_torque(angle)[:, None]
-        here = impedance(robot, angle, motion, "zero_order_hold")
+        robot, motion = self.robot_at(free, coordinates), self.motion
+        here = impedance(robot, self.angle, motion, "zero_order_hold")
+        kept = {column.index: column for column in self.simulated}
         columns = []
         for i, name in enumerate(free.names):
             kind = free.robot.parameter_kind(name)
             elastic = kind in ("stiffness", "damping")
-            if kind in ("inertia", "friction") or (elastic and not robot.bending_forces):
-                continue  # the linear columns are enough
+            linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
+            if linear_is_enough and not self.moves_far:
+                continue
+            if kind == "inertia" and i in kept:
+                columns.append(kept[i])
+                continue
             moved = coordinates.copy()
             moved[i] += DIFFERENCE
             other = self.robot_at(free, moved)
-            left, _ = remainder(other, angle, motion, self.state)
-            left[:, :, 0] -= other.gravity_torque(angle)[:, None]
-            change = impedance(other, angle, motion, "zero_order_hold") - here
-            linear = np.einsum("cfab,cxfb->cxfa", change, motion.acceleration_spectrum) / DIFFERENCE
-            weight = other.gravity_torque(angle) - robot.gravity_torque(angle)
-            linear[:, :, 0] += weight[:, None] / DIFFERENCE
-            slope = (left - self.remainder) / DIFFERENCE
-            columns.append(SimulatedColumn(i, float(coordinates[i]), slope, linear))
+            change = impedance(other, self.angle, motion, "zero_order_hold") - here
+            linear = np.matmul(change[:, None], motion.acceleration_spectrum[..., None])[..., 0]
+            weight = other.gravity_torque(self.angle) - robot.gravity_torque(self.angle)
+            linear[:, :, 0] += weight[:, None]
+            slope = self._remainder(other, final=False) - self.remainder
+            columns.append(SimulatedColumn(i, slope / DIFFERENCE, linear / DIFFERENCE))
         self.simulated = tuple(columns)
 
-    def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
-        """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.
+    def _remainder(self, robot: Robot, final: bool) -> ComplexArray:
+        """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.
 
-        Arguments as of `predicted`. Above half the sampling rate motors move alone: there their acceleration is torque
-        over inertia.
-        """
-        motion, n = self.motion, robot.n_axis
-        speed = motion.fine_speed()
-        torque = np.repeat(motion.torque, speed.shape[2] // motion.n_sample, axis=2) - coefficient[-1]
-        for law, size in zip(self.laws, coefficient[:-1], strict=True):
-            torque -= size * law(speed)
-        mobility = np.linalg.inv(robot.second_order(self.angle).mass)[:, :n, :n]
-        speed = motion.fine_speed(np.matmul(torque, mobility[:, None]))
-        self.friction = friction_spectra(motion, self.laws, speed)
-
-    # Noise
-
-    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis).
-
-        Arguments as of `predicted`. Noise of the angles is in it as it comes through inertia, springs and friction.
+        Prescribed motion less the linear model, both of a smooth motion between the samples, so that what a held torque
+        does there cancels.
         """
         motion = self.motion
-        z = impedance(robot, self.angle, motion, "zero_order_hold")
-        moved = np.matmul(z[:, None, None], motion.acceleration_deviation[..., None])[..., 0]
-        for law, size in zip(self.friction_deviation, coefficient[:-1], strict=True):
-            moved += law * size
-        n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
-        freedom = n_config * n_exp * n_period * (n_period - 1)
-        return covariance_of(motion.torque_deviation - moved, freedom)
+        torque = self.simulated_torque(robot, final)
+        torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
+        smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
+        torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
+        torque[:, :, 0] -= robot.gravity_torque(self.angle)[:, None]
+        return torque
 
     def weight(self, robot: Robot, coefficient: FloatArray, model_error: float) -> ComplexArray:
         """Whitener of the noise and of a model error relative to the torque, shape (n_bin, n_axis, n_axis)."""
         torque = self.motion.torque_spectrum
         size = covariance_of(torque)
-        size[0] = (np.abs(torque[:, :, 0]) ** 2).mean(
-            axis=(0, 1)
-        )  # the mean is no neighbour of the lowest bins
+        size[0] = (np.abs(torque[:, :, 0]) ** 2).mean(axis=(0, 1))  # no neighbour of the lowest bins
         return whitener(self.noise(robot, coefficient) + model_error**2 * size * np.eye(size.shape[-1]))
 
     # Derivatives

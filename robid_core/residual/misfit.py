@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from robid_core.artifacts import MisfitTable
-from robid_core.estimation.torque.weights import HALF_WINDOW, whitener
+from robid_core.estimation.torque.weights import whitener
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.problem import TorqueProblem
+from robid_core.residual.weighting import Weighting
 
+ComplexArray = npt.NDArray[np.complex128]
 FloatArray = npt.NDArray[np.float64]
 
 EDGES_HZ = (0.0, 3.0, 10.0, 25.0, 50.0, 100.0)  # of the bands: friction and load, arm, gears, above
@@ -20,9 +24,9 @@ def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     total = count = 0.0
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
-        white = np.matmul(whitener(block.noise(robot, size)), residual[..., None])[:, :, 1:, :, 0]
-        total += (np.abs(white) ** 2).sum() * _correction(block)
-        count += white.size
+        weight = Weighting.of_block(_without_mean(whitener(block.noise(robot, size))), block.ringing(robot))
+        total += (weight.residual(residual) ** 2).sum() * _correction(block)
+        count += residual.size - residual[:, :, 0].size
     return float(total / count)
 
 
@@ -46,8 +50,11 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
     return MisfitTable(problem.free.robot.axis_names, edges, values[0], values[1])
 
 
-def _correction(block: TorqueBlock) -> float:
+def _without_mean(whitener: ComplexArray) -> ComplexArray:
+    return np.concatenate((np.zeros_like(whitener[:1]), whitener[1:]))
+
+
+def _correction(block: TorqueBlock[Any]) -> float:
     """What few periods add to the mean of an inverse estimated covariance, taken off."""
-    n_config, n_exp, n_period, _, n_axis = block.motion.torque_deviation.shape
-    freedom = n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1)
-    return float((freedom - n_axis) / freedom)
+    freedom = block.noise_freedom
+    return (freedom - block.robot.n_axis) / freedom if np.isfinite(freedom) else 1.0

@@ -70,7 +70,8 @@ def solve(
         Told (done, all, what).
     """
     progress(0, passes + 1, "linear model")
-    point, watched = _first_pass(problem), _watched(problem)
+    far = any(block.moves_far for block in problem.blocks)
+    point, watched = np.zeros(problem.n_unknown) if far else _first_pass(problem), _watched(problem)
     changes: list[float] = []
     fresh, settled, doubted = True, False, False
     for number in range(passes):
@@ -78,7 +79,7 @@ def solve(
         for block in problem.blocks:
             block.renew(problem.free, point[: problem.n_free])
         if fresh:
-            _renew_friction(problem, point)
+            _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
         before = problem.cost(point, about.weights)
         found = _minimised(problem, point, about)
@@ -113,7 +114,8 @@ def _first_pass(problem: TorqueProblem) -> FloatArray:
     linear = problem.without_inertia()
     point, reweighed = np.zeros(linear.n_unknown), 0
     sizes = [covariance_of(block.motion.torque_spectrum) for block in linear.blocks]
-    weights = linear.counted([whitener(COARSE * size * np.eye(size.shape[-1])) for size in sizes])
+    whiteners = [whitener(COARSE * size * np.eye(size.shape[-1])) for size in sizes]
+    weights = linear.weightings(point, whiteners)
     for _ in range(FIRST_LINEARISATIONS):
         before = linear.cost(point, weights)
         point = _minimised(linear, point, linear.linearise(point, weights))
@@ -121,7 +123,8 @@ def _first_pass(problem: TorqueProblem) -> FloatArray:
             continue  # far from the minimum, what is left tells the model's error and not its kind
         if reweighed >= REWEIGHED:
             break
-        weights = linear.counted([whitener(covariance_of(residual)) for residual in linear.residuals(point)])
+        whiteners = [whitener(covariance_of(residual)) for residual in linear.residuals(point)]
+        weights = linear.weightings(point, whiteners)
         reweighed += 1
     kept = [problem.free.names.index(name) for name in linear.free.names]
     whole = np.zeros(problem.n_unknown)
@@ -129,9 +132,11 @@ def _first_pass(problem: TorqueProblem) -> FloatArray:
     return whole
 
 
-def _renew_friction(problem: TorqueProblem, point: FloatArray) -> None:
+def _renew_derivatives(problem: TorqueProblem, point: FloatArray) -> None:
+    size = problem.friction_size(point)
     for block, robot in zip(problem.blocks, problem.robots(point), strict=True):
-        block.renew_friction(robot, problem.friction_size(point))
+        block.renew_friction(robot, size)
+        block.differentiate(problem.free, point[: problem.n_free])
 
 
 def _linearised(
@@ -146,7 +151,7 @@ def _linearised(
         weights = [
             block.weight(robot, size, model_error) for block, robot in zip(blocks, robots, strict=True)
         ]
-    return problem.linearise(point, problem.counted(weights))
+    return problem.linearise(point, problem.weightings(point, weights))
 
 
 def _minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:

@@ -6,13 +6,16 @@ functions, of each axis; a common delay of the measured torques.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from robid_core.parameters import FreeParameters
 from robid_core.residual.block import TorqueBlock
+from robid_core.residual.weighting import Weighting
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -25,10 +28,10 @@ FRICTION_PRIOR = 0.3  # of the torque limit: no told level, which would freeze w
 class Linearisation:
     """Weighted derivatives of the residual at one point, and the weights; both hold for many steps about it."""
 
-    weights: tuple[ComplexArray, ...]
-    """Of each block, by how often a bin counts, shape (n_bin, n_axis, n_axis)."""
-    rows: tuple[tuple[FloatArray, FloatArray], ...]
-    """Real and imaginary part of the weighted derivatives of each group, (n_row, n_unknown) each."""
+    weights: tuple[Weighting, ...]
+    """Of each block."""
+    rows: tuple[FloatArray, ...]
+    """Weighted derivatives of each group, (n_row, n_unknown)."""
     matrices: FloatArray
     """``J^T J`` of each group, a configuration of a block, (n_group, n_unknown, n_unknown)."""
     whole: FloatArray
@@ -40,7 +43,7 @@ class TorqueProblem:
     """Residuals, normal equations and priors of all blocks together."""
 
     free: FreeParameters
-    blocks: tuple[TorqueBlock, ...]
+    blocks: tuple[TorqueBlock[Any], ...]
     friction_names: tuple[str, ...]
     """Of the functions of speed."""
     mean_counts: bool = True
@@ -105,49 +108,39 @@ class TorqueProblem:
             for block, robot in zip(self.blocks, self.robots(point), strict=True)
         ]
 
-    def cost(self, point: FloatArray, weights: tuple[ComplexArray, ...]) -> float:
+    def cost(self, point: FloatArray, weights: tuple[Weighting, ...]) -> float:
         """Half the sum of squared residuals in standard deviations, and of the priors."""
         total = ((point / self.prior) ** 2).sum()
         for weight, residual in zip(weights, self.residuals(point), strict=True):
-            total += (np.abs(_weighted(weight, residual)) ** 2).sum()
+            total += (weight.residual(residual) ** 2).sum()
         return float(0.5 * total)
 
-    def counted(self, weights: list[ComplexArray]) -> tuple[ComplexArray, ...]:
+    def weightings(self, point: FloatArray, whiteners: Sequence[ComplexArray]) -> tuple[Weighting, ...]:
         """Weights by how often a bin counts: twice, for its mirror image; the mean once or not at all."""
         found = []
-        for weight in weights:
-            count = np.full(len(weight), np.sqrt(2.0))
+        for block, robot, matrix in zip(self.blocks, self.robots(point), whiteners, strict=True):
+            count = np.full(len(matrix), np.sqrt(2.0))
             count[0] = 1.0 if self.mean_counts else 0.0
-            found.append(count[:, None, None] * weight)
+            found.append(Weighting.of_block(count[:, None, None] * matrix, block.ringing(robot)))
         return tuple(found)
 
     # Normal equations
 
-    def linearise(self, point: FloatArray, weights: tuple[ComplexArray, ...]) -> Linearisation:
-        """Weighted derivatives at a point; `weights` are those of `counted`."""
+    def linearise(self, point: FloatArray, weights: tuple[Weighting, ...]) -> Linearisation:
+        """Weighted derivatives at a point."""
         coordinates, rows, matrices = point[: self.n_free], [], []
         for block, weight, predicted in zip(self.blocks, weights, self.predicted(point), strict=True):
-            for columns in block.columns(self.free, coordinates, predicted):
-                white = np.matmul(weight[:, None], columns).reshape(-1, self.n_unknown)
-                parts = np.ascontiguousarray(white.real), np.ascontiguousarray(white.imag)
-                rows.append(parts)
-                matrices.append(parts[0].T @ parts[0] + parts[1].T @ parts[1])
+            for config, columns in enumerate(block.columns(self.free, coordinates, predicted)):
+                rows.append(weight.columns(config, columns))
+                matrices.append(rows[-1].T @ rows[-1])
         whole = np.sum(matrices, axis=0) + np.diag(1 / self.prior**2)
         return Linearisation(weights, tuple(rows), np.stack(matrices), whole)
 
     def gradients(self, point: FloatArray, about: Linearisation) -> FloatArray:
         """``J^T r`` of each group at a point, with derivatives from another, shape (n_group, n_unknown)."""
-        found, rows = [], iter(about.rows)
-        for weight, residual in zip(about.weights, self.residuals(point), strict=True):
-            white = _weighted(weight, residual)
-            for own in white:
-                real, imaginary = next(rows)
-                error = own.transpose(1, 0, 2).ravel()
-                found.append(real.T @ error.real + imaginary.T @ error.imag)
-        return np.stack(found)
-
-
-def _weighted(weight: ComplexArray, residual: ComplexArray) -> ComplexArray:
-    """Weighted residual, shape (n_config, n_exp, n_bin, n_axis)."""
-    white: ComplexArray = np.matmul(weight, residual[..., None])[..., 0]
-    return white
+        residuals = (
+            own.ravel()
+            for weight, residual in zip(about.weights, self.residuals(point), strict=True)
+            for own in weight.residual(residual)
+        )
+        return np.stack([rows.T @ own for rows, own in zip(about.rows, residuals, strict=True)])

@@ -7,6 +7,7 @@ would have to be (its spectrum over the hold's factor).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
@@ -29,7 +30,7 @@ SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle i
 
 
 @dataclass(frozen=True, eq=False)
-class MotionSpectra:
+class MotionSpectra(ABC):
     """Angles, torques and accelerations of a record as spectra over bins up to a limit; axes (config, exp, bin, axis).
 
     Experiments of all blocks stand one behind the other. Spectra are sums over samples, over their number; the first
@@ -74,6 +75,10 @@ class MotionSpectra:
         factor = np.ones(len(self.bin), dtype=np.complex128)
         factor[1:] = hold_factor(self.omega[1:], self.sample_time_s)[0]
         return factor
+
+    @abstractmethod
+    def held_spectrum(self, torque: FloatArray) -> ComplexArray:
+        """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
 
     def representative(self) -> IntArray:
         """Return the numbers of the mean, the lines, and every fifth other bin."""
@@ -207,9 +212,7 @@ def speed_functions(widths: tuple[float, ...]) -> list[SpeedFunction]:
     return [*(odd(width) for width in widths), lambda v: np.tanh(v / middle) ** 2]
 
 
-def friction_spectra(
-    motion: PeriodicMotion, laws: Sequence[SpeedFunction], speed: FloatArray
-) -> ComplexArray:
+def friction_spectra(motion: MotionSpectra, laws: Sequence[SpeedFunction], speed: FloatArray) -> ComplexArray:
     """Spectra of functions of the speed and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis).
 
     `speed` is on the finer grid.

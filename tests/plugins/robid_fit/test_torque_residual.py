@@ -151,5 +151,3 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason(
 ) -> None:
     with pytest.raises(error, match=told):
         TorqueResidualFit(**settings).run(six, nominal, context())
-    with pytest.raises(DataRejected, match="not periodic"):
-        TorqueResidualFit().run(six.replace(line=None), nominal, context())

@@ -10,7 +10,7 @@ import pytest
 from robid_core import Robot
 from robid_core.estimation.torque.spectra import periodic_motion_of
 from robid_core.parameters import FreeParameters
-from robid_core.residual import TorqueBlock
+from robid_core.residual import PeriodicBlock
 
 T, N, STEP = 1e-3, 2000, 6.25e-5  # a plant of four times finer steps than the block's model has
 LINES = np.array([9, 21, 47, 95, 139])
@@ -29,7 +29,7 @@ def plant() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def block(plant: Robot) -> TorqueBlock:
+def block(plant: Robot) -> PeriodicBlock:
     """Two experiments of one pose, lines from 4.5 to 70 Hz on a slow sine, the periods after four of settling."""
     generator, time = np.random.default_rng(3), T * np.arange(N)
     speed = 9 * np.sin(2 * np.pi * time / (N * T))[None, :, None] * np.ones((2, 1, 6))
@@ -45,10 +45,10 @@ def block(plant: Robot) -> TorqueBlock:
         name: 0.0 for name in plant.layout if name.endswith(".coulomb") and name.startswith("friction.")
     }
     motion = periodic_motion_of(position, torque, T, LINES, 100.0)
-    return TorqueBlock.of_record(plant.with_parameters(levels), motion, (plant.drives.friction_speed[0],))
+    return PeriodicBlock.of_record(plant.with_parameters(levels), motion, (plant.drives.friction_speed[0],))
 
 
-def left(block: TorqueBlock, plant: Robot) -> np.ndarray:
+def left(block: PeriodicBlock, plant: Robot) -> np.ndarray:
     """Residual over the torque of the lines, rms at lines and at other bins, axis by axis, (2, n_axis)."""
     coefficient = np.zeros((3, 6))
     coefficient[0] = plant.drives.coulomb
@@ -60,7 +60,7 @@ def left(block: TorqueBlock, plant: Robot) -> np.ndarray:
     return np.stack(rms) / size
 
 
-def test_a_prescribed_motion_and_friction_give_the_torque_back(block: TorqueBlock, plant: Robot) -> None:
+def test_a_prescribed_motion_and_friction_give_the_torque_back(block: PeriodicBlock, plant: Robot) -> None:
     """The linear model leaves parts of a thousand in bins that are no lines, prescribed motion a fifth of that at most.
 
     At lines, steps of 0.25 ms err by (w h)^2 / 24 = 5e-4 in what springs take at 70 Hz, which is a part of the torque.

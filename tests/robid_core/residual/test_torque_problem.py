@@ -7,7 +7,7 @@ import pytest
 
 from robid_core import FreeParameters, Robot, chosen_names
 from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
-from robid_core.residual import TorqueBlock, TorqueProblem
+from robid_core.residual import PeriodicBlock, TorqueProblem
 
 T, N = 1e-3, 2000
 WIDTHS = (0.5, 5.0)
@@ -42,7 +42,7 @@ def motion_of(robot: Robot, poses: np.ndarray, seed: int) -> PeriodicMotion:
 
 def problem_of(robot: Robot, *motions: PeriodicMotion) -> TorqueProblem:
     free = FreeParameters.of_robot(robot, chosen_names(list(robot.layout), NOUNS))
-    blocks = tuple(TorqueBlock.of_record(robot, motion, WIDTHS) for motion in motions)
+    blocks = tuple(PeriodicBlock.of_record(robot, motion, WIDTHS) for motion in motions)
     return TorqueProblem(free, blocks, LAWS)
 
 
@@ -83,10 +83,10 @@ def test_two_blocks_are_one_problem(robot: Robot) -> None:
     point = 0.01 * np.random.default_rng(4).standard_normal(both.n_unknown) * both.prior
     weights = [np.tile(np.eye(6, dtype=complex), (len(motion.bin), 1, 1)) for motion in motions]
     prior = 0.5 * ((point / both.prior) ** 2).sum()
-    costs = [p.cost(point, p.counted([w])) for p, w in zip(alone, weights, strict=True)]
-    assert both.cost(point, both.counted(weights)) == pytest.approx(sum(costs) - prior, rel=1e-12)
-    about = both.linearise(point, both.counted(weights))
-    own = [p.linearise(point, p.counted([w])) for p, w in zip(alone, weights, strict=True)]
+    costs = [p.cost(point, p.weightings(point, [w])) for p, w in zip(alone, weights, strict=True)]
+    assert both.cost(point, both.weightings(point, weights)) == pytest.approx(sum(costs) - prior, rel=1e-12)
+    about = both.linearise(point, both.weightings(point, weights))
+    own = [p.linearise(point, p.weightings(point, [w])) for p, w in zip(alone, weights, strict=True)]
     np.testing.assert_allclose(about.matrices, np.concatenate([one.matrices for one in own]), rtol=1e-9)
     gradients = [p.gradients(point, one) for p, one in zip(alone, own, strict=True)]
     np.testing.assert_allclose(both.gradients(point, about), np.concatenate(gradients), rtol=1e-9, atol=1e-9)
@@ -98,7 +98,9 @@ def test_the_gradient_is_the_slope_of_the_cost(robot: Robot) -> None:
     generator = np.random.default_rng(6)
     point, way = (0.01 * generator.standard_normal(problem.n_unknown) * problem.prior for _ in range(2))
     way[-1] = point[-1] = 0.0
-    weights = problem.counted([np.tile(np.eye(6, dtype=complex), (len(problem.blocks[0].motion.bin), 1, 1))])
+    weights = problem.weightings(
+        point, [np.tile(np.eye(6, dtype=complex), (len(problem.blocks[0].motion.bin), 1, 1))]
+    )
     gradient = point / problem.prior**2 - problem.gradients(point, problem.linearise(point, weights)).sum(
         axis=0
     )

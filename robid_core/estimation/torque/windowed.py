@@ -1,0 +1,129 @@
+"""Spectra of records that do not repeat: any cut of a motion, under a window, its derivatives by a sine series.
+
+Angle less the line through its ends is continued as an odd function about both ends; its second derivative is that of
+a sum of sines. Torque, acceleration and functions of speed get the same window, so that what leaks from one bin to
+another leaks alike. The window is Tukey's, tapered by TAPER of the length at either end, of mean square one: white
+noise has the variance that it would have without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal.windows import tukey
+
+from robid_core.errors import DataRejected
+from robid_core.estimation.torque.spectra import FINER, SPEED_BAND, MotionSpectra
+from robid_core.mechanics import MotorMotion, periodic_motion
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+TAPER = 0.06  # of the length, at either end
+HIGHEST_HZ = 250.0  # of the motion that is differentiated twice; above it angles are noise
+
+
+@dataclass(frozen=True, eq=False)
+class WindowedMotion(MotionSpectra):
+    """Spectra of whole recordings under a window."""
+
+    def spectrum_of(self, values: FloatArray) -> ComplexArray:
+        """Spectra of values under the window, on any even grid, time on the third axis."""
+        n = values.shape[2]
+        weighted = values * _window(n)[:, None]
+        spectrum: ComplexArray = np.fft.rfft(weighted, axis=2)[:, :, self.bin] / n
+        return spectrum
+
+    def held_spectrum(self, torque: FloatArray) -> ComplexArray:
+        """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
+        held: ComplexArray = self.spectrum_of(torque) / self.hold[:, None]
+        return held
+
+    def fine_speed(self) -> FloatArray:
+        """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""
+        swing, _, slope = _odd_swing(self.angle, self.sample_time_s)
+        spectrum = np.fft.rfft(swing, axis=2)
+        n = swing.shape[2]
+        omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * self.sample_time_s)
+        spectrum[:, :, omega > 2 * np.pi * SPEED_BAND / self.sample_time_s] = 0.0
+        rate = np.fft.irfft(1j * omega[:, None] * spectrum, n=FINER * n, axis=2) * FINER
+        speed: FloatArray = rate[:, :, : FINER * self.n_sample] + slope
+        return speed
+
+    def motor_motion(self, step: float) -> MotorMotion:
+        """Motion through these angles in the integrator's steps, one lane an experiment."""
+        swing, first, slope = _odd_swing(self.angle, self.sample_time_s)
+        n_axis, n_step = swing.shape[3], round(self.n_sample * self.sample_time_s / step)
+        there = periodic_motion(
+            swing.reshape(-1, swing.shape[2], n_axis), self.sample_time_s, step, HIGHEST_HZ
+        )
+        return MotorMotion(
+            there.angle + first.reshape(-1, n_axis),
+            there.speed + slope.reshape(-1, n_axis),
+            there.acceleration[:, :n_step],
+        )
+
+
+def windowed_motion_of(
+    position: FloatArray, torque: FloatArray, sample_time_s: float, highest_hz: float
+) -> WindowedMotion:
+    """Transform recordings.
+
+    Parameters
+    ----------
+    position, torque
+        Motor angles, rad, and torques, N m, shape (n_config, n_exp, n_sample, n_axis).
+    highest_hz
+        Bins above are left out.
+
+    Raises
+    ------
+    DataRejected
+        Where a sample is not finite, or the recording is too short for a bin below the limit.
+    """
+    if not (np.isfinite(position).all() and np.isfinite(torque).all()):
+        raise DataRejected(
+            "A05: a sample of motor angle or torque is missing or NaN; cut the recording there"
+        )
+    n_sample = position.shape[2]
+    n_bin = int(highest_hz * n_sample * sample_time_s) + 1
+    if not 2 <= n_bin <= n_sample // 2:
+        raise DataRejected(
+            f"a band up to {highest_hz:g} Hz holds {n_bin - 1} bins of a recording of {n_sample} samples; record "
+            "longer, or choose another band"
+        )
+    swing, _, _ = _odd_swing(position, sample_time_s)
+    spectrum = np.fft.rfft(swing, axis=2)
+    omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (swing.shape[2] * sample_time_s)
+    spectrum[:, :, omega > 2 * np.pi * HIGHEST_HZ] = 0.0
+    acceleration = np.fft.irfft(-(omega[:, None] ** 2) * spectrum, n=swing.shape[2], axis=2)[:, :, :n_sample]
+    weight = _window(n_sample)[:, None]
+    torques, accelerations = (
+        np.fft.rfft(weight * values, axis=2)[:, :, :n_bin] / n_sample for values in (torque, acceleration)
+    )
+    bins = np.arange(n_bin)
+    return WindowedMotion(
+        sample_time_s, n_sample, bins, np.zeros(n_bin, dtype=bool), position, torques, accelerations
+    )
+
+
+def _window(n: int) -> FloatArray:
+    """Tukey's window of mean square one, shape (n,)."""
+    window = tukey(n, 2 * TAPER)
+    scaled: FloatArray = window / np.sqrt((window**2).mean())
+    return scaled
+
+
+def _odd_swing(angle: FloatArray, sample_time_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """One period of the odd continuation of angles less the line through their ends; first angle and slope of the line.
+
+    Shapes (n_config, n_exp, 2 (n_time - 1), n_axis), (n_config, n_exp, 1, n_axis), likewise.
+    """
+    n = angle.shape[2]
+    first, last = angle[:, :, :1], angle[:, :, -1:]
+    share = np.linspace(0.0, 1.0, n)[:, None]
+    swing = angle - first - share * (last - first)
+    slope = (last - first) / ((n - 1) * sample_time_s)
+    return np.concatenate((swing[:, :, :-1], -swing[:, :, :0:-1]), axis=2), first, slope

@@ -1,0 +1,23 @@
+"""Inverse of the linear model's response: motor torque per motor acceleration, at the bins of a record."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.robot import Robot
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def impedance(robot: Robot, angle: FloatArray, motion: MotionSpectra, hold: str) -> ComplexArray:
+    """Motor torque per motor acceleration at each bin, (n_config, n_bin, n_axis, n_axis), zero at bin 0."""
+    response: Any = robot.response(angle, motion.frequency_hz[1:], hold=hold)
+    n_config, _, n_axis, _ = response.shape
+    found = np.zeros((n_config, len(motion.bin), n_axis, n_axis), dtype=np.complex128)
+    found[:, 1:] = np.linalg.inv(response)
+    return found

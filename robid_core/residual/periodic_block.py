@@ -1,0 +1,118 @@
+"""Blocks of periodic records: whole periods, noise by their differences, motion without beginning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.estimation.torque.spectra import (
+    PeriodicMotion,
+    friction_deviation,
+    friction_spectra,
+    speed_functions,
+)
+from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
+from robid_core.mechanics import MotorMotion, SimulationState, periodic_motion
+from robid_core.residual.block import TorqueBlock
+from robid_core.residual.columns import passive_motion
+from robid_core.residual.impedance import impedance
+from robid_core.robot import Robot
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+HIGHEST_HZ = 250.0  # of the motion that is prescribed; above it angles are noise
+FIRST_PERIODS = 3  # until it has rung out, from the linear motion
+NEXT_PERIODS = 2  # likewise, from where the last run ended
+
+
+@dataclass(eq=False)
+class PeriodicBlock(TorqueBlock[PeriodicMotion]):
+    """Spectra of periods, the mean of those measured."""
+
+    friction_deviation: ComplexArray
+    """Functions of each period's speed less their mean, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
+    state: SimulationState | None = None
+    """Where the last prescribed motion ended."""
+
+    @classmethod
+    def of_record(cls, robot: Robot, motion: PeriodicMotion, widths: tuple[float, ...]) -> PeriodicBlock:
+        """Prepare a block; `widths` are those of the friction functions, rad/s."""
+        laws, angle = tuple(speed_functions(widths)), robot.joint_angle(motion.angle.mean(axis=(1, 2)))
+        friction = friction_spectra(motion, laws, motion.fine_speed())
+        return cls(robot, motion, laws, friction, angle, friction_deviation(motion, laws))
+
+    def thinned(self, keep: npt.NDArray[np.int64]) -> PeriodicBlock:
+        """Return the block with some of its bins, before any motion was prescribed."""
+        return replace(super().thinned(keep), friction_deviation=self.friction_deviation[..., keep, :])
+
+    def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
+        """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis)."""
+        motion = self.motion
+        n_config, n_exp, n_sample, n_axis = motion.angle.shape
+        whole = periodic_motion(
+            motion.angle.reshape(-1, n_sample, n_axis), motion.sample_time_s, robot.step_s, HIGHEST_HZ
+        )
+        periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
+        start = linear_state(robot, self.angle, motion, whole) if self.state is None else self.state
+        several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
+        run = robot.prescribe(several, start)
+        if final:
+            self.state = run.state
+        spectrum = np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample
+        shaped: ComplexArray = spectrum.reshape(n_config, n_exp, len(motion.bin), n_axis)
+        return shaped
+
+    def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
+        """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.
+
+        Arguments as of `predicted`. Above half the sampling rate motors move alone: there their acceleration is torque
+        over inertia.
+        """
+        motion, n = self.motion, robot.n_axis
+        speed = motion.fine_speed()
+        torque = np.repeat(motion.torque, speed.shape[2] // motion.n_sample, axis=2) - coefficient[-1]
+        for law, size in zip(self.laws, coefficient[:-1], strict=True):
+            torque -= size * law(speed)
+        mobility = np.linalg.inv(robot.second_order(self.angle).mass)[:, :n, :n]
+        speed = motion.fine_speed(np.matmul(torque, mobility[:, None]))
+        self.friction = friction_spectra(motion, self.laws, speed)
+
+    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+        """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis).
+
+        Noise of the angles is in it as it comes through inertia, springs and friction.
+        """
+        motion = self.motion
+        z = impedance(robot, self.angle, motion, "zero_order_hold")
+        moved = np.matmul(z[:, None, None], motion.acceleration_deviation[..., None])[..., 0]
+        for law, size in zip(self.friction_deviation, coefficient[:-1], strict=True):
+            moved += law * size
+        n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
+        freedom = n_config * n_exp * n_period * (n_period - 1)
+        return covariance_of(motion.torque_deviation - moved, freedom)
+
+    @property
+    def noise_freedom(self) -> float:
+        """Complex degrees of freedom of the noise at each bin."""
+        n_config, n_exp, n_period = self.motion.torque_deviation.shape[:3]
+        return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1))
+
+
+def linear_state(
+    robot: Robot, angle: FloatArray, motion: PeriodicMotion, whole: MotorMotion
+) -> SimulationState:
+    """State at the first sample of everything behind the motors, in the periodic motion of the linear model."""
+    state = robot.standing(robot.joint_angle(whole.angle)).moving(robot.mechanism, whole.speed)
+    n_config, n_exp, _, n_axis = motion.angle.shape
+    rest = robot.equilibrium(angle).position
+    per_motor = passive_motion(robot, angle, motion.omega[1:])
+    swing = np.einsum("cfna,cxfa->cxfn", per_motor[:, :, n_axis:], motion.angle_spectrum[:, :, 1:])
+    behind = rest[:, None, n_axis:] + 2 * swing.real.sum(axis=2)
+    rate = 2 * (1j * motion.omega[1:, None] * swing).real.sum(axis=2)
+    position, speed = state.position.copy(), state.speed.copy()
+    position[:, n_axis:] = behind.reshape(n_config * n_exp, -1)
+    speed[:, n_axis:] = rate.reshape(n_config * n_exp, -1)
+    return replace(state, position=position, speed=speed)

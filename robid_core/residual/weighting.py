@@ -1,0 +1,56 @@
+"""Weights of a block: residuals and derivatives as real numbers in standard deviations, free swinging projected out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+INDEPENDENT = 1e-9  # of the largest singular value: columns below it are those of other modes again
+
+
+@dataclass(frozen=True, eq=False)
+class Weighting:
+    """Whitening matrices of each bin, and per configuration an orthonormal basis of what swings freely."""
+
+    matrix: ComplexArray
+    """By how often a bin counts, shape (n_bin, n_axis, n_axis)."""
+    free_swing: tuple[FloatArray, ...] = ()
+    """Shape (n_row, n_swing) each, n_row = 2 n_bin n_axis; empty where motions repeat."""
+
+    @classmethod
+    def of_block(cls, matrix: ComplexArray, ringing: ComplexArray | None) -> Weighting:
+        """Weights with whitening matrices and the torques of free swinging, (n_config, n_bin, n_axis, n_swing)."""
+        if ringing is None:
+            return cls(matrix)
+        bases = []
+        for own in ringing:
+            white = np.matmul(matrix, own)
+            rows = np.concatenate((white.real, white.imag)).reshape(-1, own.shape[-1])
+            left, size, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), full_matrices=False)
+            bases.append(np.ascontiguousarray(left[:, size > INDEPENDENT * size[0]]))
+        return cls(matrix, tuple(bases))
+
+    def residual(self, residual: ComplexArray) -> FloatArray:
+        """Weighted residual of (n_config, n_exp, n_bin, n_axis), shape (n_config, n_exp, n_row)."""
+        white = np.matmul(self.matrix, residual[..., None])[..., 0]
+        rows = np.concatenate((white.real, white.imag), axis=2).reshape(*white.shape[:2], -1)
+        for own, basis in zip(rows, self.free_swing, strict=False):
+            own -= (own @ basis) @ basis.T
+        return rows
+
+    def columns(self, config: int, columns: ComplexArray) -> FloatArray:
+        """Weighted derivatives of (n_bin, n_exp, n_axis, n_unknown), shape (n_exp n_row, n_unknown)."""
+        white = np.matmul(self.matrix[:, None], columns).transpose(1, 0, 2, 3)
+        n_exp, n_bin, n_axis, n_unknown = white.shape
+        rows = np.empty((n_exp, 2, n_bin, n_axis, n_unknown))
+        rows[:, 0], rows[:, 1] = white.real, white.imag
+        if self.free_swing:
+            basis = self.free_swing[config]
+            for own in rows.reshape(n_exp, -1, n_unknown):
+                own -= basis @ (basis.T @ own)
+        return rows.reshape(-1, n_unknown)
