@@ -10,8 +10,8 @@ __version__ = "0.1.0"
 _HOME = {
     "robid_core.artifacts": (
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "ParameterTable", "Record", "Report",
-        "ResponseComparison", "TimeComparison", "Truth", "array",
+        "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "Model", "ParameterTable", "Record",
+        "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -55,6 +55,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         FloatArray as FloatArray,
         Frf as Frf,
         IntArray as IntArray,
+        Model as Model,
         ParameterTable as ParameterTable,
         Record as Record,
         Report as Report,

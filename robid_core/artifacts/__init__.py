@@ -13,6 +13,7 @@ from robid_core.artifacts.design import Design
 from robid_core.artifacts.excitation import Excitation
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
 from robid_core.artifacts.frf import Frf
+from robid_core.artifacts.model import Model
 from robid_core.artifacts.record import Channel, DenseRun, Record
 from robid_core.artifacts.report import Report, Truth
 
@@ -30,6 +31,7 @@ __all__ = [
     "FloatArray",
     "Frf",
     "IntArray",
+    "Model",
     "ParameterTable",
     "Record",
     "Report",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
+from robid_core.artifacts.model import Model
 
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
@@ -67,7 +68,9 @@ class Fit(Artifact):
     """Estimated parameters and the evidence for them.
 
     `status` is a sentence; a fit that did not converge is still a result, with `converged` false. `misfit` is
-    the weighted residual per degree of freedom (1 where model and stated uncertainty are right).
+    the weighted residual per degree of freedom (1 where model and stated uncertainty are right). `covariance` is that
+    of the unknowns as the method has them (logarithms, natural scales); `model` is the robot that was found, its
+    covariance in the parameters' own units: `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`.
     """
 
     method: str
@@ -81,13 +84,18 @@ class Fit(Artifact):
     free_names: tuple[str, ...] = ()
     response: ResponseComparison | None = None
     time: tuple[TimeComparison, ...] = ()
+    model: Model | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis(Artifact):
-    """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words."""
+    """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words.
+
+    `model` is the robot that the verdict speaks of, where it is another than the one of the robot file.
+    """
 
     method: str
     verdict: str
     time: tuple[TimeComparison, ...] = ()
     response: ResponseComparison | None = None
+    model: Model | None = None

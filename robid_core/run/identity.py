@@ -44,7 +44,7 @@ class Surroundings:
     @functools.cached_property
     def robot_hash(self) -> str:
         """sha256 of the robot as text, wherever it was read from."""
-        return text_hash(self.robot.to_yaml())
+        return self.robot.sha256
 
     @property
     def drives(self) -> Drives | None:
