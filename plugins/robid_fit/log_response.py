@@ -183,6 +183,13 @@ class LogResponseFit(Estimator):
             names = ", ".join(n for n, u in zip(unknowns.names, unseen & stiff, strict=True) if u)
             status += f"; not identifiable from these configurations: {names}"
         reach = np.log(self.largest_change)
+        own = unknowns.names[: 2 * unknowns.n_spring]  # the others are nuisances
+        scale = estimate[: len(own)]
+        model = problem.robot.model(
+            dict(zip(own, scale.tolist(), strict=True)),
+            own,
+            covariance[: len(own), : len(own)] * np.outer(scale, scale),
+        )
         table = ParameterTable(
             names=unknowns.names,
             units=unknowns.units,
@@ -204,6 +211,7 @@ class LogResponseFit(Estimator):
             covariance=covariance,
             free_names=unknowns.names,
             response=_comparison(problem, best.point, start),
+            model=model,
         )
 
 

@@ -20,6 +20,7 @@ from robid_core import (
     Fit,
     FloatArray,
     IntArray,
+    Model,
     ParameterTable,
     Record,
     Robot,
@@ -33,6 +34,7 @@ from robid_core.estimation.rigid.regression import (
     decimated_index,
     linear_least_squares,
 )
+from robid_fit.rigid_bodies import model_of
 from robid_fit.rigid_model import (
     KINDS,
     Columns,
@@ -109,7 +111,7 @@ class RigidBodyFit(Estimator):
         speed = robot.drives.friction_speed
         if self.friction_speed is not None:
             speed = np.full(robot.n_axis, self.friction_speed)
-        robot = without_bearings(robot)
+        nominal, robot = robot, without_bearings(robot)
         columns, wanted, base = structure(robot, self.unknowns, speed)
         named = np.flatnonzero(wanted)[base.independent]
         held = np.setdiff1d(np.arange(len(columns.names)), named)
@@ -130,7 +132,8 @@ class RigidBodyFit(Estimator):
         names = tuple(columns.names[i] for i in named)
         fit = linear_least_squares(np.concatenate(regressors), measured - known, names)
         symbol = record.runs[0].channel("motor_torque").unit_symbol
-        return _result(columns, named, fit, robot, symbol, np.concatenate(times), measured)
+        model = model_of(nominal, columns, named, fit)
+        return _result(columns, named, fit, model, symbol, np.concatenate(times), measured, robot.axis_names)
 
     def _window(self, n_sample: int) -> slice:
         if n_sample <= self.drop_first + self.drop_last + self.decimation:
@@ -148,10 +151,11 @@ def _result(
     columns: Columns,
     named: IntArray,
     fit: LinearFit,
-    robot: Robot,
+    model: Model,
     symbol: str,
     time: FloatArray,
     measured: FloatArray,
+    axis_names: tuple[str, ...],
 ) -> Fit:
     names = tuple(columns.names[i] for i in named)
     relative = float(np.linalg.norm(fit.residual) / np.linalg.norm(measured))
@@ -185,7 +189,7 @@ def _result(
         free_names=names,
         time=(
             TimeComparison(
-                axis_names=robot.axis_names,
+                axis_names=axis_names,
                 channel="motor_torque",
                 unit_symbol=symbol,
                 relative_error=relative,
@@ -194,4 +198,5 @@ def _result(
                 modelled=measured - fit.residual,
             ),
         ),
+        model=model,
     )

@@ -31,6 +31,7 @@ from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of, whitener
 from robid_core.mechanics import SimulationState
+from robid_fit.friction_levels import friction_levels
 from robid_fit.torque_problem import EffectColumn, Linearisation, TorqueProblem
 from robid_fit.torque_remainder import impedance, remainder
 
@@ -103,7 +104,7 @@ class TorqueResidualFit(Estimator):
                 break
         context.progress(self.passes + 1, self.passes + 1, "")
         covariance = covariance + np.outer(point - before, point - before)
-        return self._result(problem, point, covariance, changes)
+        return self._result(problem, point, covariance, changes, robot)
 
     # Data and unknowns
 
@@ -253,13 +254,22 @@ class TorqueResidualFit(Estimator):
         return float((np.abs(white) ** 2).mean() * (freedom - n_axis) / freedom)
 
     def _result(
-        self, problem: TorqueProblem, point: FloatArray, covariance: FloatArray, changes: list[float]
+        self,
+        problem: TorqueProblem,
+        point: FloatArray,
+        covariance: FloatArray,
+        changes: list[float],
+        nominal: Robot,
     ) -> Fit:
         free, n = problem.free, problem.n_free
         slope = np.eye(len(point))
         slope[:n, :n] = free.jacobian(point[:n])
-        error = np.sqrt(np.diag(slope @ covariance @ slope.T))
+        in_units = slope @ covariance @ slope.T
+        error = np.sqrt(np.diag(in_units))
         values = free.values(point[:n])
+        friction = point[n:-1].reshape(len(problem.friction), -1)
+        levels = friction_levels(nominal, problem.motion, problem.widths, friction)
+        model = nominal.model(levels | values, free.names, in_units[:n, :n])
         nuisances = problem.nuisance_names()
         robot = free.robot
         kinds = tuple(robot.parameter_kind(name) for name in free.names)
@@ -301,4 +311,5 @@ class TorqueResidualFit(Estimator):
             parameters=table,
             covariance=covariance,
             free_names=free.names + nuisances,
+            model=model,
         )

@@ -99,9 +99,18 @@ def test_springs_of_a_plant_with_other_bodies_and_friction_are_found(
     assert np.sqrt((error**2).mean()) < 5e-3
     deviations = error * table.estimate[index] / table.standard_error[index]
     assert np.sqrt((deviations**2).mean()) < 2.5
-    assert plant.with_parameters(table.as_mapping()).parameter("gear_stiffness.axis_1") == table.value(
-        "gear_stiffness.axis_1"
-    )
+    assert fit.model is not None
+    found = Robot.of_model(fit.model)
+    assert found.parameter("gear_stiffness.axis_1") == table.value("gear_stiffness.axis_1")
+    errors = fit.model.standard_errors()
+    own = [name for name, group in zip(table.names, table.groups, strict=True) if group != "nuisance"]
+    np.testing.assert_allclose(list(errors.values()), table.standard_error[: len(own)], rtol=1e-9)
+    assert tuple(errors) == tuple(own)
+    # Free functions of speed say what Coulomb and viscous friction are together, at the speed of the slow sine.
+    d, o, t = found.drives, plant.drives, nominal.drives
+    ours, right, told = (x.coulomb + 5.0 * x.viscous for x in (d, o, t))
+    assert np.abs(ours / right - 1).max() < 0.03
+    assert np.abs(told / right - 1).max() > 0.1
     assert "torque lags by" in fit.status
     assert set(table.groups) >= {"stiffness", "damping", "inertia", "nuisance"}
 
