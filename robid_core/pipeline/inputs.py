@@ -6,7 +6,8 @@ from robid_core.artifacts import Artifact
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared
 from robid_core.pipeline.wiring import Node, Open, Wires, cycles, in_order, wire
-from robid_core.stage import KINDS
+from robid_core.robot import Robot
+from robid_core.stage import KINDS, MODELLED
 
 
 def check_given(stage: Declared, declared: dict[str, Declared], problems: ProblemList) -> None:
@@ -16,7 +17,8 @@ def check_given(stage: Declared, declared: dict[str, Declared], problems: Proble
     if problems.spoils(*path):
         stage.given = {entry.name: None for entry in stage.inputs}
         return
-    wanted = {entry.name: entry.artifact for entry in stage.inputs}
+    wanted: dict[str, tuple[type[Artifact], ...]] = {entry.name: (entry.artifact,) for entry in stage.inputs}
+    wanted |= {name: MODELLED for name, kind in stage.lends.items() if kind is Robot}
     for parameter, node in (table.entries() if table is not None else {}).items():
         if problems.spoils(*path, parameter):
             message = "reported already"
@@ -25,7 +27,7 @@ def check_given(stage: Declared, declared: dict[str, Declared], problems: Proble
             message = _no_input(stage, parameter, list(wanted))
             stage.given.setdefault(meant, None)
         else:
-            message = _wrong_source(stage, str(node.value), wanted.get(parameter), declared)
+            message = _wrong_source(stage, str(node.value), wanted.get(parameter, ()), declared)
         stage.given[parameter] = None if message else str(node.value)
         if message and table is not None and not problems.spoils(*path, parameter):
             problems.add(table.keys[parameter], (*path, parameter), message)
@@ -38,7 +40,7 @@ def _no_input(stage: Declared, parameter: str, wanted: list[str]) -> str:
 
 
 def _wrong_source(
-    stage: Declared, source: str, artifact: type[Artifact] | None, declared: dict[str, Declared]
+    stage: Declared, source: str, wanted: tuple[type[Artifact], ...], declared: dict[str, Declared]
 ) -> str:
     """Return what is wrong with taking an input from `source`, empty where nothing is."""
     if source == stage.name:
@@ -47,11 +49,13 @@ def _wrong_source(
     if source not in declared:
         return f"no stage '{source}'; {suggestion(source, others, 'the other stages are')}"
     made = declared[source].output
-    if artifact is None or made is None or not declared[source].known or issubclass(made, artifact):
+    if not wanted or made is None or not declared[source].known or issubclass(made, wanted):
         return ""
-    fitting = [name for name in others if (o := declared[name].output) and issubclass(o, artifact)]
+    fitting = [name for name in others if (o := declared[name].output) and issubclass(o, wanted)]
     hint = f"; {_either(fitting)} makes one" if fitting else ""
-    return f"'{source}' makes {_a(made)}, not {_a(artifact)}{hint}"
+    if wanted is MODELLED:
+        hint += "; without this line the stage takes the nominal robot"
+    return f"'{source}' makes {_a(made)}, not {_either([_a(artifact) for artifact in wanted])}{hint}"
 
 
 def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, str]]]:

@@ -5,6 +5,7 @@ Each call of a stage leaves a line in the file that STRANGE_CALLS names, so that
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import time
 from pathlib import Path
@@ -182,6 +183,46 @@ class Estimate(Estimator):
         converged = self.outcome != "not converged"
         status = "converged" if converged else "the budget of 3 steps is spent"
         return Fit("strange", status, converged, 1.0, 1, 1, table, np.eye(1))
+
+
+class Identify(Estimator):
+    """A fit that gives back a model."""
+
+    stiffness: float = 6e4
+    """What it finds."""
+    converged: bool = True
+    """Whether it may be used."""
+    effect: str = ""
+    """One that it adds."""
+    named: bool = True
+    """Whether it says so."""
+
+    def uses(self) -> list[tuple[str, str]]:
+        return [("robid.effects", self.effect)] if self.effect and self.named else []
+
+    def run(self, robot: Robot) -> Fit:
+        called("identify")
+        if self.effect:
+            entry = {"use": self.effect, "on": "axis_1"}
+            whole = robot.description.model_dump() | {"effects": {"found": entry}}
+            robot = dataclasses.replace(robot, description=type(robot.description).model_validate(whole))
+        names = ("gear_stiffness.axis_1",)
+        table = ParameterTable(
+            names, ("N m/rad",), ("stiffness",), np.array([robot.parameter(names[0])]), np.array([self.stiffness]),
+            np.array([100.0]), np.array([True]), np.array([False]),
+        )  # fmt: skip
+        model = robot.model({names[0]: self.stiffness}, names, np.array([[1e4]]))
+        status = "converged" if self.converged else "too few data"
+        return Fit("strange", status, self.converged, 1.0, 1, 1, table, np.eye(1), names, model=model)
+
+
+class Tell(CandidateDesign):
+    """Configurations that tell the stiffness of the robot that it is lent, and how many effects act in it."""
+
+    def run(self, robot: Robot) -> Configurations:
+        called("tell")
+        told = [[robot.parameter("gear_stiffness.axis_1")], [float(len(robot.effects))]]
+        return Configurations(robot.axis_names, np.array(told))
 
 
 class Choose(ExperimentDesign):
