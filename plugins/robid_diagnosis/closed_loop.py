@@ -23,6 +23,7 @@ from robid_core import (
     DiagnosisStage,
     Fit,
     FloatArray,
+    Model,
     NotTrustworthy,
     Record,
     Robot,
@@ -96,23 +97,22 @@ def simulate_lanes(robot: Robot, recorded: Recorded) -> tuple[FloatArray, FloatA
     return result.position, result.torque
 
 
-def identified(robot: Robot, fit: Fit) -> tuple[Robot, list[str]]:
-    """Return the robot with the fitted parameters, and the names of those that its file cannot hold.
+def identified(robot: Robot, fit: Fit) -> tuple[Robot, Model]:
+    """Return the robot as it was fitted, and as a model.
 
     Raises
     ------
     NotTrustworthy
         If the fit did not converge.
+    ConfigurationError
+        If it is a fit of another robot, or disagrees with what this one has from another fit.
     """
     if not fit.converged:
         raise NotTrustworthy(f"diagnosis.closed_loop: the fit must not be used: {fit.status}")
-    known = robot.parameters()
-    values = {name: value for name, value in fit.parameters.as_mapping().items() if name in known}
-    if not values:
-        raise ConfigurationError(
-            f"diagnosis.closed_loop: {robot.name} has none of the fitted parameters {', '.join(fit.parameters.names)}"
-        )
-    return robot.with_parameters(values), [name for name in fit.parameters.names if name not in known]
+    fitted = robot.fitted(fit)
+    if fit.model is not None and Robot.of_model(fit.model, robot.dynamics) == fitted:
+        return fitted, fit.model
+    return fitted, fitted.model({})
 
 
 def collected(
@@ -200,7 +200,7 @@ class ClosedLoopSimulation(DiagnosisStage):
                     f"diagnosis.closed_loop: the record is sampled every {run.sample_time_s:g} s and the drives "
                     f"control every {robot.sample_time_s:g} s; set sample_time_s in the robot file"
                 )
-        model, left_out = identified(robot, fit)
+        model, known = identified(robot, fit)
         measured = collected(record, self.skip_s, lambda recorded: (recorded.position, recorded.torque))
         context.progress(0, 2, "simulating the identified robot")
         fitted = collected(record, self.skip_s, partial(simulate_lanes, model))
@@ -221,5 +221,8 @@ class ClosedLoopSimulation(DiagnosisStage):
         )
         before = [relative_error(measured[i], nominal[i]) for i in range(len(comparisons))]
         return Diagnosis(
-            method="closed-loop simulation", verdict=sentence(comparisons, before, left_out), time=comparisons
+            method="closed-loop simulation",
+            verdict=sentence(comparisons, before, known.left_out),
+            time=comparisons,
+            model=known,
         )
