@@ -23,7 +23,6 @@ from robid_core import (
     DiagnosisStage,
     Fit,
     FloatArray,
-    Model,
     NotTrustworthy,
     Record,
     Robot,
@@ -97,8 +96,8 @@ def simulate_lanes(robot: Robot, recorded: Recorded) -> tuple[FloatArray, FloatA
     return result.position, result.torque
 
 
-def identified(robot: Robot, fit: Fit) -> tuple[Robot, Model]:
-    """Return the robot as it was fitted, and as a model.
+def identified(robot: Robot, fit: Fit) -> Robot:
+    """Return the robot as it was fitted.
 
     Raises
     ------
@@ -109,10 +108,7 @@ def identified(robot: Robot, fit: Fit) -> tuple[Robot, Model]:
     """
     if not fit.converged:
         raise NotTrustworthy(f"diagnosis.closed_loop: the fit must not be used: {fit.status}")
-    fitted = robot.fitted(fit)
-    if fit.model is not None and Robot.of_model(fit.model, robot.dynamics) == fitted:
-        return fitted, fit.model
-    return fitted, fitted.model({})
+    return robot.fitted(fit)
 
 
 def collected(
@@ -200,7 +196,7 @@ class ClosedLoopSimulation(DiagnosisStage):
                     f"diagnosis.closed_loop: the record is sampled every {run.sample_time_s:g} s and the drives "
                     f"control every {robot.sample_time_s:g} s; set sample_time_s in the robot file"
                 )
-        model, known = identified(robot, fit)
+        model, left_out = identified(robot, fit), fit.model.left_out if fit.model is not None else ()
         measured = collected(record, self.skip_s, lambda recorded: (recorded.position, recorded.torque))
         context.progress(0, 2, "simulating the identified robot")
         fitted = collected(record, self.skip_s, partial(simulate_lanes, model))
@@ -221,8 +217,5 @@ class ClosedLoopSimulation(DiagnosisStage):
         )
         before = [relative_error(measured[i], nominal[i]) for i in range(len(comparisons))]
         return Diagnosis(
-            method="closed-loop simulation",
-            verdict=sentence(comparisons, before, known.left_out),
-            time=comparisons,
-            model=known,
+            method="closed-loop simulation", verdict=sentence(comparisons, before, left_out), time=comparisons
         )

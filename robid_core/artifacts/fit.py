@@ -91,7 +91,7 @@ class Fit(Artifact):
 class Diagnosis(Artifact):
     """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words.
 
-    `model` is the robot that the verdict speaks of, where it is another than the one of the robot file.
+    `model` is the robot that was found, where the diagnosis changes the one that it was given.
     """
 
     method: str

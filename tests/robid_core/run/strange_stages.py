@@ -22,6 +22,8 @@ from robid_core import (
     DataPath,
     DenseRun,
     Design,
+    Diagnosis,
+    DiagnosisStage,
     Drives,
     Estimator,
     ExperimentDesign,
@@ -214,6 +216,21 @@ class Identify(Estimator):
         model = robot.model({names[0]: self.stiffness}, names, np.array([[1e4]]))
         status = "converged" if self.converged else "too few data"
         return Fit("strange", status, self.converged, 1.0, 1, 1, table, np.eye(1), names, model=model)
+
+
+class Explain(DiagnosisStage):
+    """A diagnosis that finds a ripple that the fit does not have."""
+
+    def uses(self) -> list[tuple[str, str]]:
+        return [("robid.effects", "drive.torque_ripple")]
+
+    def run(self, robot: Robot, fit: Fit) -> Diagnosis:
+        called("explain")
+        fitted = robot.fitted(fit)
+        entry = {"use": "drive.torque_ripple", "on": "axis_1", "with": {"amplitude": 0.1}}
+        whole = fitted.description.model_dump() | {"effects": {"ripple": entry}}
+        found = dataclasses.replace(fitted, description=type(fitted.description).model_validate(whole))
+        return Diagnosis("strange", "The motor has a ripple.", model=found.model({}))
 
 
 class Tell(CandidateDesign):

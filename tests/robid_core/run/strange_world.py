@@ -27,6 +27,7 @@ STAGES = {
     "strange.choose": "Choose",
     "strange.page": "Page",
     "strange.identify": "Identify",
+    "strange.explain": "Explain",
     "strange.tell": "Tell",
 }
 DRIVES = {"strange": "Simulated", "strange_hardware": "Hardware"}
