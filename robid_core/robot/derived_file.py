@@ -19,7 +19,7 @@ _PLAIN = re.compile(
     r"(\.{0,2}/)*[A-Za-z_][A-Za-z0-9_./-]*"
 )  # a text that YAML takes for itself without quotes
 _WORDS = ("null", "true", "false")
-_COLUMN = 60  # of the comments, at least
+COLUMN = 60  # of the comments, at least
 
 
 def derived_yaml(model: Model, base: str, heading: str) -> str:
@@ -38,35 +38,34 @@ def derived_yaml(model: Model, base: str, heading: str) -> str:
     lines = [f"# {line}" for line in heading.splitlines()]
     if model.left_out:
         lines.append(f"# Estimated, and no number of a robot file: {', '.join(model.left_out)}.")
-    lines += ["robid_robot: 1", f"base: {_text(base)}", f"base_sha256: {model.base_sha256}"]
+    lines += ["robid_robot: 1", f"base: {key_text(base)}", f"base_sha256: {model.base_sha256}"]
     effects = json.loads(model.effects)
     if effects:
         lines.append("effects:")
-        lines += [f"  {_text(label)}: {json.dumps(entry)}" for label, entry in effects.items()]
+        lines += [f"  {key_text(label)}: {json.dumps(entry)}" for label, entry in effects.items()]
     if model.names:
         lines.append("parameters:")
-        lines += _numbers(model, robot)
+        known = known_of(model, robot)
+        for name, value in zip(model.names, model.value.tolist(), strict=True):
+            lines.append(f"{f'  {key_text(name)}: {value!r}':{COLUMN}}  # {known[name]}")
     return "\n".join(lines) + "\n"
 
 
-def _numbers(model: Model, robot: Robot) -> list[str]:
-    """Return a line for each parameter: its value, and what is known of it as a comment."""
-    errors = model.standard_errors()
-    lines = []
+def known_of(model: Model, robot: Robot) -> dict[str, str]:
+    """Return what is known of each number of a model in words: unit, standard error, what it was before."""
+    errors, found = model.standard_errors(), {}
     for name, before, value in zip(model.names, model.start.tolist(), model.value.tolist(), strict=True):
         told = [robot.parameter_unit(name)]
         if name in errors:
             error = errors[name]
             told.append(f"standard error {error:.3g}" if error == error else "standard error unknown")
-        else:
-            told.append("not estimated")
-        if before != value:
-            told.append(f"before {before:.6g}")
-        entry = f"  {_text(name)}: {value!r}"
-        lines.append(f"{entry:{_COLUMN}}  # {', '.join(told)}")
-    return lines
+        elif before != value:
+            told.append("no standard error")
+        told.append(f"before {before:.6g}" if before != value else "as before")
+        found[name] = ", ".join(told)
+    return found
 
 
-def _text(text: str) -> str:
+def key_text(text: str) -> str:
     """Return a text as YAML takes it: as it is, or in quotes where it could mean something else."""
     return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else json.dumps(text)

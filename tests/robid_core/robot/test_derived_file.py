@@ -43,8 +43,8 @@ def test_the_file_names_its_base_loads_equal_and_says_what_it_knows(robot: Robot
     assert lines[-4:] == [
         " gear_stiffness.axis_1: 61234.5678901234 # N m/rad, standard error 120, before 80000",
         " friction.axis_1.coulomb: 0.30000000000000004 # N m, standard error unknown, before 0.5",
-        " mass.axis_1: 40.0 # kg, not estimated",
-        " effect.grease.breakaway: 1e-07 # N m, not estimated, before 0.8",
+        " mass.axis_1: 40.0 # kg, as before",
+        " effect.grease.breakaway: 1e-07 # N m, no standard error, before 0.8",
     ]
 
 
