@@ -21,6 +21,7 @@ from robid_core import (
     Estimator,
     Fit,
     FreeParameters,
+    Model,
     ParameterTable,
     Record,
     Robot,
@@ -104,7 +105,8 @@ class TorqueResidualFit(Estimator):
                 break
         context.progress(self.passes + 1, self.passes + 1, "")
         covariance = covariance + np.outer(point - before, point - before)
-        return self._result(problem, point, covariance, changes, robot)
+        found = self._result(problem, point, covariance, changes)
+        return found.replace(model=self._model(robot, motion, problem.free, point, covariance))
 
     # Data and unknowns
 
@@ -254,22 +256,13 @@ class TorqueResidualFit(Estimator):
         return float((np.abs(white) ** 2).mean() * (freedom - n_axis) / freedom)
 
     def _result(
-        self,
-        problem: TorqueProblem,
-        point: FloatArray,
-        covariance: FloatArray,
-        changes: list[float],
-        nominal: Robot,
+        self, problem: TorqueProblem, point: FloatArray, covariance: FloatArray, changes: list[float]
     ) -> Fit:
         free, n = problem.free, problem.n_free
         slope = np.eye(len(point))
         slope[:n, :n] = free.jacobian(point[:n])
-        in_units = slope @ covariance @ slope.T
-        error = np.sqrt(np.diag(in_units))
+        error = np.sqrt(np.diag(slope @ covariance @ slope.T))
         values = free.values(point[:n])
-        friction = point[n:-1].reshape(len(problem.friction), -1)
-        levels = friction_levels(nominal, problem.motion, problem.widths, friction)
-        model = nominal.model(levels | values, free.names, in_units[:n, :n])
         nuisances = problem.nuisance_names()
         robot = free.robot
         kinds = tuple(robot.parameter_kind(name) for name in free.names)
@@ -311,5 +304,20 @@ class TorqueResidualFit(Estimator):
             parameters=table,
             covariance=covariance,
             free_names=free.names + nuisances,
-            model=model,
         )
+
+    def _model(
+        self,
+        robot: Robot,
+        motion: PeriodicMotion,
+        free: FreeParameters,
+        point: FloatArray,
+        covariance: FloatArray,
+    ) -> Model:
+        """Return the robot that was found, its friction as a robot file has it."""
+        n = len(free.names)
+        coefficient = point[n:-1].reshape(-1, robot.n_axis)
+        levels = friction_levels(robot, motion, self.friction_widths, coefficient)
+        slope = free.jacobian(point[:n])
+        own: FloatArray = slope @ covariance[:n, :n] @ slope.T
+        return robot.model(levels | free.values(point[:n]), free.names, own)
