@@ -21,7 +21,6 @@ from robid_core import (
     Estimator,
     Fit,
     FreeParameters,
-    Model,
     ParameterTable,
     Record,
     Robot,
@@ -32,7 +31,7 @@ from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of, whitener
 from robid_core.mechanics import SimulationState
-from robid_fit.friction_levels import friction_levels
+from robid_fit.torque_model import model_of
 from robid_fit.torque_problem import EffectColumn, Linearisation, TorqueProblem
 from robid_fit.torque_remainder import impedance, remainder
 
@@ -106,7 +105,9 @@ class TorqueResidualFit(Estimator):
         context.progress(self.passes + 1, self.passes + 1, "")
         covariance = covariance + np.outer(point - before, point - before)
         found = self._result(problem, point, covariance, changes)
-        return found.replace(model=self._model(robot, motion, problem.free, point, covariance))
+        return found.replace(
+            model=model_of(robot, motion, self.friction_widths, problem.free, point, covariance)
+        )
 
     # Data and unknowns
 
@@ -305,19 +306,3 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
         )
-
-    def _model(
-        self,
-        robot: Robot,
-        motion: PeriodicMotion,
-        free: FreeParameters,
-        point: FloatArray,
-        covariance: FloatArray,
-    ) -> Model:
-        """Return the robot that was found, its friction as a robot file has it."""
-        n = len(free.names)
-        coefficient = point[n:-1].reshape(-1, robot.n_axis)
-        levels = friction_levels(robot, motion, self.friction_widths, coefficient)
-        slope = free.jacobian(point[:n])
-        own: FloatArray = slope @ covariance[:n, :n] @ slope.T
-        return robot.model(levels | free.values(point[:n]), free.names, own)
