@@ -6,6 +6,7 @@ Every mistake is told at once, each at its line and column (`document`, `wording
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -184,24 +185,44 @@ def _removed_effects(effects: Any, base: RobotDescription, document: Document) -
 
 
 def _check_parameters(values: Any, robot: RobotDescription, document: Document) -> None:
-    """Check names and values of parameters that are numbers: what is not is told already."""
+    """Check names and values of parameters that are numbers: what is not is told already.
+
+    Moments of a body may be right together and each wrong beside the base's others: what is wrong together is looked
+    for one by one.
+    """
     known = named_parameters(robot)
+    numbers: dict[str, float] = {}
     for name, value in values.items() if isinstance(values, dict) else ():
         if isinstance(value, bool) or not isinstance(value, int | float):
             continue
-        if name not in known:
+        if name in known:
+            numbers[name] = value
+        else:
             document.add(
                 ("parameters", name),
                 f"{robot.name} has no such parameter; {suggestion(name, known, 'it has')}",
             )
-            continue
-        try:
-            with_values(robot, {name: value})
-        except ValidationError as error:
-            for item in error.errors(include_url=False):
-                document.add(("parameters", name), f"{reason(item)}; {name}: {known[name].unit}")
-        except ConfigurationError as error:
-            document.add(("parameters", name), str(error))
+    if not _wrong(robot, numbers):
+        return
+    alone = {name: wrong for name, value in numbers.items() if (wrong := _wrong(robot, {name: value}))}
+    for name, wrong in alone.items():
+        unit = "" if known[name].kind == "effect" else f"; {name}: {known[name].unit}"
+        for message in wrong:
+            document.add(("parameters", name), message + unit)
+    if not alone:
+        for message in _wrong(robot, numbers):
+            document.add(("parameters",), message)
+
+
+def _wrong(robot: RobotDescription, numbers: Mapping[str, float]) -> list[str]:
+    """Return what is wrong with a robot with other numbers; nothing where it can be."""
+    try:
+        with_values(robot, numbers)
+    except ValidationError as error:
+        return [reason(item) for item in error.errors(include_url=False)]
+    except ConfigurationError as error:
+        return [str(error)]
+    return []
 
 
 def _check_effects(effects: Any, document: Document) -> dict[str, EffectEntry]:

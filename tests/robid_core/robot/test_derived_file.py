@@ -88,3 +88,33 @@ def test_names_that_yaml_would_take_for_something_else_are_quoted(tmp_path: Path
     model = robot.model({"mass.yes: no": 2.5})
     (tmp_path / "found.yaml").write_text(derived_yaml(model, "true", "found"))
     assert Robot.load("found.yaml", tmp_path).parameter("mass.yes: no") == 2.5
+
+
+PLATE = """\
+robid_robot: 1
+name: plate
+bodies: [{joint: j, mass: 2.0, inertia: [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.2]]}]
+axes:
+  j: {rotor_inertia: 1.0e-3, torque_limit: 1.0, speed_limit: 1.0, position_limits: [-1, 1],
+      controller: {speed_gain: 1.0}}
+"""
+
+
+def test_moments_that_are_right_together_load_though_each_alone_would_be_wrong(tmp_path: Path) -> None:
+    """A plate: its largest moment is the sum of the others, and none can change alone."""
+    (tmp_path / "robot.yaml").write_text(PLATE)
+    robot = Robot.load("robot.yaml", tmp_path)
+    values = {"inertia.j.xx": 0.101, "inertia.j.yy": 0.102, "inertia.j.zz": 0.203}
+    (tmp_path / "found.yaml").write_text(derived_yaml(robot.model(values), "robot.yaml", "found"))
+    assert Robot.load("found.yaml", tmp_path) == robot.with_parameters(values)
+    derived = "robid_robot: 1\nbase: robot.yaml\nparameters: {inertia.j.xx: %g, inertia.j.zz: %g}\n"
+    (tmp_path / "wrong.yaml").write_text(derived % (0.101, 0.3))
+    with pytest.raises(
+        ConfigurationError, match=r"^wrong.yaml:3:35: parameters.inertia.j.zz: principal moments 0.1, 0.1"
+    ):
+        Robot.load("wrong.yaml", tmp_path)
+    (tmp_path / "wrong.yaml").write_text(derived % (0.29, 0.15))
+    with pytest.raises(
+        ConfigurationError, match=r"^wrong.yaml:3:1: parameters: principal moments 0.1, 0.15, 0.29"
+    ):
+        Robot.load("wrong.yaml", tmp_path)
