@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,10 @@ class Model(Artifact):
             raise DataRejected(
                 f"Model: {', '.join(unset)} was estimated and has no value; set every free parameter"
             )
+        if not _is_mapping(self.effects):
+            raise DataRejected(
+                "Model: effects is no JSON mapping of labels to entries of a robot file, or null"
+            )
         if hashlib.sha256(self.base_text.encode("utf-8")).hexdigest() != self.base_sha256:
             raise DataRejected(
                 f"Model: the text of its base {self.base} is not the one that base_sha256 belongs to"
@@ -58,3 +63,14 @@ class Model(Artifact):
     def standard_errors(self) -> dict[str, float]:
         """Return the standard errors of the free parameters by name, in their own units."""
         return dict(zip(self.free_names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+
+def _is_mapping(text: str) -> bool:
+    """Tell whether a text is a JSON object of objects and nulls."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and all(
+        entry is None or isinstance(entry, dict) for entry in found.values()
+    )

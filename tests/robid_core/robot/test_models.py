@@ -125,6 +125,8 @@ def test_what_a_robot_does_not_have_is_in_no_model(robot: Robot) -> None:
         ({"names": ("gear_stiffness.axis_1",)}, "1 names have 2 values"),
         ({"free_names": ("mass.axis_1",), "covariance": np.eye(1)}, "mass.axis_1 was estimated and has no value"),
         ({"value": np.array([np.nan, 0.3])}, "NaN"),
+        ({"effects": "friction.dahl"}, "effects is no JSON mapping"),
+        ({"effects": '{"grease": "friction.dahl"}'}, "effects is no JSON mapping"),
     ],
 )  # fmt: skip
 def test_a_model_that_does_not_belong_together_is_refused(

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robid_core import ConfigurationError, Configurations, Fit, PluginError, Robot
+from robid_core import ConfigurationError, Configurations, Diagnosis, Fit, PluginError, Robot
 
 STAGES = """\
   identify: {use: strange.identify}
@@ -103,3 +103,25 @@ def test_an_effect_that_no_stage_names_is_refused(world: Any) -> None:
         PluginError, match=r"stage told: the robot of 'identify' has friction.stribeck, which no stage"
     ):
         world.run("stages.identify.with.effect=friction.stribeck", "stages.identify.with.named=false")
+
+
+def test_two_fits_that_disagree_are_refused_where_both_are_used(world: Any) -> None:
+    other = "  other: {use: strange.identify, with: {stiffness: 5.0e+4}}\n"
+    explain = "  explain: {use: strange.explain, inputs: {robot: identify, fit: other}}\n"
+    begin(world, "  identify: {use: strange.identify}\n" + other + explain)
+    with pytest.raises(ConfigurationError) as told:
+        world.run()
+    assert str(told.value) == (
+        "stage explain: two fits disagree on gear_stiffness.axis_1 (60000 in the robot, 50000 in the fit); take the "
+        "robot of one of them, or let the second begin at the first by `inputs: {robot: ...}`"
+    )
+    begin(
+        world,
+        "  identify: {use: strange.identify}\n"
+        + other.replace("with", "inputs: {robot: identify}, with")
+        + explain,
+    )
+    world.run()
+    model = Diagnosis.read(world.folder / "artifacts" / "explain.h5").model
+    assert model is not None
+    assert dict(zip(model.names, model.value, strict=True))["gear_stiffness.axis_1"] == 5e4
