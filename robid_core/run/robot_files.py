@@ -32,8 +32,12 @@ def keep_robot(node: StageNode, entry: Entry, shared: Surroundings, store: Store
         drop_robot(node, shared, store)
         return
     folder, name = RunFolder.of(shared.pipeline), shared.pipeline.name
-    heading = f"What stage '{node.name}' of {name} found; robid run keeps this file up to date.\n"
-    heading += f"{artifact.method}: {' '.join(told.split())}"
+    lines = [
+        f"What stage '{node.name}' of {name} found; robid run keeps this file up to date.",
+        f"{artifact.method}: {told}",
+        *(f"Doubt: {doubt}" for doubt in (artifact.doubts if isinstance(artifact, Fit) else ())),
+    ]
+    heading = "\n".join(" ".join(line.split()) for line in lines)
     text = robot_text(artifact.model, heading, shared, folder.path).encode("utf-8")
     path = folder.robot(node.name)
     with failures_named("read", path):

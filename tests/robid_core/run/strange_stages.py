@@ -237,6 +237,8 @@ class Identify(Estimator):
     """One that it adds."""
     named: bool = True
     """Whether it says so."""
+    misfit: float = 1.0
+    """How well it explains what was measured."""
 
     def uses(self) -> list[tuple[str, str]]:
         return [("robid.effects", self.effect)] if self.effect and self.named else []
@@ -254,7 +256,7 @@ class Identify(Estimator):
         )  # fmt: skip
         model = robot.model({names[0]: self.stiffness}, names, np.array([[1e4]]))
         status = "converged" if self.converged else "too few data"
-        return Fit("strange", status, self.converged, 1.0, 1, 1, table, np.eye(1), names, model=model)
+        return Fit("strange", status, self.converged, self.misfit, 1, 1, table, np.eye(1), names, model=model)
 
 
 class Explain(DiagnosisStage):

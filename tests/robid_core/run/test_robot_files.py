@@ -131,3 +131,17 @@ def test_a_model_of_another_base_is_written_whole(world: Any, tmp_path: Path) ->
     found = Robot.load(str(world.folder / "robot.identify.yaml"))
     assert found.drives.speed_limit.tolist() == [300.0]
     assert found.parameter("gear_stiffness.axis_1") == 6e4
+
+
+def test_the_file_tells_why_its_numbers_should_be_doubted(world: Any) -> None:
+    begin(world)
+    world.run()
+    assert "# Doubt" not in (world.folder / "robot.identify.yaml").read_text()
+    world.run("stages.identify.with.misfit=1.5")
+    text = (world.folder / "robot.identify.yaml").read_text()
+    fit = Fit.read(world.folder / "artifacts" / "identify.h5")
+    assert [f"# Doubt: {doubt}" for doubt in fit.doubts] == [
+        x for x in text.splitlines() if x.startswith("# Doubt")
+    ]
+    assert "misfit" in text
+    assert Robot.load(str(world.folder / "robot.identify.yaml")).parameter("gear_stiffness.axis_1") == 6e4
