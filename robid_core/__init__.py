@@ -10,8 +10,8 @@ __version__ = "0.1.0"
 _HOME = {
     "robid_core.artifacts": (
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "ParameterTable", "Record",
-        "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
+        "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "Model", "ParameterTable",
+        "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
         "mean_travel",
     ),
     "robid_core.stage": (
@@ -62,6 +62,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Frf as Frf,
         IntArray as IntArray,
         MisfitTable as MisfitTable,
+        Model as Model,
         ParameterTable as ParameterTable,
         Record as Record,
         Report as Report,

@@ -2,7 +2,8 @@
 
 A kind fixes the output type; inputs are the annotations of `run`. Artifacts are wired by their type, and
 `Robot`, `Drives`, `Context` (and `Truth`, for reports only) are handed in. An input annotated
-``Frf | None = None`` is optional; ``tuple[Frf, ...]`` takes one or more, ``tuple[Frf, ...] = ()`` any number.
+``Frf | None = None`` is optional; ``tuple[Frf, ...]`` takes one or more, ``tuple[Frf, ...] = ()`` any number. The robot
+is the nominal one, or, where `inputs:` names a stage that makes one of `MODELLED`, what that stage found.
 """
 
 from __future__ import annotations
@@ -262,6 +263,9 @@ class ReportStage(Stage):
     kind = "report"
     output = Report
 
+
+MODELLED: tuple[type[Artifact], ...] = (Fit, Diagnosis)
+"""What may hold a model of the robot; a stage takes it by `inputs: {robot: <its stage>}`."""
 
 KINDS: tuple[type[Stage], ...] = (
     CandidateDesign,

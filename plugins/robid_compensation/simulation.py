@@ -139,10 +139,10 @@ class SimulationCompensation(Preprocessing):
         """Compensate each configuration."""
         record.spectra()  # refuses samples that are missing or no numbers
         own, run, line = reference_at_lines(record), record.run, np.asarray(record.line, dtype=np.int64)
-        model = robot if fit is None else robot.with_parameters(known_parameters(robot, fit))
+        model = robot if fit is None else robot.fitted(fit)
         torque, position = run.values("motor_torque").copy(), run.values("motor_position").copy()
         references = run.values("speed_reference")
-        damping = robot.equivalent_motor_damping(*record.speed_levels())
+        damping = model.equivalent_motor_damping(*record.speed_levels())
         for c in context.track(range(len(torque)), len(torque), "simulated mechanics"):
             plant = model.without_friction(damping[c])
             asked, middle = all_experiments(references[c]), all_experiments(position[c]).mean(axis=1)
@@ -166,12 +166,6 @@ class SimulationCompensation(Preprocessing):
         words = "simulated distortion of the mechanics removed"
         still = with_channels(record, words, motor_torque=torque, motor_position=position)
         return still.replace(model_based=True)
-
-
-def known_parameters(robot: Robot, fit: Fit) -> dict[str, float]:
-    """Estimates of a fit that the robot has a parameter for."""
-    known = robot.parameters()
-    return {name: value for name, value in fit.parameters.as_mapping().items() if name in known}
 
 
 def confirmed(

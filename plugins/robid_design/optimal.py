@@ -54,7 +54,7 @@ class OptimalDesign(ExperimentDesign):
         frf: Frf | None = None,
     ) -> Design:
         """Weigh the candidates at the fitted parameters, or at the nominal ones without a fit."""
-        model = robot if fit is None else robot.with_parameters(_known_to(robot, fit))
+        model = robot if fit is None else robot.fitted(fit)
         angle = random_configurations(robot, self.candidates, context.generator)
         chosen = np.unique(np.linspace(0, len(excitation.line) - 1, self.lines).round().astype(int))
         thinning = len(excitation.line) / len(chosen)
@@ -100,22 +100,19 @@ def _stated_over_formal(fit: Fit, names: tuple[str, ...], information: FloatArra
     """How much larger the fit's standard errors are than noise alone makes them, geometric mean.
 
     The formula knows noise only; what the linear model leaves out is in the fit's errors, and will be in the
-    next fit's too. The ratio carries it over.
+    next fit's too. The ratio carries it over; of a fit that did not estimate these there is none.
     """
+    table = fit.parameters
+    if not set(names) <= set(table.names):
+        return 1.0
     try:
         formal = np.sqrt(np.diag(covariance_of_parameters(information, names)))
     except NotIdentifiable:
         return 1.0
-    table = fit.parameters
     rows = [table.names.index(name) for name in names]
     ratio = table.standard_error[rows] / table.estimate[rows] / formal
     ratio = ratio[np.isfinite(ratio)]
     return float(np.exp(np.log(ratio).mean())) if len(ratio) else 1.0
-
-
-def _known_to(robot: Robot, fit: Fit) -> dict[str, float]:
-    known = robot.parameters()
-    return {name: value for name, value in fit.parameters.as_mapping().items() if name in known}
 
 
 def _output_covariance(

@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import NonNegativeFloat
 
 from robid_core import (
-    ConfigurationError,
     Context,
     DataRejected,
     Diagnosis,
@@ -35,23 +34,19 @@ def relative_error(measured: FloatArray, modelled: FloatArray) -> float:
     return float(np.linalg.norm(measured - modelled)) / norm if norm > 0 else float("inf")
 
 
-def identified(robot: Robot, fit: Fit) -> tuple[Robot, list[str]]:
-    """Return the robot with the fitted parameters, and the names of those that its file cannot hold.
+def identified(robot: Robot, fit: Fit) -> Robot:
+    """Return the robot as it was fitted.
 
     Raises
     ------
     NotTrustworthy
         If the fit did not converge.
+    ConfigurationError
+        If it is a fit of another robot, or disagrees with what this one has from another fit.
     """
     if not fit.converged:
         raise NotTrustworthy(f"diagnosis.closed_loop: the fit must not be used: {fit.status}")
-    known = robot.parameters()
-    values = {name: value for name, value in fit.parameters.as_mapping().items() if name in known}
-    if not values:
-        raise ConfigurationError(
-            f"diagnosis.closed_loop: {robot.name} has none of the fitted parameters {', '.join(fit.parameters.names)}"
-        )
-    return robot.with_parameters(values), [name for name in fit.parameters.names if name not in known]
+    return robot.fitted(fit)
 
 
 def compared(record: Record, channel: str, skip_s: float) -> FloatArray:
@@ -133,7 +128,7 @@ class ClosedLoopSimulation(DiagnosisStage):
 
     def run(self, record: Record, fit: Fit, robot: Robot, context: Context) -> Diagnosis:
         """Simulate twice, with fitted and with nominal parameters, and compare."""
-        model, left_out = identified(robot, fit)
+        model, left_out = identified(robot, fit), fit.model.left_out if fit.model is not None else ()
         measured = {name: compared(record, name, self.skip_s) for name in ("motor_position", "motor_torque")}
         context.progress(0, 2, "simulating the identified robot")
         fitted = simulate_record(model, record, self.start)

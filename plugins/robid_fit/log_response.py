@@ -184,6 +184,13 @@ class LogResponseFit(Estimator):
             status += f"; not identifiable from these configurations: {names}"
         against = "" if self.model_error is None else f"covariance and a model error of {100 * level:.2g} %"
         reach = np.log(self.largest_change)
+        own = unknowns.names[: 2 * unknowns.n_spring]  # the others are nuisances
+        scale = estimate[: len(own)]
+        model = problem.robot.model(
+            dict(zip(own, scale.tolist(), strict=True)),
+            own,
+            covariance[: len(own), : len(own)] * np.outer(scale, scale),
+        )
         table = ParameterTable(
             names=unknowns.names,
             units=unknowns.units,
@@ -207,6 +214,7 @@ class LogResponseFit(Estimator):
             response=_comparison(problem, best.point, start),
             misfit_against=against,
             model_error=level,
+            model=model,
         )
 
 

@@ -20,6 +20,7 @@ from robid_core import (
     Fit,
     FloatArray,
     IntArray,
+    Model,
     ParameterTable,
     Record,
     Robot,
@@ -34,6 +35,7 @@ from robid_core.estimation.rigid.regression import (
     linear_least_squares,
 )
 from robid_fit.mass_matrix import mass_matrix_doubts
+from robid_fit.rigid_bodies import model_of
 from robid_fit.rigid_effects import refuse_effects
 from robid_fit.rigid_model import (
     KINDS,
@@ -112,7 +114,7 @@ class RigidBodyFit(Estimator):
         speed = robot.drives.friction_speed
         if self.friction_speed is not None:
             speed = np.full(robot.n_axis, self.friction_speed)
-        robot = without_bearings(robot)
+        nominal, robot = robot, without_bearings(robot)
         refuse_effects(robot, self.unknowns)
         columns, wanted, base = structure(robot, self.unknowns, speed)
         named = np.flatnonzero(wanted)[base.independent]
@@ -138,7 +140,10 @@ class RigidBodyFit(Estimator):
         value = columns.value.copy()
         value[named] = fit.estimate
         doubts = mass_matrix_doubts(robot, value, np.concatenate(positions))
-        result = _result(columns, named, fit, robot, symbol, np.concatenate(times), measured)
+        model = model_of(nominal, columns, named, fit)
+        result = _result(
+            columns, named, fit, model, symbol, np.concatenate(times), measured, robot.axis_names
+        )
         return result.replace(stated_doubts=doubts)
 
     def _window(self, n_sample: int) -> slice:
@@ -157,10 +162,11 @@ def _result(
     columns: Columns,
     named: IntArray,
     fit: LinearFit,
-    robot: Robot,
+    model: Model,
     symbol: str,
     time: FloatArray,
     measured: FloatArray,
+    axis_names: tuple[str, ...],
 ) -> Fit:
     names = tuple(columns.names[i] for i in named)
     relative = float(np.linalg.norm(fit.residual) / np.linalg.norm(measured))
@@ -195,7 +201,7 @@ def _result(
         free_names=names,
         time=(
             TimeComparison(
-                axis_names=robot.axis_names,
+                axis_names=axis_names,
                 channel="motor_torque",
                 unit_symbol=symbol,
                 relative_error=relative,
@@ -204,4 +210,5 @@ def _result(
                 modelled=measured - fit.residual,
             ),
         ),
+        model=model,
     )

@@ -37,6 +37,7 @@ from robid_core.residual import (
     misfit_table,
     solve,
 )
+from robid_fit.torque_model import model_of
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
@@ -103,7 +104,11 @@ class TorqueResidualFit(Estimator):
         """Estimate the free parameters of the robot."""
         problem = self.problem(record, robot)
         solution = solve(problem, self.passes, self.model_error, context.progress)
-        return self._result(problem, solution)
+        (block,) = problem.blocks
+        model = model_of(
+            robot, block.motion, self.friction_widths, problem.free, solution.point, solution.covariance
+        )
+        return self._result(problem, solution).replace(model=model)
 
     # Data and unknowns
 

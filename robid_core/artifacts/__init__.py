@@ -16,6 +16,7 @@ from robid_core.artifacts.excitation import Excitation, mean_travel
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.misfit import MisfitTable
+from robid_core.artifacts.model import Model
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 
@@ -35,6 +36,7 @@ __all__ = [
     "Frf",
     "IntArray",
     "MisfitTable",
+    "Model",
     "ParameterTable",
     "Record",
     "Report",

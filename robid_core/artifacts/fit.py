@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
 from robid_core.artifacts.doubts import Doubt, judge
 from robid_core.artifacts.misfit import MisfitTable
+from robid_core.artifacts.model import Model
 
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
@@ -74,7 +75,9 @@ class Fit(Artifact):
     the weighted residual per degree of freedom (1 where model and stated uncertainty are right). `misfit_against` says
     what it is measured against; it is empty where the weights were chosen such that the misfit is one, which then
     checks nothing. `model_error` is the relative error that the weights grant to the model. `stated_doubts` are what
-    only the estimator can know; `doubts` are all.
+    only the estimator can know; `doubts` are all. `covariance` is that of the unknowns as the method has them
+    (logarithms, natural scales); `model` is the robot that was found, its covariance in the parameters' own units:
+    `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`.
     """
 
     method: str
@@ -92,6 +95,7 @@ class Fit(Artifact):
     misfit_table: MisfitTable | None = None
     model_error: float | None = None
     stated_doubts: tuple[Doubt, ...] = ()
+    model: Model | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -101,9 +105,13 @@ class Fit(Artifact):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis(Artifact):
-    """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words."""
+    """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words.
+
+    `model` is the robot that was found, where the diagnosis changes the one that it was given.
+    """
 
     method: str
     verdict: str
     time: tuple[TimeComparison, ...] = ()
     response: ResponseComparison | None = None
+    model: Model | None = None

@@ -23,6 +23,7 @@ COMMANDS = {
     "stages": "List the plugins, effects included, or explain one: settings, meaning, YAML to paste.",
     "show": "Show a result readably.",
     "diff": "Compare two runs: settings, versions, results.",
+    "adopt": "Put what a fit found into the robot file.",
     "init": "Make a new project from a template.",
     "records": "Say what a recording holds, or recover a cut one.",
     "doctor": "Check the installation: versions, plugins, threads, folders.",

@@ -166,6 +166,8 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     if fitted is None:
         return [*head, "", *tail]
     stage, fit = fitted
+    if result.folder.robot(stage).is_file():
+        tail.insert(-2, f"robot      {_near(result.folder.robot(stage))}")
     table = fit_table(fit, true_parameters(pipeline))
     room = LAST_SCREEN_LINES - len(head) - len(tail) - 3  # two empty lines, and the fit's own
     room = max(room, FEWEST_ROWS)

@@ -221,5 +221,5 @@ def _plain_text(value: Any) -> str:
         return (shown or "none") + (f", ... ({len(value)})" if len(value) > MOST_NAMES else "")
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = "absent" if value is None else str(value)
+    text = "absent" if value is None else " ".join(str(value).split())
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

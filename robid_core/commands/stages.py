@@ -73,6 +73,7 @@ def explain(plugin: Plugin) -> list[str]:
     """Return everything a user needs to know of a plugin; PluginError where it cannot be imported."""
     from robid_core.pipeline.checking import settings_model
     from robid_core.registry import DRIVES, EFFECTS, EXECUTORS, STAGES
+    from robid_core.robot import Robot
 
     loaded = plugin.load()
     lines = [f"{plugin.name}: {plugin.group}, {plugin.distribution} {plugin.version}, {plugin.target}"]
@@ -80,6 +81,11 @@ def explain(plugin: Plugin) -> list[str]:
         return lines + explain_effect(plugin.name, loaded)
     if plugin.group == STAGES:
         takes = [f"{entry.name}: {entry.noun}" for entry in loaded.inputs()]
+        takes += [
+            f"{name}: Robot (the nominal one; `inputs: {{{name}: fit}}` takes that of a fit)"
+            for name, kind in loaded.lends().items()
+            if kind is Robot
+        ]
         lines.append(f"takes {', '.join(takes) or 'nothing'}; makes {loaded.output.__name__}")
     lines += ["", inspect.getdoc(loaded) or "(no description)"]
     if plugin.group in (STAGES, DRIVES, EXECUTORS):

@@ -7,7 +7,8 @@ from robid_core.pipeline.document import Node as Value
 from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared
 from robid_core.pipeline.wiring import Node, Open, Source, Wires, cycles, each, in_order, wire
-from robid_core.stage import KINDS, Input
+from robid_core.robot import Robot
+from robid_core.stage import KINDS, MODELLED, Input
 
 
 def check_given(stage: Declared, declared: dict[str, Declared], problems: ProblemList) -> None:
@@ -18,6 +19,7 @@ def check_given(stage: Declared, declared: dict[str, Declared], problems: Proble
         stage.given = {entry.name: None for entry in stage.inputs}
         return
     wanted = {entry.name: entry for entry in stage.inputs}
+    wanted |= {name: Input(name, Artifact, True) for name in _robots(stage)}
     for parameter, node in (table.entries() if table is not None else {}).items():
         assert table is not None
         place, items = (*path, parameter), _items(node)
@@ -38,6 +40,11 @@ def check_given(stage: Declared, declared: dict[str, Declared], problems: Proble
         stage.given[parameter] = None if wrong else names if many else names[0]
 
 
+def _robots(stage: Declared) -> list[str]:
+    """Return the parameters that are lent a robot: the nominal one, or that of a stage that `inputs:` names."""
+    return [name for name, kind in stage.lends.items() if kind is Robot]
+
+
 def _no_input(stage: Declared, parameter: str, wanted: list[str]) -> str:
     if parameter in stage.lends:
         return f"'{parameter}' is handed in by robid and not wired"
@@ -55,14 +62,14 @@ def _wrong_sources(
     """Return what is wrong with what stands under an input, by its place; empty where nothing is."""
     names = [str(item.value) for item in _items(node)]
     if entry is not None and isinstance(node.value, list) and not entry.many:
-        return {
-            place: f"{stage.plugin} takes one {entry.artifact.__name__} here; write the name of one stage, no list"
-        }
+        what = "robot" if entry.name in _robots(stage) else entry.artifact.__name__
+        return {place: f"{stage.plugin} takes one {what} here; write the name of one stage, no list"}
     if entry is not None and not names and not entry.optional:
         return {place: f"the list is empty; name the stages that make {_a(entry.artifact)}"}
     wrong: dict[Path, str] = {}
+    artifacts = () if entry is None else MODELLED if entry.name in _robots(stage) else (entry.artifact,)
     for index, name in enumerate(names):
-        message = _wrong_source(stage, name, entry.artifact if entry is not None else None, declared)
+        message = _wrong_source(stage, name, artifacts, declared)
         if name in names[:index]:
             message = f"stage '{name}' is listed already"
         if message:
@@ -71,7 +78,7 @@ def _wrong_sources(
 
 
 def _wrong_source(
-    stage: Declared, source: str, artifact: type[Artifact] | None, declared: dict[str, Declared]
+    stage: Declared, source: str, wanted: tuple[type[Artifact], ...], declared: dict[str, Declared]
 ) -> str:
     """Return what is wrong with taking an input from `source`, empty where nothing is."""
     if source == stage.name:
@@ -80,11 +87,13 @@ def _wrong_source(
     if source not in declared:
         return f"no stage '{source}'; {suggestion(source, others, 'the other stages are')}"
     made = declared[source].output
-    if artifact is None or made is None or not declared[source].known or issubclass(made, artifact):
+    if not wanted or made is None or not declared[source].known or issubclass(made, wanted):
         return ""
-    fitting = [name for name in others if (o := declared[name].output) and issubclass(o, artifact)]
+    fitting = [name for name in others if (o := declared[name].output) and issubclass(o, wanted)]
     hint = f"; {_either(fitting)} makes one" if fitting else ""
-    return f"'{source}' makes {_a(made)}, not {_a(artifact)}{hint}"
+    if wanted is MODELLED:
+        hint += "; without this line the stage takes the nominal robot"
+    return f"'{source}' makes {_a(made)}, not {_either([_a(artifact) for artifact in wanted])}{hint}"
 
 
 def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, Source]]]:

@@ -16,6 +16,7 @@ from robid_core.errors import RobidError
 from robid_core.pipeline.checking import settings_model
 from robid_core.pipeline.grammar import VERSION, PipelineFile, RobotUse
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, STAGES, Plugin, Registry
+from robid_core.robot import Robot
 from robid_core.stage import Input, Stage
 
 Schema = dict[str, Any]
@@ -113,6 +114,14 @@ def _branch(plugin: Plugin, model: type[BaseModel], definitions: Schema) -> Sche
         branch["required"] = ["with"]
     if issubclass(model, Stage):
         inputs = {entry.name: _input(entry) for entry in model.inputs()}
+        inputs |= {
+            name: {
+                "type": "string",
+                "description": "A fit or diagnosis whose robot is taken, not the nominal one.",
+            }
+            for name, kind in model.lends().items()
+            if kind is Robot
+        }
         branch["properties"]["inputs"] = {"properties": inputs, "additionalProperties": False}
     return branch
 

@@ -6,10 +6,11 @@ Every mistake is told at once, each at its line and column (`document`, `wording
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.robot.description import EffectEntry, RobotDescription
@@ -20,8 +21,9 @@ from robid_core.robot.model_file import bodies_from_model
 from robid_core.robot.named_parameters import effect_table, misfits, named_parameters, with_values
 from robid_core.robot.part import Identifier, Part, with_tuples
 from robid_core.robot.problems import suggestion
+from robid_core.robot.unknowns import robot_sha256
 from robid_core.robot.wording import checked, reason
-from robid_core.robot.yaml_source import read_document
+from robid_core.robot.yaml_source import parse_document, read_document
 
 PACKAGED = Path(__file__).parent.parent / "robots"
 # Packaged robots come in pairs: what the maker believes, and what the simulated machine is.
@@ -43,10 +45,12 @@ class DerivedRobot(Part):
     """Name of the robot; null: that of the base."""
     base: str
     """Packaged robot, or path of a robot.yaml, from which this one differs."""
+    base_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+    """Hash of the base that this file was made from (`Robot.sha256`): another base is refused; null: any will do."""
     parameters: dict[str, float] = {}
     """Named parameters with other values than in the base."""
-    effects: dict[Identifier, EffectEntry] = {}
-    """What acts in this robot and not in the base."""
+    effects: dict[Identifier, EffectEntry | None] = {}
+    """What acts in this robot and not in the base; null: the base's effect of this label does not."""
 
 
 def find_robot(name_or_path: str, folder: Path | None = None) -> Path:
@@ -77,11 +81,15 @@ def read_description(path: Path) -> RobotDescription:
     PluginError
         Where an effect or a reader of model files cannot be imported.
     """
-    return _read(path, ())
+    return _read(read_document(path), path, ())
 
 
-def _read(path: Path, above: tuple[Path, ...]) -> RobotDescription:
-    document = read_document(path)
+def parse_description(text: str, path: Path) -> RobotDescription:
+    """Make a description of a text as if it stood in the file `path`; raises as `read_description`."""
+    return _read(parse_document(text.encode("utf-8"), path.name), path, ())
+
+
+def _read(document: Document, path: Path, above: tuple[Path, ...]) -> RobotDescription:
     data: dict[str, Any] = document.data
     if "base" in data:
         description = _derived(data, document, (*above, path.resolve()))
@@ -139,12 +147,15 @@ def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) 
         names = " -> ".join(path.name for path in (*above, file))
         document.add(("base",), f"a robot cannot be its own base: {names}")
         return None
-    base = _read(file, above)
+    base = _read(read_document(file), file, above)
+    _check_base(base, data.get("base_sha256"), document)
     for label in effects.keys() & base.effects.keys():
         taken = f"{base.name} has an effect of this label; change it under parameters, as effect.{label}.<parameter>"
         document.add(("effects", label), taken)
+    removed = _removed_effects(data.get("effects"), base, document)
+    acting = {label: entry for label, entry in base.effects.items() if label not in removed}
     whole = base.model_dump()
-    whole["effects"] = {label: entry.model_dump() for label, entry in (base.effects | effects).items()}
+    whole["effects"] = {label: entry.model_dump() for label, entry in (acting | effects).items()}
     if isinstance(data.get("name"), str):
         whole["name"] = data["name"]
     robot = checked(RobotDescription, whole, document)
@@ -152,25 +163,66 @@ def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) 
     return None if robot is None or document.problems else with_values(robot, data.get("parameters") or {})
 
 
+def _check_base(base: RobotDescription, sha256: Any, document: Document) -> None:
+    """Tell where the base is not the one that the file was made from."""
+    if isinstance(sha256, str) and sha256 != robot_sha256(base):
+        document.add(
+            ("base_sha256",),
+            f"{base.name} has changed since this file was made from it; make the file anew (robid run), or delete this "
+            "line to put its numbers into the robot as it is now",
+        )
+
+
+def _removed_effects(effects: Any, base: RobotDescription, document: Document) -> set[str]:
+    """Return the labels of effects that are taken off the base; one that it does not have is told."""
+    removed = (
+        {label for label, entry in effects.items() if entry is None} if isinstance(effects, dict) else set()
+    )
+    for label in removed - base.effects.keys():
+        hint = suggestion(label, base.effects, "it has")
+        document.add(("effects", label), f"{base.name} has no effect of this label to take off; {hint}")
+    return removed
+
+
 def _check_parameters(values: Any, robot: RobotDescription, document: Document) -> None:
-    """Check names and values of parameters that are numbers: what is not is told already."""
+    """Check names and values of parameters that are numbers: what is not is told already.
+
+    Moments of a body may be right together and each wrong beside the base's others: what is wrong together is looked
+    for one by one.
+    """
     known = named_parameters(robot)
+    numbers: dict[str, float] = {}
     for name, value in values.items() if isinstance(values, dict) else ():
         if isinstance(value, bool) or not isinstance(value, int | float):
             continue
-        if name not in known:
+        if name in known:
+            numbers[name] = value
+        else:
             document.add(
                 ("parameters", name),
                 f"{robot.name} has no such parameter; {suggestion(name, known, 'it has')}",
             )
-            continue
-        try:
-            with_values(robot, {name: value})
-        except ValidationError as error:
-            for item in error.errors(include_url=False):
-                document.add(("parameters", name), f"{reason(item)}; {name}: {known[name].unit}")
-        except ConfigurationError as error:
-            document.add(("parameters", name), str(error))
+    if not _wrong(robot, numbers):
+        return
+    alone = {name: wrong for name, value in numbers.items() if (wrong := _wrong(robot, {name: value}))}
+    for name, wrong in alone.items():
+        unit = "" if known[name].kind == "effect" else f"; {name}: {known[name].unit}"
+        for message in wrong:
+            document.add(("parameters", name), message + unit)
+    if not alone:
+        for message in _wrong(robot, numbers):
+            document.add(("parameters",), message)
+
+
+def _wrong(robot: RobotDescription, numbers: Mapping[str, float]) -> list[str]:
+    """Return what is wrong with a robot with other numbers; nothing where it can be."""
+    try:
+        with_values(robot, numbers)
+    except ValidationError as error:
+        return [reason(item) for item in error.errors(include_url=False)]
+    except ConfigurationError as error:
+        return [str(error)]
+    return []
 
 
 def _check_effects(effects: Any, document: Document) -> dict[str, EffectEntry]:

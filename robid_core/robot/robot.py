@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,7 @@ from robid_core.robot.effects import (
     signal_terms,
     structured,
 )
+from robid_core.robot.identified import Identified
 from robid_core.robot.inheritance import inherited
 from robid_core.robot.motions import Motions
 from robid_core.robot.named_parameters import with_values
@@ -60,7 +61,7 @@ KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
 
 @dataclass(frozen=True)
-class Robot(NamedUnknowns, Variants, Motions):
+class Robot(NamedUnknowns, Variants, Motions, Identified):
     """Chain, drives and elastic coordinates of one robot, with names for its unknowns."""
 
     description: RobotDescription
@@ -69,11 +70,14 @@ class Robot(NamedUnknowns, Variants, Motions):
 
     Another one rounds otherwise: whatever depends on the robot depends on this name too.
     """
+    base: RobotDescription | None = field(default=None, compare=False, repr=False)
+    """What the robot file said, for a robot with other numbers or effects; null: this is no robot of a file."""
 
     @classmethod
     def load(cls, name_or_path: str, folder: Path | None = None, dynamics: str = KERNEL) -> Robot:
         """Load a packaged robot by name, or a robot.yaml by path (relative to `folder`)."""
-        robot = cls(read_description(find_robot(name_or_path, folder)), dynamics)
+        description = read_description(find_robot(name_or_path, folder))
+        robot = cls(description, dynamics, description)
         _ = robot.mechanism, robot.drives  # a wrong inertia or an unknown joint is told now
         _ = robot.batches  # and so is a library that is missing
         return robot

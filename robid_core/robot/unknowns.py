@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import io
 from typing import TYPE_CHECKING
 
@@ -88,12 +89,27 @@ class NamedUnknowns:
 
     def to_yaml(self) -> str:
         """Write the whole robot, bodies inline: equal robots give equal text."""
-        from ruamel.yaml import YAML
+        return robot_yaml(self.description)
 
-        stream = io.StringIO()
-        yaml = YAML(typ="safe", pure=True)
-        yaml.default_flow_style = None
-        yaml.width = 120
-        yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-        yaml.dump(self.description.model_dump(mode="json"), stream)
-        return stream.getvalue()
+    @property
+    def sha256(self) -> str:
+        """Hash of `to_yaml`, wherever the robot was read from."""
+        return robot_sha256(self.description)
+
+
+def robot_yaml(description: RobotDescription) -> str:
+    """Return a whole robot as the text of a file: equal descriptions give equal text."""
+    from ruamel.yaml import YAML
+
+    stream = io.StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.width = 120
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.dump(description.model_dump(mode="json"), stream)
+    return stream.getvalue()
+
+
+def robot_sha256(description: RobotDescription) -> str:
+    """Return the hash of `robot_yaml`."""
+    return hashlib.sha256(robot_yaml(description).encode("utf-8")).hexdigest()

@@ -40,41 +40,47 @@ _INFINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
 def read_document(path: FilePath) -> Document:
-    """Read a robot file; raises RobotProblems where it is no YAML, or no mapping.
-
-    Repeated keys and tags are left in `problems`, to be told with what else is wrong.
-    """
-    document = Document(path.name)
+    """Read a robot file; raises RobotProblems where it cannot be read, is no YAML, or no mapping."""
+    document, data = Document(path.name), b""
     try:
         size = path.stat().st_size
         if size > MAXIMUM_BYTES:
-            raise _Hopeless(f"{size} bytes; a robot file has at most {MAXIMUM_BYTES // 1024} KiB", Mark(1, 1))
-        text = path.read_bytes().decode("utf-8")
-        data = _Builder(YAML(typ="safe", pure=True).parse(text), document).root()
-        if not isinstance(data, dict):
+            document.add((), f"{size} bytes; a robot file has at most {MAXIMUM_BYTES // 1024} KiB")
+        else:
+            data = path.read_bytes()
+    except OSError as error:
+        document.add((), f"cannot be read: {error.strerror}; name a robot.yaml")
+    document.raise_if_any()
+    return parse_document(data, path.name)
+
+
+def parse_document(data: bytes, file: str) -> Document:
+    """Make a document of what a robot file holds; raises RobotProblems where it is no YAML, or no mapping.
+
+    Repeated keys and tags are left in `problems`, to be told with what else is wrong.
+    """
+    document = Document(file)
+    try:
+        root = _Builder(YAML(typ="safe", pure=True).parse(data.decode("utf-8")), document).root()
+        if not isinstance(root, dict):
             raise _Hopeless(
                 "a robot file holds keys and values; begin with robid_robot: 1 and name: ...", Mark(1, 1)
             )
-        document.data = data
+        document.data = root
     except _Hopeless as error:
         document.add((), error.reason, error.mark)
-        document.raise_if_any()
-    except OSError as error:
-        document.add((), f"cannot be read: {error.strerror}; name a robot.yaml")
-        document.raise_if_any()
     except UnicodeDecodeError as error:
         document.add(
             (), f"byte {error.start} is 0x{error.object[error.start]:02x}: not UTF-8; save the file as UTF-8"
         )
-        document.raise_if_any()
     except MarkedYAMLError as error:
         at = error.problem_mark or error.context_mark
         reason = " ".join(" ".join(str(part) for part in (error.problem, error.context) if part).split())
         hint = "check indentation, quotes and brackets before this place"
         document.add((), f"not YAML: {reason}; {hint}", Mark(at.line + 1, at.column + 1) if at else None)
-        document.raise_if_any()
     except YAMLError as error:
         document.add((), f"not YAML: {' '.join(str(error).split())}")
+    if not document.data:
         document.raise_if_any()
     return document
 

@@ -12,7 +12,8 @@ from robid_core.executors import process_executor
 from robid_core.pipeline import Pipeline
 from robid_core.run.environment import environment
 from robid_core.run.folder import RunFolder
-from robid_core.run.identity import Surroundings, effect_plugins, ingredients_of
+from robid_core.run.identity import Surroundings, ingredients_of
+from robid_core.run.lent_robot import effect_plugins
 from robid_core.run.manifest import Manifest, locked_differences, refuse_unlocked
 from robid_core.run.options import RunOptions
 from robid_core.stage import MapTasks

@@ -22,6 +22,12 @@ from robid_core.run.confine import Job, run_confined
 from robid_core.run.folder import RunFolder
 from robid_core.run.guard import checked_result
 from robid_core.run.identity import Surroundings, child_generator
+from robid_core.run.lent_robot import (
+    possible_effects,
+    refuse_unnamed_effects,
+    robot_from,
+    robot_source,
+)
 from robid_core.run.log import NAME
 from robid_core.run.options import RunOptions
 from robid_core.run.progress import Listener
@@ -53,7 +59,7 @@ class Caller:
             for parameter, found in self._inputs(node, entries).items()
         }
         log = logging.getLogger(f"{NAME}.{node.name}")
-        arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts, log), **self._lent(node)}
+        arguments: dict[str, Any] = {**arguments_of(node.stage, artifacts, log), **self._lent(node, entries)}
         for parameter, kind in node.stage.lends().items():
             if kind is Context:
                 arguments[parameter] = make_context(
@@ -90,19 +96,30 @@ class Caller:
     ) -> dict[str, list[tuple[type[Artifact], Entry]]]:
         """Return class and entry of what feeds each input; an optional one whose stage gave nothing stays away."""
         output = {stage.name: stage.stage.output for stage in self._shared.pipeline.stages}
+        wanted = {item.name for item in node.stage.inputs()}
         return {
             parameter: [(output[name], entries[name]) for name in each(source) if name in entries]
             for parameter, source in node.inputs.items()
-            if not isinstance(source, str) or source in entries
+            if parameter in wanted and (not isinstance(source, str) or source in entries)
         }
 
-    def _lent(self, node: StageNode) -> dict[str, Any]:
+    def _robot(self, node: StageNode, entries: Mapping[str, Entry]) -> Robot:
+        """Return the nominal robot, or the one that the stage takes from another."""
+        pipeline, source = self._shared.pipeline, robot_source(node)
+        if source is None:
+            return self._shared.robot
+        artifact = self._store.read(entries[source], pipeline.stage(source).stage.output)
+        robot = robot_from(artifact, source, pipeline.robot.dynamics)
+        refuse_unnamed_effects(robot, source, possible_effects(node, pipeline, self._shared.robot))
+        return robot
+
+    def _lent(self, node: StageNode, entries: Mapping[str, Entry]) -> dict[str, Any]:
         """Return robot, drives and truth, where the stage asks for them."""
         lent: dict[str, Any] = {}
         drives = self._shared.drives
         for parameter, kind in node.stage.lends().items():
             if kind is Robot:
-                lent[parameter] = self._shared.robot
+                lent[parameter] = self._robot(node, entries)
             elif kind is Truth:
                 lent[parameter] = drives.truth(self._shared.robot) if drives is not None else None
             elif issubclass(kind, Drives):
@@ -120,7 +137,7 @@ class Caller:
                     parameter: [(kind, self._store.verified_path(entry)) for kind, entry in found]
                     for parameter, found in self._inputs(node, entries).items()
                 },
-                lent=self._lent(node),
+                lent=self._lent(node, entries),
                 context=(context[0], pipeline.seed, pipeline.data_root) if context else None,
                 executor=(
                     (process_executor, {"jobs": 1})

@@ -60,6 +60,10 @@ class RunFolder:
         """Raw logs of motions, a file for each acquisition; no artifacts."""
         return self.path / "raw"
 
+    def robot(self, stage: str) -> Path:
+        """The robot that a stage found, as a robot file."""
+        return self.path / f"robot.{stage}.yaml"
+
     @property
     def lock(self) -> Path:
         """The file whose lock a run holds."""

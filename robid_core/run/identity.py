@@ -23,8 +23,9 @@ from robid_core import __version__
 from robid_core.artifacts import Truth
 from robid_core.drives import Drives
 from robid_core.pipeline import Pipeline, StageNode
-from robid_core.registry import DYNAMICS, EFFECTS, Plugin, registry
+from robid_core.registry import DYNAMICS, Plugin, registry
 from robid_core.robot import Robot
+from robid_core.run.lent_robot import possible_effects
 from robid_core.run.sources import core_hash, sources_hash
 from robid_core.stage import Context, Stage
 from robid_core.store import canonical_json, failures_named, text_hash
@@ -46,7 +47,7 @@ class Surroundings:
     @functools.cached_property
     def robot_hash(self) -> str:
         """sha256 of the robot as text, wherever it was read from."""
-        return text_hash(self.robot.to_yaml())
+        return self.robot.sha256
 
     @property
     def drives(self) -> Drives | None:
@@ -95,7 +96,7 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Sur
         found["seed"] = f"{child_seed(shared.pipeline.seed, node.name):032x}"
     if lent & {Robot, Truth}:
         found["robot"] = {"sha256": shared.robot_hash, "dynamics": _dynamics(shared.pipeline, hardware)}
-        effects = effect_plugins(shared.robot)
+        effects = possible_effects(node, shared.pipeline, shared.robot)
         if effects:
             found["robot"]["effects"] = {p.name: plugin_identity(p, versioned=not hardware) for p in effects}
     if lent & {Drives, Truth} and shared.pipeline.drives is not None:
@@ -125,12 +126,6 @@ def _dynamics(pipeline: Pipeline, hardware: bool) -> Any:
     if name not in registry().names(DYNAMICS):
         return name
     return plugin_identity(registry().find(DYNAMICS, name), versioned=not hardware)
-
-
-def effect_plugins(robot: Robot) -> list[Plugin]:
-    """Return the plugins of the effects that act in a robot."""
-    names = {effect.use for effect in robot.description.effects.values()}
-    return [registry().find(EFFECTS, name) for name in sorted(names)]
 
 
 def key_of(ingredients: Ingredients) -> str:

@@ -29,6 +29,7 @@ from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
 from robid_core.run.progress import Listener, Silence
 from robid_core.run.recording import recording_decision
+from robid_core.run.robot_files import drop_robot, keep_robot, refuse_own_robot
 from robid_core.stage import MapTasks
 from robid_core.store import Entry, Files, Store
 
@@ -117,6 +118,7 @@ class _Run:
 
     def _refuse_before(self, chosen: set[str], forced: set[str]) -> None:
         """Raise what can be told before anything runs; take over what the manifest knows of earlier runs."""
+        refuse_own_robot(self.shared)
         if self.options.locked:
             hold_to(self.previous, self.folder, self.manifest, self.shared)
         earlier = self.previous.stages if self.previous else {}
@@ -221,6 +223,7 @@ class _Run:
                 for doubt in self._doubts_about(node, entry)
             ],
         )
+        keep_robot(node, entry, self.shared, self.store)
         self._log(node).info("%s in %.3f s: sha256 %s", outcome, seconds, entry.sha256)
         self.listener.end(node.name, outcome, seconds)
 
@@ -228,6 +231,7 @@ class _Run:
         """Go on without a stage whose numbers would not be trustworthy."""
         why = why.removeprefix(f"stage {node.name}: ")
         self.store.withdraw(node.name)
+        drop_robot(node, self.shared, self.store)
         self.outcomes[node.name] = "refused"
         self.manifest.stages[node.name] = StageRecord("refused", inputs=node.inputs, note=why)
         self.doubts.append(f"stage {node.name}: {why}")

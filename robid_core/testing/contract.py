@@ -16,8 +16,19 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from robid_core.artifacts import Artifact, Configurations, Excitation, Frf, Record, Truth
+from robid_core.artifacts import (
+    Artifact,
+    Configurations,
+    Diagnosis,
+    Excitation,
+    Fit,
+    Frf,
+    Model,
+    Record,
+    Truth,
+)
 from robid_core.drives import Drives
+from robid_core.errors import RobidError
 from robid_core.pipeline.checking import check
 from robid_core.pipeline.document import read_document
 from robid_core.pipeline.problems import ProblemList
@@ -205,6 +216,8 @@ def _check_result(name: str, result: Artifact, inputs: Sequence[Artifact], robot
             )
     if isinstance(result, Excitation):
         _check_excitation(name, result, robot)
+    if isinstance(result, Fit | Diagnosis) and result.model is not None:
+        _check_model(name, result.model, robot)
     record = next((artifact for artifact in inputs if isinstance(artifact, Record)), None)
     if isinstance(result, Frf) and record is not None:
         shape = (len(record.angle), len(record.frequency_hz), robot.n_axis, robot.n_axis)
@@ -214,6 +227,15 @@ def _check_result(name: str, result: Artifact, inputs: Sequence[Artifact], robot
         sizes = {values.values.shape[-1] for run in result.runs for values in run.channels.values()}
         if sizes != {robot.n_axis}:
             raise ContractBroken(f"{name}: channels have {sizes} axes, the robot has {robot.n_axis}")
+
+
+def _check_model(name: str, model: Model, robot: Robot) -> None:
+    try:
+        found = Robot.of_model(model)
+    except RobidError as error:
+        raise ContractBroken(f"{name}: no robot can be made of its model: {error}") from error
+    if model.base_sha256 != robot.model({}).base_sha256:
+        raise ContractBroken(f"{name}: its model is of {found.name}, not of the robot that it was given")
 
 
 def _check_excitation(name: str, excitation: Excitation, robot: Robot) -> None:

@@ -152,7 +152,8 @@ def example_fit(robot: Robot) -> Fit:
         deviation=np.sqrt(frf.variance()),
     )
     covariance = np.diag((0.03 * estimate) ** 2)
-    return Fit("example", "converged", True, 1.0, 3, 3, table, covariance, names, comparison)
+    model = robot.model(table.as_mapping(), names, covariance)
+    return Fit("example", "converged", True, 1.0, 3, 3, table, covariance, names, comparison, model=model)
 
 
 def example_design(robot: Robot, n_config: int = 2) -> Design:

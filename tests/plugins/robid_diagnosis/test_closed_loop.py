@@ -100,11 +100,18 @@ def fit(values: dict[str, float], converged: bool = True) -> Fit:
     return Fit("test", "stopped early", converged, 1.0, 1, 1, table, np.eye(n), tuple(values))
 
 
-def diagnose(robot: Robot, measured: Record, values: dict[str, float], **settings: Any) -> Diagnosis:
+def diagnose(
+    robot: Robot,
+    measured: Record,
+    values: dict[str, float],
+    left_out: tuple[str, ...] = (),
+    **settings: Any,
+) -> Diagnosis:
     context = Context(
         np.random.default_rng(0), map_in_process, lambda done, total, note="": None, logging.getLogger("test")
     )
-    return ClosedLoopSimulation(**settings).run(measured, fit(values), robot, context)
+    found = fit(values).replace(model=robot.model(values, left_out=left_out))
+    return ClosedLoopSimulation(**settings).run(measured, found, robot, context)
 
 
 TRUE = {"mass.x": MASS - 1.0, "friction.x.viscous": VISCOUS, "friction.x.offset": OFFSET}
@@ -173,7 +180,7 @@ def test_the_verdict_tells_errors_in_units_place_and_gain(tmp_path: Path) -> Non
     position, force = exact_run(reference(), 0.1)
     force = force.copy()
     force[1234] += 50.0
-    verdict = diagnose(robot, record(robot, (position, force)), {**TRUE, "joint_inertia.x.xx": 1.0}).verdict
+    verdict = diagnose(robot, record(robot, (position, force)), TRUE, ("joint_inertia.x.xx",)).verdict
     assert "motor position within" in verdict
     assert "motor force within" in verdict
     assert "at most 50 N, on x at 1.23 s" in verdict
@@ -205,10 +212,14 @@ def test_a_record_that_cannot_be_simulated_is_refused(
         diagnose(robot, record(robot, exact_run(reference(), 0.1), **change), TRUE)
 
 
-def test_a_fit_of_nothing_that_the_robot_has_is_refused(tmp_path: Path) -> None:
-    robot = slide(tmp_path)
-    with pytest.raises(ConfigurationError, match=r"none of the fitted parameters a, b"):
-        diagnose(robot, record(robot, exact_run(reference(), 0.1)), {"a": 1.0, "b": 2.0})
+def test_a_fit_without_a_model_is_simulated_by_its_parameters(tmp_path: Path) -> None:
+    robot = slide(tmp_path, viscous=50.0, offset=0.0)
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
+    measured = record(robot, exact_run(reference(), 0.1))
+    diagnosis = ClosedLoopSimulation().run(measured, fit(TRUE), robot, context)
+    assert diagnosis.time[0].relative_error < 1e-6
+    with pytest.raises(ConfigurationError, match=r"slide has no parameter a, b; it has: "):
+        ClosedLoopSimulation().run(measured, fit({"a": 1.0, "b": 2.0}), robot, context)
 
 
 def test_skipping_everything_is_refused(tmp_path: Path) -> None:

@@ -54,6 +54,10 @@ def test_all_stiffnesses_of_a_linear_robot_come_back_without_noise(
     nominal, true, angle = six
     fit = LogResponseFit(starts=2, model_error=1e-3).run(measured(true, angle, 1e-7), nominal, context())
     truth = true.parameters()
+    assert fit.model is not None
+    assert Robot.of_model(fit.model) == nominal.with_parameters(fit.parameters.as_mapping())
+    errors = fit.model.standard_errors()
+    np.testing.assert_allclose(list(errors.values()), fit.parameters.standard_error[: len(errors)], rtol=1e-9)
     for name, estimate in fit.parameters.as_mapping().items():
         if "stiffness" in name:
             # Stops when 1e-9 of the cost is left to gain; what remains is far below the noise of any robot.

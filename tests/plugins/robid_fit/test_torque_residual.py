@@ -96,9 +96,19 @@ def test_springs_of_a_plant_with_other_bodies_and_friction_are_found(
     assert np.sqrt((error**2).mean()) < 5e-3
     deviations = error * table.estimate[index] / table.standard_error[index]
     assert np.sqrt((deviations**2).mean()) < 2.5
-    assert plant.with_parameters(table.as_mapping()).parameter("gear_stiffness.axis_1") == table.value(
-        "gear_stiffness.axis_1"
-    )
+    assert fit.model is not None
+    found = Robot.of_model(fit.model)
+    assert found.parameter("gear_stiffness.axis_1") == table.value("gear_stiffness.axis_1")
+    errors = fit.model.standard_errors()
+    own = [i for i, group in enumerate(table.groups) if group not in ("nuisance", "friction")]
+    np.testing.assert_allclose([errors[table.names[i]] for i in own], table.standard_error[own], rtol=1e-9)
+    # Functions of speed beside a viscous part say together what the file's three numbers are.
+    rubbing = [n for n in plant.layout if n.startswith("friction.") and not n.endswith(".speed")]
+    off = np.array([(found.parameter(n) - true[n]) / errors[n] for n in rubbing])
+    assert np.sqrt((off**2).mean()) < 2.5
+    levels = [n for n in rubbing if n.endswith((".coulomb", ".viscous"))]
+    assert max(abs(found.parameter(n) / true[n] - 1) for n in levels) < 0.1
+    assert max(abs(nominal.parameter(n) / true[n] - 1) for n in levels) > 0.2
     assert "torque lags by" in fit.status
     # 2 x 6 experiments tell the noise of each bin from 204 differences: 0.95 to 1.05 in all, bands scatter by more.
     assert fit.misfit == pytest.approx(1.0, abs=0.05)
@@ -131,6 +141,14 @@ def test_a_hidden_effect_is_found_where_the_file_frees_it(tmp_path: Path) -> Non
     assert error < 1e-3 * true
     assert abs(found - true) < 4 * error
     assert "converged" in fit.status
+    assert fit.model is not None
+    fitted = Robot.of_model(fit.model)
+    assert fitted.parameter("effect.hard.cubic") == found
+    reference = (30 * np.sin(2 * np.pi * 8 * np.arange(500) * 0.001))[None, :, None]
+    ours, right, before = (
+        r.simulate(reference, np.array([[0.4]])).torque for r in (fitted, robot(true, "hidden"), nominal)
+    )
+    assert np.abs(ours - right).max() < 0.1 * np.abs(before - right).max()
     spring = fit.parameters.value("gear_stiffness.axis_1")
     assert spring == pytest.approx(robot(true, "hidden").parameter("gear_stiffness.axis_1"), rel=1e-3)
 

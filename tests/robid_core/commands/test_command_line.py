@@ -114,6 +114,9 @@ def test_a_wrong_pipeline_is_lines_on_stderr_and_exit_code_2(robid: Robid, tmp_p
         ("records", "a", "b", "c"),
         ("validate", "--data", "none"),
         ("init", "new", "--robot", "seven_axis"),
+        ("adopt", "frf"),
+        ("adopt", "none.yaml", "frf"),
+        ("adopt", "pipeline.yaml", "frf", "fit"),
     ],
 )
 def test_a_mistake_is_a_message_and_exit_code_2(

@@ -68,6 +68,18 @@ def choosy(settings: str) -> str:
     return changed("{PLACE}", f"{{{settings}}}", CHOOSY)
 
 
+def test_a_stage_takes_the_robot_of_a_fit_where_inputs_say_so(load: Callable[..., Pipeline]) -> None:
+    text = changed("{use: design.optimal}", "{use: design.optimal, inputs: {robot: fit}}")
+    pipeline = load(text)
+    assert pipeline.stage("choose").inputs == {"robot": "fit", "fit": "fit", "frf": "frf"}
+    second = "  again: {use: fit.log_response, inputs: {robot: fit}}\n"
+    choice = changed("{use: design.optimal}", "{use: design.optimal, inputs: {fit: again}}")
+    pipeline = load(choice.replace("report.html}", "report.html, inputs: {fit: fit}}") + second)
+    names = [node.name for node in pipeline.stages]
+    assert names.index("fit") < names.index("again") < names.index("choose")
+    assert pipeline.stage("again").inputs == {"robot": "fit", "frf": "frf"}
+
+
 ONE_MISTAKE = {
     "setting the robot cannot have": (
         choosy("axes: [axis_1, axis_7]"),
@@ -159,6 +171,44 @@ ONE_MISTAKE = {
     "input that robid hands in": (
         changed("{configurations: where}", "{configurations: where, drives: where}"),
         ["bad.yaml:15:37: stages.acquire.inputs.drives: 'drives' is handed in by robid and not wired"],
+    ),
+    "robot of a stage that finds none": (
+        changed("{use: design.optimal}", "{use: design.optimal, inputs: {robot: where}}"),
+        [
+            "bad.yaml:19:42: stages.choose.inputs.robot: 'where' makes Configurations, not a Fit or Diagnosis; "
+            "fit makes one; without this line the stage takes the nominal robot"
+        ],
+    ),
+    "robot of an unknown stage": (
+        changed("{use: design.optimal}", "{use: design.optimal, inputs: {robot: fitt}}"),
+        ["bad.yaml:19:42: stages.choose.inputs.robot: no stage 'fitt'; did you mean 'fit'?"],
+    ),
+    "robot for a stage that takes none": (
+        changed("{use: frf.log}", "{use: frf.log, inputs: {robot: fit}}"),
+        [
+            "bad.yaml:17:32: stages.frf.inputs.robot: 'frf.log' (unknown 0) has no input 'robot'; its inputs are: "
+            "record"
+        ],
+    ),
+    "robot misspelt": (
+        changed("{use: design.optimal}", "{use: design.optimal, inputs: {robt: fit}}"),
+        [
+            "bad.yaml:19:42: stages.choose.inputs.robt: 'design.optimal' (unknown 0) has no input 'robt'; did you "
+            "mean 'robot'?"
+        ],
+    ),
+    "fit that begins at its own robot": (
+        changed("with: {starts: 20}}", "with: {starts: 20}, inputs: {robot: fit}}"),
+        ["bad.yaml:18:61: stages.fit.inputs.robot: stage 'fit' cannot feed itself"],
+    ),
+    "robot of a fit that needs the stage": (
+        changed(
+            "    use: excitation.multisine\n", "    use: excitation.multisine\n    inputs: {robot: fit}\n"
+        ),
+        [
+            "bad.yaml:12:5: stages.excite.inputs.robot: cycle: excite -> acquire -> frf -> fit -> excite, each feeds "
+            "the next; let 'excite' take another stage than 'fit', by `inputs: {robot: ...}`"
+        ],
     ),
     "stage that feeds itself": (
         changed("configurations: where", "configurations: acquire"),

@@ -435,7 +435,8 @@ payload: 3
         "6:3: parameters.effect.grease.breakaway: two: effects.grease: breakaway: 60 is outside 0 to 50 N m",
         "8:3: parameters.friction.elbow.viscous: 'small' is written here, it must be a number; parameters: Named "
         "parameters with other values than in the base",
-        "9:1: payload: unknown key 'payload'; the keys here are: robid_robot, name, base, parameters, effects",
+        "9:1: payload: unknown key 'payload'; the keys here are: robid_robot, name, base, base_sha256, "
+        "parameters, effects",
     ]
 
 

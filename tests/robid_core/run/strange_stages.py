@@ -5,6 +5,7 @@ Each call of a stage leaves a line in the file that STRANGE_CALLS names, so that
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import time
 from pathlib import Path
@@ -21,6 +22,8 @@ from robid_core import (
     DataPath,
     DenseRun,
     Design,
+    Diagnosis,
+    DiagnosisStage,
     Doubt,
     Drives,
     Estimator,
@@ -221,6 +224,63 @@ class Combine(Estimator):
             np.zeros(n, dtype=bool),
         )
         return Fit("strange", f"of {len(records)} records", True, 1.0, 1, 1, table, np.eye(n))
+
+
+class Identify(Estimator):
+    """A fit that gives back a model."""
+
+    stiffness: float = 6e4
+    """What it finds."""
+    converged: bool = True
+    """Whether it may be used."""
+    effect: str = ""
+    """One that it adds."""
+    named: bool = True
+    """Whether it says so."""
+    misfit: float = 1.0
+    """How well it explains what was measured."""
+
+    def uses(self) -> list[tuple[str, str]]:
+        return [("robid.effects", self.effect)] if self.effect and self.named else []
+
+    def run(self, robot: Robot) -> Fit:
+        called("identify")
+        if self.effect:
+            entry = {"use": self.effect, "on": "axis_1"}
+            whole = robot.description.model_dump() | {"effects": {"found": entry}}
+            robot = dataclasses.replace(robot, description=type(robot.description).model_validate(whole))
+        names = ("gear_stiffness.axis_1",)
+        table = ParameterTable(
+            names, ("N m/rad",), ("stiffness",), np.array([robot.parameter(names[0])]), np.array([self.stiffness]),
+            np.array([100.0]), np.array([True]), np.array([False]),
+        )  # fmt: skip
+        model = robot.model({names[0]: self.stiffness}, names, np.array([[1e4]]))
+        status = "converged" if self.converged else "too few data"
+        return Fit("strange", status, self.converged, self.misfit, 1, 1, table, np.eye(1), names, model=model)
+
+
+class Explain(DiagnosisStage):
+    """A diagnosis that finds a ripple that the fit does not have."""
+
+    def uses(self) -> list[tuple[str, str]]:
+        return [("robid.effects", "drive.torque_ripple")]
+
+    def run(self, robot: Robot, fit: Fit) -> Diagnosis:
+        called("explain")
+        fitted = robot.fitted(fit)
+        entry = {"use": "drive.torque_ripple", "on": "axis_1", "with": {"amplitude": 0.1}}
+        whole = fitted.description.model_dump() | {"effects": {"ripple": entry}}
+        found = dataclasses.replace(fitted, description=type(fitted.description).model_validate(whole))
+        return Diagnosis("strange", "The motor has a ripple.", model=found.model({}))
+
+
+class Tell(CandidateDesign):
+    """Configurations that tell the stiffness of the robot that it is lent, and how many effects act in it."""
+
+    def run(self, robot: Robot) -> Configurations:
+        called("tell")
+        told = [[robot.parameter("gear_stiffness.axis_1")], [float(len(robot.effects))]]
+        return Configurations(robot.axis_names, np.array(told))
 
 
 class Choose(ExperimentDesign):

@@ -27,6 +27,9 @@ STAGES = {
     "strange.combine": "Combine",
     "strange.choose": "Choose",
     "strange.page": "Page",
+    "strange.identify": "Identify",
+    "strange.explain": "Explain",
+    "strange.tell": "Tell",
 }
 DRIVES = {"strange": "Simulated", "strange_hardware": "Hardware"}
 TEXT = """\
@@ -101,9 +104,10 @@ class World:
         sources.forget()
 
     def registry(self) -> Registry:
-        """Return this world's plugins."""
+        """Return this world's plugins, and the effects that are installed."""
         distributions = metadata.distributions(path=[str(self.site)])
-        return Registry(point for distribution in distributions for point in distribution.entry_points)
+        own = [point for distribution in distributions for point in distribution.entry_points]
+        return Registry([*own, *metadata.entry_points(group="robid.effects")])
 
     def pipeline(self, *overrides: str) -> Pipeline:
         """Read the pipeline file, with this world's plugins."""

@@ -11,8 +11,10 @@ from robid_core import (
     CandidateDesign,
     Configurations,
     Context,
+    Estimator,
     Excitation,
     ExcitationDesign,
+    Fit,
     Frf,
     FrfEstimator,
     Record,
@@ -28,6 +30,7 @@ from robid_core.testing import (
     check_stage,
     example_artifacts,
     example_context,
+    example_fit,
     example_record,
     example_robot,
     plant_record,
@@ -266,6 +269,36 @@ class Undocumented(CandidateDesign):
     ],
 )
 def test_a_broken_clause_is_named(cls: type[CandidateDesign], clause: str) -> None:
+    with pytest.raises(ContractBroken, match=clause):
+        check_stage(cls, for_axes=(1,))
+
+
+class Misplaced(Estimator):
+    """A fit whose model is of a robot of its own."""
+
+    def run(self, robot: Robot) -> Fit:
+        fit = example_fit(robot)
+        heavier = Robot(robot.with_parameters({"mass.axis_1": 41.0}).description)
+        return fit.replace(model=heavier.model(fit.parameters.as_mapping()))
+
+
+class Unbuilt(Estimator):
+    """A fit whose model has an effect that nobody has."""
+
+    def run(self, robot: Robot) -> Fit:
+        fit = example_fit(robot)
+        assert fit.model is not None
+        return fit.replace(model=fit.model.replace(effects='{"found": {"use": "friction.none"}}'))
+
+
+@pytest.mark.parametrize(
+    ("cls", "clause"),
+    [
+        (Misplaced, "its model is of one_axis, not of the robot that it was given"),
+        (Unbuilt, "no robot can be made of its model: no effect 'friction.none'"),
+    ],
+)
+def test_a_model_that_is_not_the_robots_is_found(cls: type[Estimator], clause: str) -> None:
     with pytest.raises(ContractBroken, match=clause):
         check_stage(cls, for_axes=(1,))
 

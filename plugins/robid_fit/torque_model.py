@@ -1,0 +1,93 @@
+"""The robot that a torque fit found: its friction as a robot file can say it, the rest as it was estimated.
+
+A robot file has ``coulomb tanh(v / speed) + viscous v + offset``; the fit has functions of speed beside the viscous
+part, and what is viscous among them only their sum tells. The file's numbers are those nearest to that sum over the
+measured speeds, by least squares; `speed` stays the file's. This is a linear map, by which the covariance goes, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core import FreeParameters, Model, Robot
+from robid_core.estimation.torque.spectra import PeriodicMotion, speed_functions
+from robid_core.estimation.torque.windowed import WindowedMotion
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def model_of(
+    robot: Robot,
+    motion: PeriodicMotion | WindowedMotion,
+    widths: tuple[float, ...],
+    free: FreeParameters,
+    point: FloatArray,
+    covariance: FloatArray,
+) -> Model:
+    """What a torque fit gives back.
+
+    Parameters
+    ----------
+    robot
+        The robot that the fit was given.
+    motion
+        What was measured.
+    widths
+        Of the functions of speed, rad/s.
+    free
+        The parameters that were free.
+    point, covariance
+        The unknowns that were found: coordinates of the free parameters, coefficients of `speed_functions(widths)` and
+        of a constant torque (N m, axis by axis for each), a delay; (n_unknown,) and (n_unknown, n_unknown).
+    """
+    n, n_axis = len(free.names), robot.n_axis
+    slope = np.eye(len(point))
+    slope[:n, :n] = free.jacobian(point[:n])
+    unknown = np.concatenate((list(free.values(point[:n]).values()), point[n:]))
+    place = {name: i for i, name in enumerate(free.names)}
+    rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
+    rows = {name: np.eye(len(point))[i] for name, i in place.items() if name not in rubbing}
+    coefficients = np.arange(n, len(point) - 1).reshape(-1, n_axis)
+    speed = motion.fine_speed().reshape(-1, n_axis)
+    for a, axis in enumerate(robot.axis_names):
+        viscous = place.get(rubbing[a])
+        columns = [*coefficients[:, a], viscous] if viscous is not None else [*coefficients[:, a]]
+        share = shares(speed[:, a], widths, float(robot.drives.friction_speed[a]), viscous is not None)
+        for kind, row in zip(("coulomb", "offset", "viscous"), share, strict=False):
+            rows[f"friction.{axis}.{kind}"] = np.zeros(len(point))
+            rows[f"friction.{axis}.{kind}"][columns] = row
+    mapped = np.stack(list(rows.values()))
+    values = {
+        name: max(value, 0.0) if name.endswith((".coulomb", ".viscous")) else value
+        for name, value in zip(rows, (mapped @ unknown).tolist(), strict=True)
+    }
+    spread: FloatArray = mapped @ slope @ covariance @ slope.T @ mapped.T
+    return robot.model(values, tuple(rows), spread)
+
+
+def shares(speed: FloatArray, widths: tuple[float, ...], friction_speed: float, viscous: bool) -> FloatArray:
+    """What each function of speed adds to a robot file's friction, by least squares over the measured speeds.
+
+    Parameters
+    ----------
+    speed
+        Of one motor, rad/s, shape (n_sample,).
+    widths
+        Of the functions, rad/s.
+    friction_speed
+        Of ``tanh(v / speed)`` in the robot file.
+    viscous
+        Whether viscous friction is free: it is then told anew, else it is held.
+
+    Returns
+    -------
+    Rows coulomb, offset (and viscous); columns the functions, a constant (and a viscous part): (2, n_law + 1), or (3,
+    n_law + 2).
+    """
+    one = np.ones_like(speed)
+    extra = [speed] if viscous else []
+    told = np.stack([np.tanh(speed / friction_speed), one, *extra], axis=1)
+    found = np.stack([*(law(speed) for law in speed_functions(widths)), one, *extra], axis=1)
+    result: FloatArray = np.linalg.solve(told.T @ told, told.T @ found)
+    return result
