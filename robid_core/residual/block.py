@@ -89,9 +89,20 @@ class TorqueBlock(ABC, Generic[M]):
         """Whether the arm leaves what a linear model can tell."""
         return False
 
+    @property
+    def starts_unknown(self) -> bool:
+        """Whether what is behind the motors swings at the start in an unknown way."""
+        return False
+
     def ringing(self, robot: Robot) -> ComplexArray | None:
-        """Torques of what swings since an unknown start, (n_config, n_bin, n_axis, n_unknown); None: nothing does."""
+        """Torques of what swings since an unknown start; None: nothing does.
+
+        Shape (n_config, n_exp, n_bin, n_axis, n_unknown).
+        """
         return None
+
+    def improve_start(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
+        """Begin the next prescribed motion as residuals tell, (n_config, n_exp, n_bin, n_axis)."""
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
         """Evaluate the functions of speed anew with what is known by now; arguments as of `predicted`."""
@@ -121,7 +132,7 @@ class TorqueBlock(ABC, Generic[M]):
         z = impedance(robot, self.angle, self.motion, "zero_order_hold")
         torque: ComplexArray = np.matmul(z[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
         torque += self.remainder
-        torque[:, :, 0] += robot.gravity_torque(self.angle)[:, None]
+        torque += self._weight_torque(robot)
         if self.about is not None:
             for column in self.simulated:
                 torque += (coordinates - self.about)[column.index] * column.remainder
@@ -164,8 +175,7 @@ class TorqueBlock(ABC, Generic[M]):
             other = self.robot_at(free, moved)
             change = impedance(other, self.angle, motion, "zero_order_hold") - here
             linear = np.matmul(change[:, None], motion.acceleration_spectrum[..., None])[..., 0]
-            weight = other.gravity_torque(self.angle) - robot.gravity_torque(self.angle)
-            linear[:, :, 0] += weight[:, None]
+            linear += self._weight_torque(other) - self._weight_torque(robot)
             slope = self._remainder(other, final=False) - self.remainder
             columns.append(SimulatedColumn(i, slope / DIFFERENCE, linear / DIFFERENCE))
         self.simulated = tuple(columns)
@@ -181,8 +191,12 @@ class TorqueBlock(ABC, Generic[M]):
         torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
         smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
         torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
-        torque[:, :, 0] -= robot.gravity_torque(self.angle)[:, None]
+        torque -= self._weight_torque(robot)
         return torque
+
+    def _weight_torque(self, robot: Robot) -> ComplexArray:
+        """Spectra of what holds the arm where it is linearised, shape (n_config, 1, n_bin, n_axis)."""
+        return self.motion.constant[:, None] * robot.gravity_torque(self.angle)[:, None, None]
 
     def weight(self, robot: Robot, coefficient: FloatArray, model_error: float) -> ComplexArray:
         """Whitener of the noise and of a model error relative to the torque, shape (n_bin, n_axis, n_axis)."""

@@ -138,7 +138,8 @@ def parameter_columns(
         for members, coordinates in bodies.groups():
             change = _of_bodies(bodies, config, members, coordinates, passive, moving, omega)
             columns[1:, :, :, np.array(bodies.index)[members]] = change
-        columns[0, :, :, list(bodies.index)] = bodies.weight[config].T[:, None]
+        weight = motion.constant[:, None, None, None] * bodies.weight[config]  # (n_bin, 1, n_axis, n)
+        columns[..., list(bodies.index)] += weight
     return columns
 
 

@@ -25,6 +25,9 @@ FIRST_LINEARISATIONS = 20  # of the linear model at most
 COARSE = 0.01  # of the torque's power: variance in the first weights
 SETTLED = 0.9  # of the cost: a linearisation that leaves more has found the minimum
 REWEIGHED = 3  # times by what the linear model leaves
+STARTS = 8  # improvements of the unknown state at the start of a record in one pass, at most
+BETTER = 0.95  # of what is left: an improvement that leaves more was the last
+IMPROVED = 4  # passes with better starts; later ones would chase what is no swinging
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 ENOUGH = 0.2  # of the stated error: a pass that changes springs and effects by less is the last
@@ -70,14 +73,12 @@ def solve(
         Told (done, all, what).
     """
     progress(0, passes + 1, "linear model")
-    far = any(block.moves_far for block in problem.blocks)
-    point, watched = np.zeros(problem.n_unknown) if far else _first_pass(problem), _watched(problem)
+    point, watched = _first_pass(problem), _watched(problem)
     changes: list[float] = []
     fresh, settled, doubted = True, False, False
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
-        for block in problem.blocks:
-            block.renew(problem.free, point[: problem.n_free])
+        _renew(problem, point, model_error, improve=number < IMPROVED)
         if fresh:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
@@ -110,26 +111,50 @@ def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
 
 
 def _first_pass(problem: TorqueProblem) -> FloatArray:
-    """Fit the linear model, weighted by what it leaves."""
-    linear = problem.without_inertia()
-    point, reweighed = np.zeros(linear.n_unknown), 0
-    sizes = [covariance_of(block.motion.torque_spectrum) for block in linear.blocks]
+    """Fit springs, dampers and friction to some of the data, weighted by what is left; bodies are held.
+
+    Of the linear model alone, but where the arm moves far: there motions are prescribed from the first step on.
+    """
+    part = problem.without_inertia()
+    point, reweighed = np.zeros(part.n_unknown), 0
+    sizes = [covariance_of(block.motion.torque_spectrum) for block in part.blocks]
     whiteners = [whitener(COARSE * size * np.eye(size.shape[-1])) for size in sizes]
-    weights = linear.weightings(point, whiteners)
     for _ in range(FIRST_LINEARISATIONS):
-        before = linear.cost(point, weights)
-        point = _minimised(linear, point, linear.linearise(point, weights))
-        if linear.cost(point, weights) < SETTLED * before:
+        for block in part.blocks:
+            if block.moves_far:
+                block.renew(part.free, point[: part.n_free])
+                block.differentiate(part.free, point[: part.n_free])
+        weights = part.weightings(point, whiteners)
+        before = part.cost(point, weights)
+        point = _minimised(part, point, part.linearise(point, weights))
+        if part.cost(point, weights) < SETTLED * before:
             continue  # far from the minimum, what is left tells the model's error and not its kind
         if reweighed >= REWEIGHED:
             break
-        whiteners = [whitener(covariance_of(residual)) for residual in linear.residuals(point)]
-        weights = linear.weightings(point, whiteners)
+        whiteners = [whitener(covariance_of(residual)) for residual in part.residuals(point)]
         reweighed += 1
-    kept = [problem.free.names.index(name) for name in linear.free.names]
+    kept = [problem.free.names.index(name) for name in part.free.names]
     whole = np.zeros(problem.n_unknown)
     whole[[*kept, *range(problem.n_free, problem.n_unknown)]] = point
     return whole
+
+
+def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool) -> None:
+    """Prescribe the motions to the robots at a point; with `improve` again and again, each time from a better start."""
+    coordinates, size, robots = point[: problem.n_free], problem.friction_size(point), problem.robots(point)
+    for block, robot in zip(problem.blocks, robots, strict=True):
+        block.renew(problem.free, coordinates)
+        if not (improve and block.starts_unknown):
+            continue
+        whitener, before = block.weight(robot, size, model_error), np.inf
+        for _ in range(STARTS):
+            residual = block.residual(block.predicted(robot, coordinates, size), point[-1])
+            left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
+            if left > BETTER * before:
+                break
+            before = left
+            block.improve_start(robot, residual, whitener)
+            block.renew(problem.free, coordinates)
 
 
 def _renew_derivatives(problem: TorqueProblem, point: FloatArray) -> None:

@@ -77,7 +77,7 @@ class TorqueProblem:
         )
 
     def without_inertia(self) -> TorqueProblem:
-        """Return the problem of the linear model alone: inertia held, fewer bins, the mean torque left out.
+        """Return the problem of a first pass: inertia held, fewer bins and experiments, the mean torque left out.
 
         What the linear model leaves out is a percent of the torque and smooth: bodies would bend to it.
         """

@@ -15,32 +15,30 @@ INDEPENDENT = 1e-9  # of the largest singular value: columns below it are those 
 
 @dataclass(frozen=True, eq=False)
 class Weighting:
-    """Whitening matrices of each bin, and per configuration an orthonormal basis of what swings freely."""
+    """Whitening matrices of each bin, and for each experiment an orthonormal basis of what swings freely."""
 
     matrix: ComplexArray
     """By how often a bin counts, shape (n_bin, n_axis, n_axis)."""
-    free_swing: tuple[FloatArray, ...] = ()
-    """Shape (n_row, n_swing) each, n_row = 2 n_bin n_axis; empty where motions repeat."""
+    free_swing: tuple[tuple[FloatArray, ...], ...] = ()
+    """Of each configuration and experiment, (n_row, n_swing), n_row = 2 n_bin n_axis; empty where motions repeat."""
 
     @classmethod
     def of_block(cls, matrix: ComplexArray, ringing: ComplexArray | None) -> Weighting:
-        """Weights with whitening matrices and the torques of free swinging, (n_config, n_bin, n_axis, n_swing)."""
+        """Weights with whitening matrices and the torques of free swinging.
+
+        `ringing` has shape (n_config, n_exp, n_bin, n_axis, n_swing).
+        """
         if ringing is None:
             return cls(matrix)
-        bases = []
-        for own in ringing:
-            white = np.matmul(matrix, own)
-            rows = np.concatenate((white.real, white.imag)).reshape(-1, own.shape[-1])
-            left, size, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), full_matrices=False)
-            bases.append(np.ascontiguousarray(left[:, size > INDEPENDENT * size[0]]))
-        return cls(matrix, tuple(bases))
+        return cls(matrix, tuple(tuple(_basis(matrix, one) for one in own) for own in ringing))
 
     def residual(self, residual: ComplexArray) -> FloatArray:
         """Weighted residual of (n_config, n_exp, n_bin, n_axis), shape (n_config, n_exp, n_row)."""
         white = np.matmul(self.matrix, residual[..., None])[..., 0]
         rows = np.concatenate((white.real, white.imag), axis=2).reshape(*white.shape[:2], -1)
-        for own, basis in zip(rows, self.free_swing, strict=False):
-            own -= (own @ basis) @ basis.T
+        for own, bases in zip(rows, self.free_swing, strict=False):
+            for one, basis in zip(own, bases, strict=True):
+                one -= basis @ (basis.T @ one)
         return rows
 
     def columns(self, config: int, columns: ComplexArray) -> FloatArray:
@@ -50,7 +48,14 @@ class Weighting:
         rows = np.empty((n_exp, 2, n_bin, n_axis, n_unknown))
         rows[:, 0], rows[:, 1] = white.real, white.imag
         if self.free_swing:
-            basis = self.free_swing[config]
-            for own in rows.reshape(n_exp, -1, n_unknown):
+            for own, basis in zip(rows.reshape(n_exp, -1, n_unknown), self.free_swing[config], strict=True):
                 own -= basis @ (basis.T @ own)
         return rows.reshape(-1, n_unknown)
+
+
+def _basis(matrix: ComplexArray, ringing: ComplexArray) -> FloatArray:
+    """Orthonormal basis of weighted torques (n_bin, n_axis, n_swing), shape (2 n_bin n_axis, n_independent)."""
+    white = np.matmul(matrix, ringing)
+    rows = np.concatenate((white.real, white.imag)).reshape(-1, ringing.shape[-1])
+    left, size, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), full_matrices=False)
+    return np.ascontiguousarray(left[:, size > INDEPENDENT * size[0]])

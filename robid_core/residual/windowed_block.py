@@ -1,14 +1,13 @@
 """Blocks of records that do not repeat: any cut of a motion, large moves included.
 
 What is behind the motors swings at the start of a cut in a way that nobody measured. The prescribed motion begins as if
-it hung still and moved along; what that leaves is free swinging of the linear model with motors held, in time
-``T(t) = sum_j c_j g_j exp(l_j t)`` with eigenvalues l_j and torques g_j of its modes, and is projected out of each
-experiment: two unknowns a mode and experiment that need no prior.
+it hung still and moved along, later as the residual tells; what is left of the swinging is that of the linear model,
+and is projected out of each experiment: unknowns of its own that need no prior.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,21 +15,29 @@ import numpy.typing as npt
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import friction_spectra, speed_functions
 from robid_core.estimation.torque.windowed import WindowedMotion
+from robid_core.mechanics import MotorMotion
 from robid_core.residual.block import TorqueBlock
+from robid_core.residual.free_swing import deviation_of, free_swing, usual_swing
 from robid_core.residual.impedance import impedance
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
-LARGE = (
-    0.05  # rad on the arm from the middle of a motion to its ends: a linear model in the middle is no start
-)
+LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model is no start
+
+FEW = 2  # experiments of each configuration in a first pass of prescribed motions
 
 
 @dataclass(eq=False)
 class WindowedBlock(TorqueBlock[WindowedMotion]):
     """Spectra of cuts under a window; their noise is what the robot file tells of its sensors."""
+
+    deviation: FloatArray | None = None
+    """At the start, of deflections and their rates from hanging still and moving along, (n_config, n_exp, n_state)."""
+
+    prescribed: MotorMotion | None = None
+    """The motion in steps of the integrator, once it was asked for."""
 
     @classmethod
     def of_record(cls, robot: Robot, motion: WindowedMotion, widths: tuple[float, ...]) -> WindowedBlock:
@@ -54,41 +61,54 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         joints = self.robot.joint_angle(self.motion.angle)
         return bool((np.abs(joints - self.angle[:, None, None]) > LARGE).any())
 
+    def thinned(self, keep: npt.NDArray[np.int64]) -> WindowedBlock:
+        """Likewise; of long ways the first experiments of each configuration are enough to begin with."""
+        if not self.moves_far:
+            return super().thinned(keep)
+        n, motion = FEW, self.motion
+        few = replace(
+            motion,
+            angle=motion.angle[:, :n],
+            torque_spectrum=motion.torque_spectrum[:, :n],
+            acceleration_spectrum=motion.acceleration_spectrum[:, :n],
+        )
+        return replace(
+            self,
+            motion=few.thinned(keep),
+            deviation=None,
+            prescribed=None,
+            friction=self.friction[:, :, :n][:, :, :, keep],
+        )
+
     def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
         """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis)."""
-        run = robot.prescribe(self.motion.motor_motion(robot.step_s))
+        if self.prescribed is None:
+            self.prescribed = self.motion.motor_motion(robot.step_s)
+        motion, n = self.prescribed, robot.n_axis
+        state = robot.standing(robot.joint_angle(motion.angle)).moving(robot.mechanism, motion.speed)
+        if self.deviation is not None:
+            angle, rate = np.split(self.deviation.reshape(len(state.position), -1), 2, axis=1)
+            position, speed = state.position.copy(), state.speed.copy()
+            position[:, n:] += angle
+            speed[:, n:] += rate
+            state = replace(state, position=position, speed=speed)
+        run = robot.prescribe(motion, state)
         return self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape))
 
+    @property
+    def starts_unknown(self) -> bool:
+        """It does, in a cut of a motion."""
+        return True
+
     def ringing(self, robot: Robot) -> ComplexArray:
-        """Torques of free swinging, spectra of one real unknown each, shape (n_config, n_bin, n_axis, n_unknown)."""
-        n, motion = robot.n_axis, self.motion
-        start = robot.joint_angle(motion.angle[:, :, 0].mean(axis=1))
-        model = robot.second_order(start)
-        mass, damping, stiffness = (
-            getattr(model, name)[:, n:, n:] for name in ("mass", "damping", "stiffness")
-        )
-        count = mass.shape[1]
-        top = np.concatenate((np.zeros_like(mass), np.broadcast_to(np.eye(count), mass.shape)), axis=2)
-        low = -np.linalg.solve(mass, np.concatenate((stiffness, damping), axis=2))
-        value, vector = np.linalg.eig(np.concatenate((top, low), axis=1))
-        shape = vector[:, :count]
-        rows = [
-            np.matmul(getattr(model, name)[:, :n, n:], shape) for name in ("stiffness", "damping", "mass")
-        ]
-        torque = rows[0] + rows[1] * value[:, None] + rows[2] * value[:, None] ** 2
-        time = motion.sample_time_s * np.arange(motion.n_sample)
-        decay = np.exp(value[:, None, None, :] * time[:, None])  # (n_config, 1, n_sample, n_mode)
-        waves = [motion.held_spectrum(part)[:, 0] for part in (decay.real, decay.imag)]
-        # Pairs of conjugates give the same two columns twice: projections do not mind.
-        pairs = [
-            (waves[0], torque.real, waves[1], -torque.imag),
-            (waves[0], torque.imag, waves[1], torque.real),
-        ]
-        columns = [
-            np.einsum("cfm,cam->cfam", cosine, by_cosine) + np.einsum("cfm,cam->cfam", sine, by_sine)
-            for cosine, by_cosine, sine, by_sine in pairs
-        ]
-        return np.concatenate(columns, axis=-1)
+        """Torques of free swinging, (n_config, n_exp, n_bin, n_axis, n_unknown)."""
+        return free_swing(robot, self.motion)
+
+    def improve_start(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
+        """Begin the next prescribed motion as what is left tells, so that the linear model does for the swinging."""
+        usual = usual_swing(robot, self.angle, self.motion)
+        more = deviation_of(residual, self.ringing(robot), whitener, usual)
+        self.deviation = more if self.deviation is None else self.deviation + more
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from the noise that the robot file tells, shape (n_bin, n_axis, n_axis)."""

@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core import FreeParameters, Robot
+from robid_core.estimation.torque.spectra import PeriodicMotion
 from robid_core.estimation.torque.weights import whitener
-from robid_core.residual import TorqueBlock, TorqueProblem
-from robid_core.residual.remainder import impedance
+from robid_core.residual import TorqueProblem
+from robid_core.residual.block import TorqueBlock
+from robid_core.residual.impedance import impedance
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,7 +42,7 @@ def bound(problem: TorqueProblem, true: Robot, torque_noise: FloatArray, names: 
     there = TorqueProblem(free, blocks, problem.friction_names)
     point = np.zeros(there.n_unknown)
     weights = [whitener(_noise(block, torque_noise)) for block in blocks]
-    about = there.linearise(point, there.counted(weights))
+    about = there.linearise(point, there.weightings(point, weights))
     deviation = np.sqrt(np.diag(np.linalg.inv(about.whole)))
     return np.array([deviation[free.names.index(name)] for name in names])
 
@@ -48,7 +50,7 @@ def bound(problem: TorqueProblem, true: Robot, torque_noise: FloatArray, names: 
 def _noise(block: TorqueBlock, torque_noise: FloatArray) -> npt.NDArray[np.complex128]:
     """Covariance of the spectra of the residual, mean over poses, shape (n_bin, n_axis, n_axis)."""
     motion, robot = block.motion, block.robot
-    n_period = motion.torque_deviation.shape[2]
+    n_period = motion.torque_deviation.shape[2] if isinstance(motion, PeriodicMotion) else 1
     drives = robot.description.axes.values()
     step = np.array(
         [2 * np.pi / axis.sensors.encoder_counts if axis.sensors.encoder_counts else 0.0 for axis in drives]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +11,24 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Channel, Configurations, Context, DenseRun, Excitation, Record, Robot, load_plugin
+from robid_core import (
+    Channel,
+    Configurations,
+    Context,
+    DenseRun,
+    Excitation,
+    MotionRefused,
+    Record,
+    Robot,
+    load_plugin,
+)
 from robid_core.stage import map_in_process
 from studies.fit_accuracy import foreign
 from studies.fit_accuracy.plants import Plant
 
 FloatArray = npt.NDArray[np.float64]
 
+TRIES = 20
 FOREIGN_NOISE = 0.004  # of the torque limit
 
 
@@ -31,6 +43,10 @@ class Experiments:
     period_s: float = 8.0
     amplitude: float = 1.0
     """Over that of the worked example."""
+    cut_s: float = 0.0
+    """Above zero: so many seconds of each experiment from a random instant on, told as what does not repeat."""
+    move_rad: tuple[float, float] = (0.0, 0.0)
+    """Least and greatest move of each axis, forth and back within a period, from rest; told likewise."""
 
     @property
     def motion_s(self) -> float:
@@ -47,11 +63,17 @@ def context(seed: int) -> Context:
 def excitation_of(nominal: Robot, experiments: Experiments, seed: int) -> tuple[Configurations, Excitation]:
     """Draw poses as `design.candidates` does, and multisines as `excitation.multisine` does."""
     stages = "robid.stages"
-    where = load_plugin(stages, "design.candidates")(count=experiments.poses).run(nominal, context(seed))
+    candidates = load_plugin(stages, "design.candidates")(count=experiments.poses)
     stage = load_plugin(stages, "excitation.multisine")(
         band_hz=(4, 80), lines=100, period_s=experiments.period_s, blocks=1, slow_sine_rad_s=9
     )
-    return where, stage.run(where, nominal, context(seed + 1))
+    for other in range(TRIES):  # in some poses gravity leaves too little torque: others are drawn
+        where = candidates.run(nominal, context(seed + 1000 * other))
+        try:
+            return where, stage.run(where, nominal, context(seed + 1))
+        except MotionRefused:
+            continue
+    raise RuntimeError(f"seed {seed}: no poses that the motors can be excited in")
 
 
 def measured(plant: Plant, experiments: Experiments, seed: int, own: bool) -> Record:
@@ -64,23 +86,61 @@ def measured(plant: Plant, experiments: Experiments, seed: int, own: bool) -> Re
         references.append(experiments.amplitude * kept)
         offset = np.asarray(excitation.start_offset(c)).reshape(-1, nominal.n_axis)[: experiments.each]
         starts.append(middle - experiments.amplitude * offset)
-    reference, start = np.concatenate(references), plant.robot.joint_angle(np.concatenate(starts))
-    whole = np.tile(reference, (1, experiments.periods + 1, 1))
-    position, torque = (_own if own else _foreign)(plant, whole, start, seed)
-    n_sample = reference.shape[1]
-    rows = (experiments.poses, 1, experiments.each, experiments.periods, n_sample, nominal.n_axis)
-    position, torque = position[:, n_sample:], torque[:, n_sample:]
+    reference, start = np.concatenate(references), np.concatenate(starts)
+    n_sample, n_axis = reference.shape[1:]
+    generator = np.random.default_rng([seed, 2])
+    if experiments.move_rad[1]:
+        reference = _with_moves(nominal, where.angle, reference, experiments, generator)
+        start = np.repeat(nominal.motor_angle(where.angle), experiments.each, axis=0)
+    else:
+        repeats = max(experiments.periods + 1, math.ceil(experiments.cut_s / experiments.period_s) + 2)
+        reference = np.tile(reference, (1, repeats, 1))
+    position, torque = (_own if own else _foreign)(plant, reference, plant.robot.joint_angle(start), seed)
+    if experiments.move_rad[1]:
+        line, periods = None, 1
+    elif experiments.cut_s:
+        n_cut = round(experiments.cut_s / nominal.sample_time_s)
+        first = generator.integers(n_sample, position.shape[1] - n_cut, len(position))
+        position, torque = (
+            np.stack([own[k : k + n_cut] for own, k in zip(values, first, strict=True)])
+            for values in (position, torque)
+        )
+        line, periods, n_sample = None, 1, n_cut
+    else:
+        position, torque = position[:, n_sample:], torque[:, n_sample:]
+        line, periods = excitation.line, experiments.periods
     if own and plant.hidden.late:
         torque = _earlier(torque, plant.hidden.late)
-    position, torque = position.reshape(rows), torque.reshape(rows)
+    rows = (experiments.poses, 1, experiments.each, periods, n_sample, n_axis)
     channels = {
-        "motor_position": Channel("motor", "rad", position),
-        "motor_torque": Channel("motor", "N m", torque),
+        "motor_position": Channel("motor", "rad", position.reshape(rows)),
+        "motor_torque": Channel("motor", "N m", torque.reshape(rows)),
     }
     time = nominal.sample_time_s * np.arange(n_sample)
-    dense = DenseRun(nominal.sample_time_s, channels, time, np.ones(position.shape[:-1], dtype=bool))
+    dense = DenseRun(nominal.sample_time_s, channels, time, np.ones(rows[:-1], dtype=bool))
     source = "simulated" if own else "MuJoCo"
-    return Record(nominal.axis_names, source, "zero_order_hold", (dense,), where.angle, excitation.line)
+    return Record(nominal.axis_names, source, "zero_order_hold", (dense,), where.angle, line)
+
+
+def _with_moves(
+    nominal: Robot,
+    angle: FloatArray,
+    reference: FloatArray,
+    experiments: Experiments,
+    generator: np.random.Generator,
+) -> FloatArray:
+    """Speeds of a multisine that fades in, on top of one move of each axis, away from the nearer limit and back."""
+    n_sample, n_axis = reference.shape[1:]
+    time = nominal.sample_time_s * np.arange(n_sample)
+    shape = np.sin(2 * np.pi * time / experiments.period_s) * np.pi / experiments.period_s
+    middle = 0.5 * (np.array(nominal.drives.lower) + np.array(nominal.drives.upper))
+    fade = np.minimum(1.0, time / 0.2)[:, None]
+    found = []
+    for k, own in enumerate(reference):
+        size = generator.uniform(*experiments.move_rad, n_axis)
+        way = np.where(angle[k // experiments.each] > middle, -1.0, 1.0)
+        found.append(fade * own + shape[:, None] * nominal.motor_angle(way * size))
+    return np.stack(found)
 
 
 def _own(plant: Plant, reference: FloatArray, start: FloatArray, seed: int) -> tuple[FloatArray, FloatArray]:

@@ -43,4 +43,16 @@ SCENARIOS = {
         asked_own=0.1,
         asked_foreign=1.5,
     ),
+    "unaligned": Scenario(
+        "unaligned cuts of 8 s, start state unknown",
+        experiments=Experiments(cut_s=8.0),
+        asked_own=0.1,
+        asked_foreign=1.5,
+    ),
+    "moves": Scenario(
+        "moves of 0.3-0.6 rad with a multisine on top",
+        experiments=Experiments(move_rad=(0.3, 0.6)),
+        asked_own=0.5,
+        asked_foreign=2.0,
+    ),
 }

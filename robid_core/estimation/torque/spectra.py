@@ -80,6 +80,11 @@ class MotionSpectra(ABC):
     def held_spectrum(self, torque: FloatArray) -> ComplexArray:
         """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
 
+    @property
+    @abstractmethod
+    def constant(self) -> ComplexArray:
+        """Spectrum of the number one, shape (n_bin,)."""
+
     def representative(self) -> IntArray:
         """Return the numbers of the mean, the lines, and every fifth other bin."""
         keep = self.excited | (np.arange(len(self.bin)) % EVERY == 0)
@@ -107,6 +112,13 @@ class PeriodicMotion(MotionSpectra):
     """Motor torques, mean of the periods, N m, shape (n_config, n_exp, n_sample, n_axis)."""
     angle_deviation: FloatArray
     """Each period's angles less their mean, rad, shape (n_config, n_exp, n_period, n_sample, n_axis)."""
+
+    @property
+    def constant(self) -> ComplexArray:
+        """Spectrum of the number one, shape (n_bin,): all of it is in the mean."""
+        one = np.zeros(len(self.bin), dtype=np.complex128)
+        one[0] = 1.0
+        return one
 
     def fine_speed(self, acceleration: FloatArray | None = None) -> FloatArray:
         """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis).
@@ -217,8 +229,7 @@ def friction_spectra(motion: MotionSpectra, laws: Sequence[SpeedFunction], speed
 
     `speed` is on the finer grid.
     """
-    constant = np.zeros_like(motion.torque_spectrum)
-    constant[:, :, 0] = 1.0
+    constant = np.broadcast_to(motion.constant[:, None], motion.torque_spectrum.shape)
     return np.stack([*(motion.held_spectrum(law(speed)) for law in laws), constant])
 
 

@@ -29,6 +29,12 @@ HIGHEST_HZ = 250.0  # of the motion that is differentiated twice; above it angle
 class WindowedMotion(MotionSpectra):
     """Spectra of whole recordings under a window."""
 
+    @property
+    def constant(self) -> ComplexArray:
+        """Spectrum of the number one, shape (n_bin,): that of the window."""
+        window: ComplexArray = np.fft.rfft(_window(self.n_sample))[self.bin] / self.n_sample
+        return window
+
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of values under the window, on any even grid, time on the third axis."""
         n = values.shape[2]

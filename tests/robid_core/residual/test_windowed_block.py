@@ -1,0 +1,122 @@
+"""Records that do not repeat: spectra under a window, free swinging, and the torque of a cut of a simulated motion."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from robid_core import DataRejected, FreeParameters, Robot
+from robid_core.estimation.torque.windowed import windowed_motion_of
+from robid_core.mechanics import MotorMotion
+from robid_core.residual import WindowedBlock
+from robid_core.residual.free_swing import deviation_of, free_swing, usual_swing
+
+T, N = 1e-3, 4000
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """Six axes without Coulomb friction, ideal sensors."""
+    robot = Robot.load("six_axis")
+    ideal = {"position_noise": 0.0, "torque_noise": 0.0, "encoder_counts": 0}
+    axes = {
+        name: axis.model_copy(update={"sensors": axis.sensors.model_copy(update=ideal)})
+        for name, axis in robot.description.axes.items()
+    }
+    plain = dataclasses.replace(robot, description=robot.description.model_copy(update={"axes": axes}))
+    return plain.with_parameters(
+        {n: 0.0 for n in robot.layout if n.endswith(".coulomb") and n.startswith("friction.")}
+    )
+
+
+def speeds(n_sample: int, n_lane: int) -> np.ndarray:
+    """Multisines of 4.5 to 70 Hz on a slow sine, one a lane."""
+    generator, time = np.random.default_rng(3), T * np.arange(n_sample)
+    speed = 9 * np.sin(np.pi * time)[None, :, None] * np.ones((n_lane, 1, 6))
+    for hertz in (4.5, 10.3, 23.1, 47.3, 69.7):
+        phase = generator.uniform(0, 2 * np.pi, (n_lane, 1, 6))
+        speed = speed + 5 * np.sin(2 * np.pi * hertz * time[None, :, None] + phase)
+    return speed
+
+
+def test_acceleration_of_a_cut_is_that_of_the_motion() -> None:
+    """A parabola and a sine, by their closed forms; the corner of the continuation is under the taper."""
+    time = T * np.arange(N)
+    angle = 0.3 * time**2 + 0.02 * np.sin(2 * np.pi * 7.3 * time + 0.4)
+    second = 0.6 - 0.02 * (2 * np.pi * 7.3) ** 2 * np.sin(2 * np.pi * 7.3 * time + 0.4)
+    motion = windowed_motion_of(angle[None, None, :, None], second[None, None, :, None], T, 80.0)
+    error = (
+        motion.acceleration_spectrum - motion.torque_spectrum
+    )  # the "torque" is the true second derivative
+    assert abs(error).max() < 1e-3 * abs(motion.torque_spectrum).max()
+
+
+def test_free_swinging_is_that_of_the_simulator(robot: Robot) -> None:
+    """Motors held, deflections deviate by what bends torques by a tenth of a N m: the difference of two runs."""
+    angle = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2]])
+    motor = np.tile(robot.motor_angle(angle)[:, None, None], (1, 1, N, 1))
+    motion = windowed_motion_of(motor, np.zeros_like(motor), T, 80.0)
+    still = MotorMotion(motor[0, :, 0], np.zeros((1, 6)), np.zeros((1, N * 4, 6)))
+    rest = robot.standing(angle)
+    n_behind = rest.position.shape[1] - 6
+    deviation = 1e-6 * np.random.default_rng(1).standard_normal(2 * n_behind)
+    deviation[n_behind:] *= 50.0
+    position, speed = rest.position.copy(), rest.speed.copy()
+    position[:, 6:] += deviation[:n_behind]
+    speed[:, 6:] += deviation[n_behind:]
+    moved = robot.prescribe(still, dataclasses.replace(rest, position=position, speed=speed))
+    torque = moved.torque - robot.prescribe(still, rest).torque
+    theirs = motion.spectrum_of(torque[None])[0, 0]
+    ours = (free_swing(robot, motion)[0, 0] @ deviation) * motion.hold[:, None]
+    # The simulator's torque is the mean over a sample, half a sample later; its first step begins without acceleration.
+    half = np.exp(1j * motion.omega * T / 2)[:, None]
+    assert abs(theirs - ours * half).max() < 0.02 * abs(theirs).max()
+
+
+def test_a_start_in_motion_is_found_and_the_torque_given_back(robot: Robot) -> None:
+    """A cut from the middle of a simulated motion: better starts leave a twentieth of what the first left."""
+    reference = speeds(3000 + N, 2)
+    run = robot.simulate(reference, np.tile([0.3, 0.4, -0.3, 0.5, 0.6, 0.2], (2, 1)))
+    position, torque = (values[None, :, 3000:] for values in (run.position, run.torque))
+    told = {f"sensors.{axis}.torque_noise": 0.01 for axis in robot.axis_names}
+    noisy = robot.with_parameters({name: value for name, value in told.items() if name in robot.layout})
+    assert "sensors.axis_1.torque_noise" in robot.layout
+    block = WindowedBlock.of_record(noisy, windowed_motion_of(position, torque, T, 80.0), (0.5,))
+    free = FreeParameters.of_robot(noisy, ("friction.axis_1.viscous",))
+    nothing, weight = np.zeros((3, 6)), np.tile(np.eye(6, dtype=complex), (len(block.motion.bin), 1, 1))
+    left = []
+    for _ in range(5):
+        block.renew(free, np.zeros(1))
+        residual = block.residual(block.predicted(noisy, np.zeros(1), nothing), 0.0)
+        left.append(
+            np.sqrt((np.abs(residual) ** 2).sum() / (np.abs(block.motion.torque_spectrum) ** 2).sum())
+        )
+        block.improve_start(noisy, residual, 1e3 * weight)
+    assert left[0] > 20 * left[-1]
+    assert left[-1] < 3e-3
+
+
+def test_deviations_that_are_seen_are_found(robot: Robot) -> None:
+    """Of torques made from known deviations, in units of what is usual, those of slow modes to a hundredth."""
+    motor = np.cumsum(speeds(N, 1), axis=1) * T + robot.motor_angle([0.3, 0.4, -0.3, 0.5, 0.6, 0.2])
+    motion = windowed_motion_of(motor[None], np.zeros((1, 1, N, 6)), T, 80.0)
+    swing = free_swing(robot, motion)
+    usual = usual_swing(robot, robot.joint_angle(motor.mean(axis=1)), motion)
+    share = np.random.default_rng(2).standard_normal(swing.shape[-1])
+    residual = (swing @ (share * usual[0]))[None, 0]
+    weight = np.tile(1e4 * np.eye(6, dtype=complex), (len(motion.bin), 1, 1))
+    found = deviation_of(residual, swing, weight, usual)
+    left = residual - np.einsum("cxfak,cxk->cxfa", swing, found)
+    assert np.abs(left).max() < 1e-3 * np.abs(residual).max()
+
+
+def test_a_robot_that_tells_no_noise_is_refused(robot: Robot) -> None:
+    motor = np.zeros((1, 1, N, 6))
+    with pytest.raises(DataRejected, match="sensors: {torque_noise"):
+        WindowedBlock.of_record(robot, windowed_motion_of(motor, motor, T, 80.0), (0.5,))
+    with pytest.raises(DataRejected, match="A05"):
+        windowed_motion_of(motor * np.nan, motor, T, 80.0)
+    with pytest.raises(DataRejected, match="a band up to 900 Hz"):
+        windowed_motion_of(motor, motor, T, 900.0)
