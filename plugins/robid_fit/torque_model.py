@@ -7,6 +7,8 @@ measured speeds, by least squares; `speed` stays the file's. This is a linear ma
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -19,7 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 
 def model_of(
     robot: Robot,
-    motion: PeriodicMotion | WindowedMotion,
+    motions: Sequence[PeriodicMotion | WindowedMotion],
     widths: tuple[float, ...],
     free: FreeParameters,
     point: FloatArray,
@@ -31,8 +33,8 @@ def model_of(
     ----------
     robot
         The robot that the fit was given.
-    motion
-        What was measured.
+    motions
+        What was measured, block by block.
     widths
         Of the functions of speed, rad/s.
     free
@@ -49,7 +51,7 @@ def model_of(
     rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
     rows = {name: np.eye(len(point))[i] for name, i in place.items() if name not in rubbing}
     coefficients = np.arange(n, len(point) - 1).reshape(-1, n_axis)
-    speed = motion.fine_speed().reshape(-1, n_axis)
+    speed = np.concatenate([motion.fine_speed().reshape(-1, n_axis) for motion in motions])
     for a, axis in enumerate(robot.axis_names):
         viscous = place.get(rubbing[a])
         columns = [*coefficients[:, a], viscous] if viscous is not None else [*coefficients[:, a]]

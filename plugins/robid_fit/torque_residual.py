@@ -8,7 +8,8 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
@@ -23,6 +24,7 @@ from robid_core import (
     ParameterTable,
     Record,
     Robot,
+    RobotName,
     chosen_names,
     pattern_problems,
 )
@@ -41,6 +43,12 @@ from robid_fit.torque_model import model_of
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
+
+
+def _bare(robot: Robot) -> Robot:
+    """Return a robot without the friction of its motors that functions of speed stand for."""
+    levels = [n for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))]
+    return robot.with_parameters(dict.fromkeys(levels, 0.0))
 
 
 def default_patterns(robot: Robot) -> tuple[str, ...]:
@@ -85,6 +93,11 @@ class TorqueResidualFit(Estimator):
     """Prescribed motions at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
+    robots: dict[str, RobotName] = {}
+    """Robots under which variants of a record were measured, where they are not the nominal one: `{loaded: arm.yaml}`;
+    all share the free parameters."""
+
+    tells_variants: ClassVar[bool] = True
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""
@@ -104,9 +117,9 @@ class TorqueResidualFit(Estimator):
         """Estimate the free parameters of the robot."""
         problem = self.problem(record, robot)
         solution = solve(problem, self.passes, self.model_error, context.progress)
-        (block,) = problem.blocks
+        motions = [block.motion for block in problem.blocks]
         model = model_of(
-            robot, block.motion, self.friction_widths, problem.free, solution.point, solution.covariance
+            robot, motions, self.friction_widths, problem.free, solution.point, solution.covariance
         )
         return self._result(problem, solution).replace(model=model)
 
@@ -146,13 +159,41 @@ class TorqueResidualFit(Estimator):
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
-        levels = {
-            n: 0.0 for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))
-        }
-        bare = robot.with_parameters(levels)
-        free = FreeParameters.of_robot(bare, names, self.prior)
+        free = FreeParameters.of_robot(_bare(robot), names, self.prior)
         laws = (*(f"odd_{width:g}" for width in self.friction_widths), "even", "constant")
-        return TorqueProblem(free, (self._block(record, bare),), laws)
+        blocks = [
+            self._block(part, _bare(variant)) for part, variant in self._variants(record, robot, free.names)
+        ]
+        return TorqueProblem(free, tuple(blocks), laws)
+
+    def _variants(
+        self, record: Record, robot: Robot, names: tuple[str, ...]
+    ) -> Iterator[tuple[Record, Robot]]:
+        """Part the record by variants, each with its robot, which must have the free parameters."""
+        found = tuple(dict.fromkeys(record.variants)) or ("",)
+        unmeasured = [variant for variant in self.robots if variant not in found]
+        if unmeasured:
+            raise ConfigurationError(
+                f"robots: nothing was measured as '{unmeasured[0]}'; the record has the variants {', '.join(found)}"
+            )
+        if len(found) > 1 and len(found) - len(self.robots) > 1:
+            raise ConfigurationError(
+                f"the record has the variants {', '.join(found)}; tell the robot of each that is not the nominal one, "
+                f"`robots: {{{found[-1]}: {found[-1]}.yaml}}`, or choose one with `variant:` where it is read"
+            )
+        for variant in found:
+            own = Robot.load(self.robots[variant]) if variant in self.robots else robot
+            missing = [name for name in names if name not in own.layout]
+            if missing:
+                raise ConfigurationError(
+                    f"robots: {variant}: it has no parameter {missing[0]}, which is free; give it `base: {robot.name}`"
+                )
+            if len(found) == 1:
+                yield record, own
+                continue
+            chosen = np.array([name == variant for name in record.variants])
+            whole = np.broadcast_to(chosen[:, None, None], record.run.valid.shape[:3])
+            yield record.part(whole), own
 
     # What is stated
 

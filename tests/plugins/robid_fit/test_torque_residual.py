@@ -170,6 +170,33 @@ def test_a_cut_that_does_not_repeat_is_fitted_as_well(plant: Robot, nominal: Rob
     assert np.sqrt((error**2).mean()) < 1e-2  # two poses; periods of 4 s reach half of that
 
 
+def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: Robot) -> None:
+    """One pose without and one with 8 kg at the flange: each robot has its bodies, both have the same springs."""
+    load = "effects:\n  load: {use: load.payload, on: axis_6, with: {mass: 8.0, z: 0.1}}\n"
+    path = tmp_path / "loaded.yaml"
+    path.write_text(f"robid_robot: 1\nname: loaded\nbase: six_axis\n{load}")
+    loaded = plant.with_effect("load", "load.payload", on="axis_6", values={"mass": 8.0, "z": 0.1})
+    parts = [record_of(robot, nominal, POSES[[k]], 3 + k) for k, robot in enumerate((plant, loaded))]
+    channels = {
+        name: Channel(one.side, one.unit, np.concatenate([part.run.values(name) for part in parts]))
+        for name, one in parts[0].run.channels.items()
+    }
+    valid = np.concatenate([part.run.valid for part in parts])
+    both = parts[0].replace(
+        runs=(DenseRun(T, channels, parts[0].run.time_s, valid),), angle=POSES, variants=("bare", "loaded")
+    )
+    fit = TorqueResidualFit(robots={"loaded": str(path)}).run(both, nominal, context())
+    table, true = fit.parameters, plant.parameters()
+    index = [table.names.index(name) for name in nominal.stiffness_names]
+    error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
+    assert np.sqrt((error**2).mean()) < 5e-3
+    assert fit.misfit == pytest.approx(1.0, abs=0.05)
+    with pytest.raises(ConfigurationError, match="tell the robot of each that is not the nominal one"):
+        TorqueResidualFit().run(both, nominal, context())
+    with pytest.raises(ConfigurationError, match="nothing was measured as 'heavy'"):
+        TorqueResidualFit(robots={"heavy": str(path)}).run(both, nominal, context())
+
+
 @pytest.mark.parametrize(
     ("settings", "error", "told"),
     [
