@@ -32,6 +32,7 @@ from robid_core import (
     Truth,
 )
 from robid_report import responses, traces
+from robid_report.beside import comparison, fit_with_response, other_fits
 from robid_report.findings import facts, findings, steps
 from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
@@ -190,9 +191,11 @@ class HtmlReport(ReportStage):
         diagnosis: Diagnosis | None = None,
         excitation: Excitation | None = None,
         truth: Truth | None = None,
+        fits: tuple[Fit, ...] = (),
     ) -> Report:
-        """Collect what there is and write the page."""
-        response = response_section(robot, frf, fit)
+        """Collect what there is and write the page; of several `fits` the others stand beside `fit`."""
+        others, responding = other_fits(fit, fits), fit_with_response(fit, fits)
+        response = response_section(robot, frf, responding)
         angle = frf.angle if frf is not None else record.angle if record is not None else None
         table, limit = rows(fit.parameters, truth) if fit is not None else ([], 0.0)
         comparisons = [("Inverse model", c) for c in fit.time] if fit is not None else []
@@ -210,13 +213,15 @@ class HtmlReport(ReportStage):
             "nuisances": [row for row in table if not row.reported],
             "plant": truth.plant if truth is not None else "",
             "limit": f"{100 * limit:.0f} %",
+            "beside": [comparison(fit, other) for other in others],
+            "responding": responding.method if responding is not None and responding is not fit else "",
             "misfit": misfit_section(fit),
             "response": response is not None,
             "fitted": response is not None and response["model"] is not None,
             "configurations": angles_as_text(robot, angle) if angle is not None else [],
             "pictures": figures(robot, angle) if angle is not None else [],
             "time": [traces.plot_data(comparison, title) for title, comparison in comparisons],
-            "design": design_section(robot, design, fit),
+            "design": design_section(robot, design, responding),
             "steps": steps(excitation, record, frf, fit, design),
         }
         return Report(html=render(content, {"response": response, "time": content["time"]}))

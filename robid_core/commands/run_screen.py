@@ -160,20 +160,21 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     show = f"robid show {pipeline.path}"
     head = [headline(pipeline, result)]
     head += doubt_lines(result.doubts)
-    page, fitted = last_page(pipeline, result), last_fit(pipeline, result)
+    page, found = last_page(pipeline, result), fits(pipeline, result)
     tail = [f"page       {_near(page)}"] if page is not None else []
     tail += [f"results    {show}", f"run again  {again}"]
-    if fitted is None:
+    if not found:
         return [*head, "", *tail]
-    stage, fit = fitted
+    stage, fit = found[-1]
     if result.folder.robot(stage).is_file():
         tail.insert(-2, f"robot      {_near(result.folder.robot(stage))}")
     table = fit_table(fit, true_parameters(pipeline))
-    room = LAST_SCREEN_LINES - len(head) - len(tail) - 3  # two empty lines, and the fit's own
+    told = [first_line(f"{name}: {fit_line(one)}") for name, one in found]
+    room = LAST_SCREEN_LINES - len(head) - len(tail) - 2 - len(told)  # two empty lines
     room = max(room, FEWEST_ROWS)
     if len(table) > room:
         table = [*table[: room - 1], f"... {len(table) - room + 1} more: {show} {stage}"]
-    return [*head, "", *table, first_line(f"{stage}: {fit_line(fit)}"), "", *tail]
+    return [*head, "", *table, *told, "", *tail]
 
 
 def headline(pipeline: Pipeline, result: RunResult) -> str:
@@ -201,14 +202,15 @@ def last_page(pipeline: Pipeline, result: RunResult) -> Path | None:
     return None
 
 
-def last_fit(pipeline: Pipeline, result: RunResult) -> tuple[str, Fit] | None:
-    """Return the last fit of this run, and its stage."""
+def fits(pipeline: Pipeline, result: RunResult) -> list[tuple[str, Fit]]:
+    """Return the fits of this run with their stages, in the order of the file; the last is shown in full."""
     from robid_core.artifacts import Fit
 
-    for node in reversed(pipeline.stages):
-        if issubclass(node.stage.output, Fit) and result.outcomes.get(node.name) in ("made", "same", "kept"):
-            return node.name, Fit.read(result.folder.path / result.manifest.stages[node.name].file)
-    return None
+    return [
+        (node.name, Fit.read(result.folder.path / result.manifest.stages[node.name].file))
+        for node in pipeline.stages
+        if issubclass(node.stage.output, Fit) and result.outcomes.get(node.name) in ("made", "same", "kept")
+    ]
 
 
 def true_parameters(pipeline: Pipeline) -> dict[str, float]:

@@ -28,17 +28,30 @@ def test_the_run_ends_well_and_its_last_screen_fits_25_lines(first_light) -> Non
     assert "robid run pipeline.yaml" in first_light.told.out
 
 
-def test_gear_stiffnesses_are_within_a_tenth_and_bearings_within_a_quarter(first_light) -> None:
+def test_springs_from_the_torque_are_within_a_thousandth_and_misfit_is_one(first_light) -> None:
+    """Bodies are told right here, and the noise is small; what else may happen is measured by the study of the fit."""
     fit, truth = Fit.read(first_light.artifacts / "fit.h5"), Robot.load("six_axis_true").parameters()
+    assert fit.converged
+    assert not fit.doubts
+    assert fit.misfit == pytest.approx(1.0, abs=0.05)
+    for name in Robot.load("six_axis").stiffness_names:
+        assert fit.parameters.value(name) == pytest.approx(truth[name], rel=1e-3), name
+
+
+def test_gear_stiffnesses_from_responses_are_within_a_tenth_and_bearings_within_a_quarter(
+    first_light,
+) -> None:
+    fit, truth = Fit.read(first_light.artifacts / "log_fit.h5"), Robot.load("six_axis_true").parameters()
     assert fit.converged
     for name in Robot.load("six_axis").stiffness_names:
         limit = 0.10 if name.startswith("gear") else 0.25
         assert fit.parameters.value(name) == pytest.approx(truth[name], rel=limit), name
 
 
-def test_stated_errors_are_of_the_size_of_the_real_ones(first_light) -> None:
+@pytest.mark.parametrize("stage", ["fit", "log_fit"])
+def test_stated_errors_are_of_the_size_of_the_real_ones(first_light, stage: str) -> None:
     """Twelve squared standardised errors have mean 1 +- 5 sqrt(2/12) where they hold; twice for the model's error."""
-    fit, truth = Fit.read(first_light.artifacts / "fit.h5"), Robot.load("six_axis_true").parameters()
+    fit, truth = Fit.read(first_light.artifacts / f"{stage}.h5"), Robot.load("six_axis_true").parameters()
     table = fit.parameters
     rows = [table.names.index(n) for n in table.names if "stiffness" in n]
     true = np.array([truth[table.names[i]] for i in rows])
@@ -47,7 +60,7 @@ def test_stated_errors_are_of_the_size_of_the_real_ones(first_light) -> None:
 
 
 def test_the_fitted_model_explains_the_diagonal_of_the_measured_response(first_light) -> None:
-    fit = Fit.read(first_light.artifacts / "fit.h5")
+    fit = Fit.read(first_light.artifacts / "log_fit.h5")
     assert fit.response is not None
     index = np.arange(6)
     measured = fit.response.measured[:, :, index, index]
@@ -70,6 +83,15 @@ def test_the_design_is_certified_and_spends_its_eight_experiments(first_light) -
     assert design.experiments.sum() == 8
     assert 0 <= design.gap + 1e-6 < 1e-2
     assert 0.8 < design.efficiency <= 1 + 1e-9
+
+
+def test_the_page_sets_the_two_fits_side_by_side(first_light) -> None:
+    page = (first_light.artifacts / "page.html").read_text(encoding="utf-8")
+    section = page[page.index("Another fit beside it") :].partition("</section>")[0]
+    assert section.count("gear_stiffness.axis_") == 6
+    assert section.count("bearing_stiffness.axis_") == 6
+    assert "The model is that of another fit" in page
+    assert "Errors are promised for a fit of responses" in page
 
 
 def test_the_page_is_one_file_that_fetches_nothing(first_light) -> None:
