@@ -111,13 +111,13 @@ def test_a_second_run_does_nothing_and_says_so(first_light, robid) -> None:
     told = robid(first_light.folder, "run", "pipeline.yaml")
     assert {p.name: p.stat().st_mtime_ns for p in first_light.artifacts.iterdir()} == before
     assert told.code == 0
-    assert "nothing to do, all 7 stages are up to date" in told.out
+    assert "nothing to do, all 8 stages are up to date" in told.out
 
 
 def test_one_changed_setting_reruns_what_depends_on_it_and_nothing_else(first_light, robid) -> None:
-    told = robid(first_light.folder, "run", "pipeline.yaml", "--dry-run", "--set", "stages.fit.with.starts=5")
+    told = robid(first_light.folder, "run", "pipeline.yaml", "--dry-run", "--set", "stages.log_fit.with.starts=5")
     plan = dict(line.split(maxsplit=2)[:2] for line in told.out.splitlines() if line)
-    assert {name for name, verb in plan.items() if verb == "run"} == {"fit", "choose", "page"}
+    assert {name for name, verb in plan.items() if verb == "run"} == {"log_fit", "choose", "page"}
     assert "starts: 20 -> 5" in told.out
 
 
