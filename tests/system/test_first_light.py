@@ -115,7 +115,9 @@ def test_a_second_run_does_nothing_and_says_so(first_light, robid) -> None:
 
 
 def test_one_changed_setting_reruns_what_depends_on_it_and_nothing_else(first_light, robid) -> None:
-    told = robid(first_light.folder, "run", "pipeline.yaml", "--dry-run", "--set", "stages.log_fit.with.starts=5")
+    told = robid(
+        first_light.folder, "run", "pipeline.yaml", "--dry-run", "--set", "stages.log_fit.with.starts=5"
+    )
     plan = dict(line.split(maxsplit=2)[:2] for line in told.out.splitlines() if line)
     assert {name for name, verb in plan.items() if verb == "run"} == {"log_fit", "choose", "page"}
     assert "starts: 20 -> 5" in told.out
