@@ -108,7 +108,7 @@ class Input:
 class Stage(Settings):
     """Base of all stages; subclass one of the kinds below.
 
-    Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are put aside
+    Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are held out
     for tests are left out; where `tells_variants` is false, a record of several variants (payloads, tools) is refused.
     """
 

@@ -1,4 +1,4 @@
-"""An excitation is held against the limits of the nominal robot before anything moves, and its outcome foretold.
+"""An excitation is held against the limits of the nominal robot before anything moves, and its outcome predicted.
 
 All experiments are simulated where they are few; where they are many, all of some configurations and the highest peaks
 of the others. What breaks a limit is refused with amplitudes that were simulated and fit.
@@ -146,7 +146,7 @@ def clear(
     level: Level,
     progress: Callable[[float, float, str], None] | None = None,
 ) -> Cleared:
-    """Simulate the nominal robot, hold the result against its limits and foretell the measurement.
+    """Simulate the nominal robot, hold the result against its limits and predict the measurement.
 
     Parameters
     ----------

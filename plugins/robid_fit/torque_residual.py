@@ -174,7 +174,8 @@ class TorqueResidualFit(Estimator):
         unmeasured = [variant for variant in self.robots if variant not in found]
         if unmeasured:
             raise ConfigurationError(
-                f"robots: nothing was measured as '{unmeasured[0]}'; the record has the variants {', '.join(found)}"
+                f"robots: nothing was measured as '{unmeasured[0]}'; the record has "
+                + (f"the variants {', '.join(found)}" if record.variants else "no variants")
             )
         if len(found) > 1 and len(found) - len(self.robots) > 1:
             raise ConfigurationError(
@@ -241,5 +242,5 @@ class TorqueResidualFit(Estimator):
             parameters=table,
             covariance=covariance,
             free_names=free.names + nuisances,
-            misfit_against="differences between periods",
+            misfit_against=problem.blocks[0].noise_source,
         )

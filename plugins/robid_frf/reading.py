@@ -1,7 +1,7 @@
 """From a record to what the estimators work on: one transform of each channel, lines and detection bins kept.
 
 Periods before the steady state are dropped here, experiments of n + 1 turned so that what does not depend on
-the phases is put aside, and what was done is put into words for the log and for `Frf.pooling`.
+the phases is removed, and what was done is put into words for the log and for `Frf.pooling`.
 """
 
 from __future__ import annotations
@@ -185,10 +185,8 @@ def tell_common_part(record: Record, context: Context, y: ComplexArray) -> str:
     size = np.sqrt(np.mean(np.abs(y) ** 2, axis=(0, 1, 2, 4)))
     share = 100 * common / np.where(size > 0, size, 1.0)
     listed = ", ".join(f"{n} {s:.2g} %" for n, s in zip(record.axis_names, share, strict=True))
-    context.log.info(
-        "what does not depend on the phases is put aside, of the motion at the lines: %s", listed
-    )
+    context.log.info("what does not depend on the phases is removed, of the motion at the lines: %s", listed)
     return (
-        "what does not depend on the phases was put aside by the experiment that is left over; experiments of a block "
+        "what does not depend on the phases was removed by the experiment that is left over; experiments of a block "
         "share their phases, so that distortion differs from input to input and regions hold on average over entries"
     )

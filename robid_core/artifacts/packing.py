@@ -30,7 +30,7 @@ def packed(kept: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
     configurations = np.flatnonzero(kept.any(axis=(1, 2)))
     if not len(configurations):
         raise DataRejected(
-            "no experiment of the record is left: all are put aside for tests; set one to train"
+            "no experiment of the record is left: all are held out for tests; set one to train"
         )
     counts = {(int(c), int(b)): int(kept[c, b].sum()) for c, b in np.argwhere(kept.any(axis=2))}
     sizes = {c: [n for (i, _), n in counts.items() if i == c] for c in configurations.tolist()}
@@ -39,7 +39,7 @@ def packed(kept: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
     if odd is not None:
         raise DataRejected(
             f"the experiments of the record that are left have no common shape: configuration {configurations[0]} "
-            f"keeps blocks of {_listed(first)} experiments, configuration {odd} of {_listed(sizes[odd])}; put aside "
+            f"keeps blocks of {_listed(first)} experiments, configuration {odd} of {_listed(sizes[odd])}; hold out "
             "whole configurations, or equally many blocks of each"
         )
     block = np.array([np.flatnonzero(kept[c].any(axis=1)) for c in configurations])

@@ -29,7 +29,7 @@ class Record(Artifact):
 
     A robot with another payload or tool, or one that was changed between two runs, is another variant: `variants` has
     a name for each configuration, or none where all were measured alike. The same pose under two variants is two
-    configurations, so that no average over blocks and experiments mixes them. Which experiments are put aside for
+    configurations, so that no average over blocks and experiments mixes them. Which experiments are held out for
     tests, and constants such as a temperature, stand in the runs.
     """
 
@@ -66,7 +66,7 @@ class Record(Artifact):
         return self._lines() / period_s
 
     def training(self) -> Record:
-        """Return the record without the experiments that are put aside for tests, dense again.
+        """Return the record without the experiments that are held out for tests, dense again.
 
         Raises
         ------

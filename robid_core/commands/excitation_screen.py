@@ -30,7 +30,7 @@ def advice_lines(excitation: Excitation) -> list[str]:
     count = excitation.simulated_experiments
     rests_on = f"{count} simulated experiments" if count > 1 else "a simulated experiment"
     return [
-        f"foretold by {rests_on} of the nominal robot{of}:",
+        f"predicted by {rests_on} of the nominal robot{of}:",
         *_aligned(motion_rows(excitation)),
         *_aligned(response_rows(excitation)),
         *notes(excitation),

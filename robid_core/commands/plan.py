@@ -1,6 +1,6 @@
 """`robid plan`: the wiring of a pipeline, as text or Mermaid, the time it takes of the robot, and advice.
 
-The advice comes from a simulated run: the excitations are made and cleared as a run would, and what they foretell is
+The advice comes from a simulated run: the excitations are made and cleared as a run would, and what they predict is
 printed below them. One that breaks a limit is refused here already.
 """
 
@@ -36,15 +36,15 @@ def command(
         typer.echo("\n".join(mermaid_lines(pipeline)))
         return
     try:
-        advice = {} if dry else foretold(pipeline)
+        advice = {} if dry else predictions(pipeline)
     except RobidError:
         typer.echo("\n".join(text_lines(pipeline)))
         raise
     typer.echo("\n".join(text_lines(pipeline, advice)))
 
 
-def foretold(pipeline: Pipeline) -> dict[str, list[str]]:
-    """Make the excitations of a pipeline and return what each foretells, by stage; warnings begin with '!'."""
+def predictions(pipeline: Pipeline) -> dict[str, list[str]]:
+    """Make the excitations of a pipeline and return what each predicts, by stage; warnings begin with '!'."""
     from robid_core.artifacts import Excitation
     from robid_core.commands.excitation_screen import advice_lines
     from robid_core.commands.run_screen import listening

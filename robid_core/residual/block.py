@@ -81,6 +81,11 @@ class TorqueBlock(ABC, Generic[M]):
 
     @property
     @abstractmethod
+    def noise_source(self) -> str:
+        """What the misfit is measured against, in words."""
+
+    @property
+    @abstractmethod
     def noise_freedom(self) -> float:
         """Complex degrees of freedom of the noise at each bin."""
 
@@ -90,18 +95,18 @@ class TorqueBlock(ABC, Generic[M]):
         return False
 
     @property
-    def starts_unknown(self) -> bool:
-        """Whether what is behind the motors swings at the start in an unknown way."""
+    def initial_state_unknown(self) -> bool:
+        """Whether the state behind the motors at the first sample is unknown."""
         return False
 
-    def ringing(self, robot: Robot) -> ComplexArray | None:
-        """Torques of what swings since an unknown start; None: nothing does.
+    def free_vibration(self, robot: Robot) -> ComplexArray | None:
+        """Torques of the free vibration from an unknown initial state, None where the motion repeats.
 
-        Shape (n_config, n_exp, n_bin, n_axis, n_unknown).
+        Shape (n_config, n_exp, n_bin, n_axis, n_state).
         """
         return None
 
-    def improve_start(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
+    def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
         """Begin the next prescribed motion as residuals tell, (n_config, n_exp, n_bin, n_axis)."""
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
@@ -159,13 +164,13 @@ class TorqueBlock(ABC, Generic[M]):
         """
         robot, motion = self.robot_at(free, coordinates), self.motion
         here = impedance(robot, self.angle, motion, "zero_order_hold")
-        kept = {column.index: column for column in self.simulated}
+        kept, far = {column.index: column for column in self.simulated}, self.moves_far
         columns = []
         for i, name in enumerate(free.names):
             kind = free.robot.parameter_kind(name)
             elastic = kind in ("stiffness", "damping")
             linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
-            if linear_is_enough and not self.moves_far:
+            if linear_is_enough and not far:
                 continue
             if kind == "inertia" and i in kept:
                 columns.append(kept[i])

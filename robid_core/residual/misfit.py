@@ -24,7 +24,9 @@ def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     total = count = 0.0
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
-        weight = Weighting.of_block(_without_mean(whitener(block.noise(robot, size))), block.ringing(robot))
+        weight = Weighting.of_block(
+            _without_mean(whitener(block.noise(robot, size))), block.free_vibration(robot)
+        )
         total += (weight.residual(residual) ** 2).sum() * _correction(block)
         count += residual.size - residual[:, :, 0].size
     return float(total / count)

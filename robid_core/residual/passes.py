@@ -25,15 +25,13 @@ FIRST_LINEARISATIONS = 20  # of the linear model at most
 COARSE = 0.01  # of the torque's power: variance in the first weights
 SETTLED = 0.9  # of the cost: a linearisation that leaves more has found the minimum
 REWEIGHED = 3  # times by what the linear model leaves
-STARTS = 8  # improvements of the unknown state at the start of a record in one pass, at most
+INITIAL_STATES = 8  # improvements of an unknown initial state in one pass, at most
 BETTER = 0.95  # of what is left: an improvement that leaves more was the last
-IMPROVED = 4  # passes with better starts; later ones would chase what is no swinging
+IMPROVED = 4  # passes that improve initial states; later ones would fit other errors of the model with them
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 ENOUGH = 0.2  # of the stated error: a pass that changes springs and effects by less is the last
-DOUBTFUL = (
-    1.1  # misfit: above it, bins are weighted by what the model leaves, not by noise that it does not reach
-)
+DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.02  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
@@ -51,7 +49,6 @@ class Solution:
     """Of springs and effects by each pass, in stated errors."""
     contraction: float
     """What a pass leaves of a deviation, from the last two; NaN after fewer."""
-
     converged: bool
     """Whether the last pass changed next to nothing."""
 
@@ -140,20 +137,20 @@ def _first_pass(problem: TorqueProblem) -> FloatArray:
 
 
 def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool) -> None:
-    """Prescribe the motions to the robots at a point; with `improve` again and again, each time from a better start."""
+    """Prescribe the motions to the robots at a point; with `improve` again from better initial states."""
     coordinates, size, robots = point[: problem.n_free], problem.friction_size(point), problem.robots(point)
     for block, robot in zip(problem.blocks, robots, strict=True):
         block.renew(problem.free, coordinates)
-        if not (improve and block.starts_unknown):
+        if not (improve and block.initial_state_unknown):
             continue
         whitener, before = block.weight(robot, size, model_error), np.inf
-        for _ in range(STARTS):
+        for _ in range(INITIAL_STATES):
             residual = block.residual(block.predicted(robot, coordinates, size), point[-1])
             left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
             if left > BETTER * before:
                 break
             before = left
-            block.improve_start(robot, residual, whitener)
+            block.improve_initial_state(robot, residual, whitener)
             block.renew(problem.free, coordinates)
 
 

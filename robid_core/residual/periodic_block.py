@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.estimation.torque.spectra import (
+    MOTION_BAND_HZ,
     PeriodicMotion,
     friction_deviation,
     friction_spectra,
@@ -23,7 +24,6 @@ from robid_core.robot import Robot
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
-HIGHEST_HZ = 250.0  # of the motion that is prescribed; above it angles are noise
 FIRST_PERIODS = 3  # until it has rung out, from the linear motion
 NEXT_PERIODS = 2  # likewise, from where the last run ended
 
@@ -53,7 +53,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         motion = self.motion
         n_config, n_exp, n_sample, n_axis = motion.angle.shape
         whole = periodic_motion(
-            motion.angle.reshape(-1, n_sample, n_axis), motion.sample_time_s, robot.step_s, HIGHEST_HZ
+            motion.angle.reshape(-1, n_sample, n_axis), motion.sample_time_s, robot.step_s, MOTION_BAND_HZ
         )
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
         start = linear_state(robot, self.angle, motion, whole) if self.state is None else self.state
@@ -93,6 +93,11 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
         freedom = n_config * n_exp * n_period * (n_period - 1)
         return covariance_of(motion.torque_deviation - moved, freedom)
+
+    @property
+    def noise_source(self) -> str:
+        """In words."""
+        return "differences between periods"
 
     @property
     def noise_freedom(self) -> float:

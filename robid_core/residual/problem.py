@@ -121,7 +121,7 @@ class TorqueProblem:
         for block, robot, matrix in zip(self.blocks, self.robots(point), whiteners, strict=True):
             count = np.full(len(matrix), np.sqrt(2.0))
             count[0] = 1.0 if self.mean_counts else 0.0
-            found.append(Weighting.of_block(count[:, None, None] * matrix, block.ringing(robot)))
+            found.append(Weighting.of_block(count[:, None, None] * matrix, block.free_vibration(robot)))
         return tuple(found)
 
     # Normal equations

@@ -1,4 +1,4 @@
-"""Weights of a block: residuals and derivatives as real numbers in standard deviations, free swinging projected out."""
+"""Weights of a block: residuals and derivatives in standard deviations, free vibration projected out."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ INDEPENDENT = 1e-9  # of the largest singular value: columns below it are those 
 
 @dataclass(frozen=True, eq=False)
 class Weighting:
-    """Whitening matrices of each bin, and for each experiment an orthonormal basis of what swings freely."""
+    """Whitening matrices of each bin, and for each experiment an orthonormal basis of its free vibration."""
 
     matrix: ComplexArray
     """By how often a bin counts, shape (n_bin, n_axis, n_axis)."""
-    free_swing: tuple[tuple[FloatArray, ...], ...] = ()
-    """Of each configuration and experiment, (n_row, n_swing), n_row = 2 n_bin n_axis; empty where motions repeat."""
+    free_vibration: tuple[tuple[FloatArray, ...], ...] = ()
+    """Of each configuration and experiment, (n_row, n_state), n_row = 2 n_bin n_axis; empty where motions repeat."""
 
     @classmethod
-    def of_block(cls, matrix: ComplexArray, ringing: ComplexArray | None) -> Weighting:
-        """Weights with whitening matrices and the torques of free swinging.
+    def of_block(cls, matrix: ComplexArray, free_vibration: ComplexArray | None) -> Weighting:
+        """Weights with whitening matrices and the torques of free vibration.
 
-        `ringing` has shape (n_config, n_exp, n_bin, n_axis, n_swing).
+        `free_vibration` has shape (n_config, n_exp, n_bin, n_axis, n_state).
         """
-        if ringing is None:
+        if free_vibration is None:
             return cls(matrix)
-        return cls(matrix, tuple(tuple(_basis(matrix, one) for one in own) for own in ringing))
+        return cls(matrix, tuple(tuple(_basis(matrix, one) for one in own) for own in free_vibration))
 
     def residual(self, residual: ComplexArray) -> FloatArray:
         """Weighted residual of (n_config, n_exp, n_bin, n_axis), shape (n_config, n_exp, n_row)."""
         white = np.matmul(self.matrix, residual[..., None])[..., 0]
         rows = np.concatenate((white.real, white.imag), axis=2).reshape(*white.shape[:2], -1)
-        for own, bases in zip(rows, self.free_swing, strict=False):
+        for own, bases in zip(rows, self.free_vibration, strict=False):
             for one, basis in zip(own, bases, strict=True):
                 one -= basis @ (basis.T @ one)
         return rows
@@ -47,15 +47,17 @@ class Weighting:
         n_exp, n_bin, n_axis, n_unknown = white.shape
         rows = np.empty((n_exp, 2, n_bin, n_axis, n_unknown))
         rows[:, 0], rows[:, 1] = white.real, white.imag
-        if self.free_swing:
-            for own, basis in zip(rows.reshape(n_exp, -1, n_unknown), self.free_swing[config], strict=True):
+        if self.free_vibration:
+            for own, basis in zip(
+                rows.reshape(n_exp, -1, n_unknown), self.free_vibration[config], strict=True
+            ):
                 own -= basis @ (basis.T @ own)
         return rows.reshape(-1, n_unknown)
 
 
-def _basis(matrix: ComplexArray, ringing: ComplexArray) -> FloatArray:
-    """Orthonormal basis of weighted torques (n_bin, n_axis, n_swing), shape (2 n_bin n_axis, n_independent)."""
-    white = np.matmul(matrix, ringing)
-    rows = np.concatenate((white.real, white.imag)).reshape(-1, ringing.shape[-1])
+def _basis(matrix: ComplexArray, free_vibration: ComplexArray) -> FloatArray:
+    """Orthonormal basis of weighted torques (n_bin, n_axis, n_state), shape (2 n_bin n_axis, n_independent)."""
+    white = np.matmul(matrix, free_vibration)
+    rows = np.concatenate((white.real, white.imag)).reshape(-1, free_vibration.shape[-1])
     left, size, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), full_matrices=False)
     return np.ascontiguousarray(left[:, size > INDEPENDENT * size[0]])

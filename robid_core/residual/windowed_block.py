@@ -1,8 +1,8 @@
 """Blocks of records that do not repeat: any cut of a motion, large moves included.
 
-What is behind the motors swings at the start of a cut in a way that nobody measured. The prescribed motion begins as if
-it hung still and moved along, later as the residual tells; what is left of the swinging is that of the linear model,
-and is projected out of each experiment: unknowns of its own that need no prior.
+Deflections and their rates at the first sample of a cut are not measured. The prescribed motion begins with
+quasi-static ones, later with those that the residual tells; what is left is a free vibration of the linear model, and
+is projected out of each experiment: unknowns of its own that need no prior.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from robid_core.estimation.torque.spectra import friction_spectra, speed_functio
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.mechanics import MotorMotion
 from robid_core.residual.block import TorqueBlock
-from robid_core.residual.free_swing import deviation_of, free_swing, usual_swing
+from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration
 from robid_core.residual.impedance import impedance
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
-LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model is no start
-
+LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model gives no start values
 FEW = 2  # experiments of each configuration in a first pass of prescribed motions
 
 
@@ -34,8 +33,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     """Spectra of cuts under a window; their noise is what the robot file tells of its sensors."""
 
     deviation: FloatArray | None = None
-    """At the start, of deflections and their rates from hanging still and moving along, (n_config, n_exp, n_state)."""
-
+    """Of initial deflections and their rates from quasi-static ones, (n_config, n_exp, n_state)."""
     prescribed: MotorMotion | None = None
     """The motion in steps of the integrator, once it was asked for."""
 
@@ -96,18 +94,18 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         return self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape))
 
     @property
-    def starts_unknown(self) -> bool:
-        """It does, in a cut of a motion."""
+    def initial_state_unknown(self) -> bool:
+        """Always so in a cut of a motion."""
         return True
 
-    def ringing(self, robot: Robot) -> ComplexArray:
-        """Torques of free swinging, (n_config, n_exp, n_bin, n_axis, n_unknown)."""
-        return free_swing(robot, self.motion)
+    def free_vibration(self, robot: Robot) -> ComplexArray:
+        """Torques of unit deviations of the initial state, (n_config, n_exp, n_bin, n_axis, n_unknown)."""
+        return free_vibration(robot, self.motion)
 
-    def improve_start(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
-        """Begin the next prescribed motion as what is left tells, so that the linear model does for the swinging."""
-        usual = usual_swing(robot, self.angle, self.motion)
-        more = deviation_of(residual, self.ringing(robot), whitener, usual)
+    def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
+        """Begin the next prescribed motion as residuals tell, so that a linear model is enough for what is left."""
+        prior = rms_vibration(robot, self.angle, self.motion)
+        more = deviation_of(residual, self.free_vibration(robot), whitener, prior)
         self.deviation = more if self.deviation is None else self.deviation + more
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
@@ -117,6 +115,11 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         moved = np.einsum("cfab,b,cfdb->fad", z, drives.position_noise**2, z.conj()) / len(z)
         covariance: ComplexArray = (moved + np.diag(drives.torque_noise**2)) / motion.n_sample
         return covariance
+
+    @property
+    def noise_source(self) -> str:
+        """In words."""
+        return "the noise of the sensors that the robot file tells"
 
     @property
     def noise_freedom(self) -> float:

@@ -1,6 +1,6 @@
 """What the artifacts of other stages become as arguments of `run`.
 
-Of a record a stage sees what it says it can use: no fit and no estimator gets the experiments that are put aside for
+Of a record a stage sees what it says it can use: no fit and no estimator gets the experiments that are held out for
 tests, and only a stage that tells variants apart gets several of them.
 """
 
@@ -57,5 +57,5 @@ def _seen_by(stage: Stage, record: Record, log: logging.Logger) -> Record:
     training = record.training()
     if training is not record:
         n_all, n_left = (one.run.valid[..., 0, 0].size for one in (record, training))
-        log.info("%d of %d experiments are put aside for tests and left out", n_all - n_left, n_all)
+        log.info("%d of %d experiments are held out for tests and left out", n_all - n_left, n_all)
     return training

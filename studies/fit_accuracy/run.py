@@ -100,6 +100,7 @@ def main() -> None:
         for simulator in ("own", "foreign"):
             print("\n".join(summary(read(arguments.folder / f"{simulator}.csv"), simulator == "own")))
         return
+    arguments.folder.mkdir(parents=True, exist_ok=True)
     path, own = arguments.folder / f"{arguments.simulator}.csv", arguments.simulator == "own"
     first, last = (int(part) for part in arguments.seeds.split("-"))
     rows = read(path)

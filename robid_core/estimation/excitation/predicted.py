@@ -1,4 +1,4 @@
-"""How far a measured response will scatter, foretold from experiments that were only simulated.
+"""How far a measured response will scatter, predicted from experiments that were only simulated.
 
 The scatter has two sources. Friction and whatever else is not linear shows in a simulation without noise: it is what
 the least-squares response leaves of the simulated outputs, as for a measured record (`covariance.residual_products`).

@@ -1,4 +1,4 @@
-"""One experiment more than axes: what does not depend on the phases of the multisine, put aside exactly.
+"""One experiment more than axes: what does not depend on the phases of the multisine, removed exactly.
 
 With references ``diag(R_c) T``, T from columns 1..n of the (n + 1)-point Fourier matrix and phases common to all
 experiments of a block (`estimation.excitation.multisine`), everything linear in the references sums to zero over the

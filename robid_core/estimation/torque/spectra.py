@@ -27,6 +27,7 @@ SpeedFunction = Callable[[FloatArray], FloatArray]
 EVERY = 5  # of the bins that are no lines stands for the others
 FINER = 8  # points a sample on which laws are evaluated
 SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle is noise
+MOTION_BAND_HZ = 250.0  # of the motion that is prescribed: second derivatives blow up noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,17 +149,27 @@ class PeriodicMotion(MotionSpectra):
 
     def speed_of_period(self, period: int) -> FloatArray:
         """Motor speeds of one period as they are measured, at the samples, rad/s, shape of `angle`."""
-        spectrum = np.fft.rfft(self.angle + self.angle_deviation[:, :, period], axis=2)
-        omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (self.n_sample * self.sample_time_s)
-        spectrum[:, :, omega > 2 * np.pi * SPEED_BAND / self.sample_time_s] = 0.0
-        result: FloatArray = np.fft.irfft(1j * omega[:, None] * spectrum, n=self.n_sample, axis=2)
-        return result
+        angle = self.angle + self.angle_deviation[:, :, period]
+        return periodic_derivative(angle, self.sample_time_s, 1, SPEED_BAND / self.sample_time_s)
 
     def held_spectrum(self, torque: FloatArray) -> ComplexArray:
         """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
         spectrum = np.fft.rfft(torque, axis=2)[:, :, self.bin] / torque.shape[2]
         result: ComplexArray = spectrum / self.hold[:, None]
         return result
+
+
+def periodic_derivative(
+    values: FloatArray, sample_time_s: float, order: int, highest_hz: float, finer: int = 1
+) -> FloatArray:
+    """Derivative of one period, band-limited, on a grid so many times finer; time is the third of four axes."""
+    n = values.shape[2]
+    spectrum = np.fft.rfft(values, axis=2)
+    omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * sample_time_s)
+    spectrum[:, :, omega > 2 * np.pi * highest_hz] = 0.0
+    turned = (1j * omega[:, None]) ** order * spectrum
+    result: FloatArray = np.fft.irfft(turned, n=finer * n, axis=2) * finer
+    return result
 
 
 def periodic_motion_of(

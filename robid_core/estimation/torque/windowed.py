@@ -15,14 +15,19 @@ import numpy.typing as npt
 from scipy.signal.windows import tukey
 
 from robid_core.errors import DataRejected
-from robid_core.estimation.torque.spectra import FINER, SPEED_BAND, MotionSpectra
+from robid_core.estimation.torque.spectra import (
+    FINER,
+    MOTION_BAND_HZ,
+    SPEED_BAND,
+    MotionSpectra,
+    periodic_derivative,
+)
 from robid_core.mechanics import MotorMotion, periodic_motion
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
 TAPER = 0.06  # of the length, at either end
-HIGHEST_HZ = 250.0  # of the motion that is differentiated twice; above it angles are noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +54,18 @@ class WindowedMotion(MotionSpectra):
 
     def fine_speed(self) -> FloatArray:
         """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""
-        swing, _, slope = _odd_swing(self.angle, self.sample_time_s)
-        spectrum = np.fft.rfft(swing, axis=2)
-        n = swing.shape[2]
-        omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * self.sample_time_s)
-        spectrum[:, :, omega > 2 * np.pi * SPEED_BAND / self.sample_time_s] = 0.0
-        rate = np.fft.irfft(1j * omega[:, None] * spectrum, n=FINER * n, axis=2) * FINER
+        odd, _, slope = _odd_continuation(self.angle, self.sample_time_s)
+        highest = SPEED_BAND / self.sample_time_s
+        rate = periodic_derivative(odd, self.sample_time_s, 1, highest, FINER)
         speed: FloatArray = rate[:, :, : FINER * self.n_sample] + slope
         return speed
 
     def motor_motion(self, step: float) -> MotorMotion:
         """Motion through these angles in the integrator's steps, one lane an experiment."""
-        swing, first, slope = _odd_swing(self.angle, self.sample_time_s)
-        n_axis, n_step = swing.shape[3], round(self.n_sample * self.sample_time_s / step)
+        odd, first, slope = _odd_continuation(self.angle, self.sample_time_s)
+        n_axis, n_step = odd.shape[3], round(self.n_sample * self.sample_time_s / step)
         there = periodic_motion(
-            swing.reshape(-1, swing.shape[2], n_axis), self.sample_time_s, step, HIGHEST_HZ
+            odd.reshape(-1, odd.shape[2], n_axis), self.sample_time_s, step, MOTION_BAND_HZ
         )
         return MotorMotion(
             there.angle + first.reshape(-1, n_axis),
@@ -100,11 +102,8 @@ def windowed_motion_of(
             f"a band up to {highest_hz:g} Hz holds {n_bin - 1} bins of a recording of {n_sample} samples; record "
             "longer, or choose another band"
         )
-    swing, _, _ = _odd_swing(position, sample_time_s)
-    spectrum = np.fft.rfft(swing, axis=2)
-    omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (swing.shape[2] * sample_time_s)
-    spectrum[:, :, omega > 2 * np.pi * HIGHEST_HZ] = 0.0
-    acceleration = np.fft.irfft(-(omega[:, None] ** 2) * spectrum, n=swing.shape[2], axis=2)[:, :, :n_sample]
+    odd, _, _ = _odd_continuation(position, sample_time_s)
+    acceleration = periodic_derivative(odd, sample_time_s, 2, MOTION_BAND_HZ)[:, :, :n_sample]
     weight = _window(n_sample)[:, None]
     torques, accelerations = (
         np.fft.rfft(weight * values, axis=2)[:, :, :n_bin] / n_sample for values in (torque, acceleration)
@@ -122,7 +121,7 @@ def _window(n: int) -> FloatArray:
     return scaled
 
 
-def _odd_swing(angle: FloatArray, sample_time_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _odd_continuation(angle: FloatArray, sample_time_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One period of the odd continuation of angles less the line through their ends; first angle and slope of the line.
 
     Shapes (n_config, n_exp, 2 (n_time - 1), n_axis), (n_config, n_exp, 1, n_axis), likewise.
@@ -130,6 +129,6 @@ def _odd_swing(angle: FloatArray, sample_time_s: float) -> tuple[FloatArray, Flo
     n = angle.shape[2]
     first, last = angle[:, :, :1], angle[:, :, -1:]
     share = np.linspace(0.0, 1.0, n)[:, None]
-    swing = angle - first - share * (last - first)
+    odd = angle - first - share * (last - first)
     slope = (last - first) / ((n - 1) * sample_time_s)
-    return np.concatenate((swing[:, :, :-1], -swing[:, :, :0:-1]), axis=2), first, slope
+    return np.concatenate((odd[:, :, :-1], -odd[:, :, :0:-1]), axis=2), first, slope

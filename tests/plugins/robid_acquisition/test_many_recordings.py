@@ -189,7 +189,7 @@ stages:
 def test_the_response_of_imported_files_is_that_of_the_record_that_they_were_written_from(
     tmp_path: Path,
 ) -> None:
-    """Both of a pose's last blocks are put aside: the response is that of the first two, to the last bit."""
+    """Both of a pose's last blocks are held out: the response is that of the first two, to the last bit."""
     plant = MassSpringPlant.of(2)
     original = plant_record(plant, n_block=4, noise=0.1)
     run = original.run
@@ -218,7 +218,7 @@ def test_the_response_of_imported_files_is_that_of_the_record_that_they_were_wri
     np.testing.assert_array_equal(found.output_covariance, expected.output_covariance)
     everything = H1().run(original, example_context())
     assert np.abs(found.response - everything.response).max() > 1e-3 * np.abs(everything.response).max()
-    assert "8 of 16 experiments are put aside for tests and left out" in (folder / "log.txt").read_text()
+    assert "8 of 16 experiments are held out for tests and left out" in (folder / "log.txt").read_text()
 
 
 # Patterns

@@ -1,4 +1,4 @@
-"""What the motions are for: parameters of a simulated rigid robot, with the standard errors that were foretold."""
+"""What the motions are for: parameters of a simulated rigid robot, with the standard errors that were predicted."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def measure(robot: Robot, standing: Configurations, tmp_path_factory: pytest.Tem
     return measured
 
 
-def foretold(problem: Problem, excitation: Excitation, robot: Robot) -> np.ndarray:
+def predicted_errors(problem: Problem, excitation: Excitation, robot: Robot) -> np.ndarray:
     """Standard errors of the base parameters along a reference, by the regressor of the reference itself."""
     speed = excitation.reference[0, 0, 0]
     spectrum = np.fft.rfft(speed, axis=0)
@@ -94,7 +94,7 @@ def foretold(problem: Problem, excitation: Excitation, robot: Robot) -> np.ndarr
     return result
 
 
-def test_an_optimised_trajectory_tells_the_parameters_as_much_better_as_foretold(
+def test_an_optimised_trajectory_tells_the_parameters_as_much_better_as_predicted(
     robot: Robot, standing: Configurations, measure: Any
 ) -> None:
     problem = problem_of(robot, standing.angle[0], SEARCH)
@@ -109,7 +109,7 @@ def test_an_optimised_trajectory_tells_the_parameters_as_much_better_as_foretold
         record = measure(excitation)
         assert record.line is None
         fits.append(RigidBodyFit(cutoff_hz=50.0, drop_first=0, drop_last=0).run(record, robot))
-        predictions.append(foretold(problem, excitation, robot))
+        predictions.append(predicted_errors(problem, excitation, robot))
     for fit, predicted in zip(fits, predictions, strict=True):
         # The drives follow within some per cent, and the columns are of second order in the motion; the residual's
         # deviation from 1200 equations is good to 2 %.

@@ -1,4 +1,4 @@
-"""What is foretold of an excitation, number by number against other ways to the same, and against what is achieved."""
+"""What is predicted of an excitation, number by number against other ways to the same, and against what is achieved."""
 
 from __future__ import annotations
 
@@ -270,7 +270,7 @@ def test_configurations_that_were_not_simulated_in_full_have_no_deviation(
     assert np.isfinite(excitation.predicted_torque).all()
 
 
-def test_fewer_experiments_than_axes_foretell_no_deviation(six_axis: Robot) -> None:
+def test_fewer_experiments_than_axes_predict_no_deviation(six_axis: Robot) -> None:
     line = np.array([9, 15], dtype=np.int64)
     time = np.arange(2000) / 2000
     wave = np.cos(2 * np.pi * 9 * time) + np.cos(2 * np.pi * 15 * time + 1.0)
@@ -299,7 +299,7 @@ def test_progress_counts_the_experiments(one_axis: Robot) -> None:
 # Standard deviation of the response ----------------------------------------------------------------
 
 
-def test_one_block_foretells_what_two_foretell_from_their_scatter(one_axis: Robot) -> None:
+def test_one_block_predicts_what_two_predict_from_their_scatter(one_axis: Robot) -> None:
     standing = Configurations(one_axis.axis_names, np.array([[0.3]]))
     found = []
     for blocks in (1, 4):
@@ -311,10 +311,10 @@ def test_one_block_foretells_what_two_foretell_from_their_scatter(one_axis: Robo
     assert ratio == pytest.approx(2.0, rel=0.36)
 
 
-def test_foretold_deviation_is_the_scatter_that_h1_achieves(six_axis: Robot) -> None:
+def test_predicted_deviation_is_the_scatter_that_h1_achieves(six_axis: Robot) -> None:
     stage = Multisine(band_hz=(4.0, 80.0), lines=30, period_s=2.0, blocks=2, slow_sine_rad_s=9.0)
     standing = Configurations(six_axis.axis_names, POSE)
-    foretold = made(stage, standing, six_axis, 0).predicted_deviation[0]
+    predicted = made(stage, standing, six_axis, 0).predicted_deviation[0]
     acquire, n_seed = SimulatedAcquisition(plant="six_axis", periods=1), 8
     responses = []
     for seed in range(1, n_seed + 1):
@@ -323,14 +323,14 @@ def test_foretold_deviation_is_the_scatter_that_h1_achieves(six_axis: Robot) -> 
         response = H1().run(record, context()).response[0]
         responses.append(np.einsum("kaa->ka", response))
     scatter = np.std(responses, axis=0, ddof=1) / np.abs(np.mean(responses, axis=0))
-    ratio = foretold / scatter
+    ratio = predicted / scatter
     # The logarithm of a deviation from nu degrees of freedom scatters by 1 / (2 sqrt(nu)): the achieved one has 7 in
-    # each of 30 lines (3.5 %), the foretold one 6 (3.7 %), and its inputs are those of one draw of phases. The average
+    # each of 30 lines (3.5 %), the predicted one 6 (3.7 %), and its inputs are those of one draw of phases. The average
     # over lines is good to 5 %; 1.25 is four times that, and 1.5 was asked for.
     average = np.exp(np.mean(np.log(ratio), axis=0))
     assert (average > 1 / 1.25).all()
     assert (average < 1.25).all()
-    # Line by line 19 % of the achieved deviation and 9 % of the foretold one (30 degrees of freedom in five lines) make
+    # Line by line 19 % of the achieved deviation and 9 % of the predicted one (30 degrees of freedom in 5 lines) make
     # 21 %: 95 % lie within 1.51 (two of these), 93 % where the average is off by 8 %, no line beyond four and a half.
     # Neighbours share their windows: a hundred of the 180 are worth counting, and the share is good to 2.5 %; three.
     spread = np.abs(np.log(ratio))

@@ -22,6 +22,7 @@ from robid_core import (
     chosen_names,
     load_plugin,
 )
+from robid_core.residual import passes
 from robid_core.stage import map_in_process
 from robid_fit.torque_residual import TorqueResidualFit
 
@@ -168,6 +169,29 @@ def test_a_cut_that_does_not_repeat_is_fitted_as_well(plant: Robot, nominal: Rob
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
     assert np.sqrt((error**2).mean()) < 1e-2  # two poses; periods of 4 s reach half of that
+
+
+def test_ripple_that_nobody_told_is_seen_and_does_not_bend_the_spring(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A cogging of 3 % of the limit: the misfit tells it, and weights by what is left find the spring more nearly."""
+    nominal = Robot.load("one_axis")
+    plant = nominal.with_parameters(
+        {"gear_stiffness.axis_1": 1.3 * nominal.parameter("gear_stiffness.axis_1")}
+    )
+    size = {"amplitude": 0.03 * float(nominal.drives.torque_limit[0]), "order": 6.0}
+    wavy = plant.with_effect("wave", "drive.cogging", on="axis_1", values=size)
+    record = record_of(wavy, nominal, np.array([[0.4], [-0.8]]), 7, blocks=2)
+    errors, misfits = [], []
+    for doubtful in (np.inf, passes.DOUBTFUL):
+        monkeypatch.setattr(passes, "DOUBTFUL", doubtful)
+        fit = TorqueResidualFit().run(record, nominal, context())
+        true = plant.parameter("gear_stiffness.axis_1")
+        errors.append(abs(fit.parameters.value("gear_stiffness.axis_1") / true - 1))
+        misfits.append(fit.misfit)
+    assert min(misfits) > 1.5
+    assert any(doubt.kind == "misfit" for doubt in fit.doubts)
+    assert errors[1] < 0.7 * errors[0]
 
 
 def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: Robot) -> None:

@@ -78,7 +78,7 @@ def test_the_training_part_holds_the_other_experiments_with_all_that_is_known_of
 
 
 def test_blocks_of_different_number_close_up() -> None:
-    """Block 0 of one configuration and block 1 of the others are put aside: one block is left of each."""
+    """Block 0 of one configuration and block 1 of the others are held out: one block is left of each."""
     whole = record(marked((0, 0), (1, 1), (2, 1), (3, 1)))
     values = whole.run.values("motor_position")
     np.testing.assert_array_equal(
@@ -92,10 +92,10 @@ def test_blocks_of_different_number_close_up() -> None:
     [
         (
             [(1, 0)],
-            "configuration 0 keeps blocks of 3 and 3 experiments, configuration 1 of 3; put aside whole",
+            "configuration 0 keeps blocks of 3 and 3 experiments, configuration 1 of 3; hold out whole",
         ),
         ([(0, 0, 0)], "configuration 0 keeps blocks of 2 and 3 experiments, configuration 0 of 2 and 3"),
-        ([slice(None)], "no experiment of the record is left: all are put aside for tests"),
+        ([slice(None)], "no experiment of the record is left: all are held out for tests"),
     ],
 )
 def test_what_is_left_without_a_common_shape_is_refused(places: list[Any], told: str) -> None:

@@ -52,14 +52,14 @@ def test_the_numbers_change_and_the_comments_stay(pipeline: Pipeline) -> None:
     file = pipeline.folder / "robot.yaml"
     run = pipeline.folder / "runs" / "exact"
     found = Robot.load(str(run / "robot.fit.yaml"))
-    foretold = adopt(pipeline, "fit", dry_run=True)
+    predicted = adopt(pipeline, "fit", dry_run=True)
     assert file.read_text() == ROBOT
-    assert adopt(pipeline, "fit") == foretold
+    assert adopt(pipeline, "fit") == predicted
     assert Robot.load(str(file)) == found
     text = file.read_text()
     assert text.startswith("# Mine.\nrobid_robot: 1\nbase: one_axis\nparameters:\n  gear_stiffness.axis_1: 5")
     assert "   # guessed\n" in text
-    assert [line for line in foretold if line.startswith("-  ")] == [
+    assert [line for line in predicted if line.startswith("-  ")] == [
         "-  gear_stiffness.axis_1: 7.0e+4   # guessed"
     ]
     assert np.isclose(found.parameter("gear_stiffness.axis_1"), 5.6e4, rtol=0.05)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from robid_core.commands import main
-from robid_core.commands.plan import foretold
+from robid_core.commands.plan import predictions
 from robid_core.pipeline import Pipeline
 from robid_core.run.rehearsal import rehearsable
 
@@ -57,7 +57,7 @@ def robid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 def advice_of(text: str) -> list[str]:
     """Return the lines from the first to the last of the advice, without what stands before them."""
     lines = [line.strip() for line in text.splitlines()]
-    first = next(i for i, line in enumerate(lines) if line.startswith("foretold by"))
+    first = next(i for i, line in enumerate(lines) if line.startswith("predicted by"))
     last = next(i for i, line in enumerate(lines) if line.startswith("experiment time"))
     return [" ".join(line.split()) for line in lines[first : last + 1]]
 
@@ -67,7 +67,7 @@ def test_the_worked_example_gets_every_item_of_advice(robid: Robid, tmp_path: Pa
     done = robid("plan")
     assert done.code == 0, done.err
     text = advice_of(done.out)
-    assert text[0] == "foretold by 48 simulated experiments of the nominal robot, worst of 4 configurations:"
+    assert text[0] == "predicted by 48 simulated experiments of the nominal robot, worst of 4 configurations:"
     assert text[1] == "axis torque excited friction gear load travel speed near"
     assert text[2] == (
         "peak N m limit rms N m N m peak N m of motor's rad peak rad/s 10% 50% 90% 99% standstill"
@@ -140,7 +140,7 @@ def test_wiring_alone_and_diagrams_simulate_nothing(
     for option in ("--dry", "--mermaid"):
         done = robid("plan", option)
         assert done.code == 0, done.err
-        assert "foretold" not in done.out
+        assert "predicted" not in done.out
     assert "2 configurations x 2 blocks x 1 experiment" in robid("plan", "--dry").out
 
 
@@ -180,8 +180,8 @@ def test_an_excitation_that_waits_for_a_measurement_is_not_simulated(tmp_path: P
     (tmp_path / "pipeline.yaml").write_text(text)
     pipeline = Pipeline.load(tmp_path / "pipeline.yaml")
     assert [node.name for node in rehearsable(pipeline)] == ["where", "excite"]
-    advice = foretold(pipeline)
-    assert advice["excite"][0].startswith("foretold by")
+    advice = predictions(pipeline)
+    assert advice["excite"][0].startswith("predicted by")
     assert advice["again"] == [
         "not simulated: it needs what only a run finds out; robid show again tells afterwards"
     ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -17,41 +15,29 @@ LINES = np.array([9, 21, 47, 95, 139])
 
 
 @pytest.fixture(scope="module")
-def plant() -> Robot:
-    """Six axes with friction, ideal sensors."""
-    robot = Robot.load("six_axis")
-    ideal = {"position_noise": 0.0, "torque_noise": 0.0, "encoder_counts": 0}
-    axes = {
-        name: axis.model_copy(update={"sensors": axis.sensors.model_copy(update=ideal)})
-        for name, axis in robot.description.axes.items()
-    }
-    return dataclasses.replace(robot, description=robot.description.model_copy(update={"axes": axes}))
-
-
-@pytest.fixture(scope="module")
-def block(plant: Robot) -> PeriodicBlock:
+def block(ideal: Robot) -> PeriodicBlock:
     """Two experiments of one pose, lines from 4.5 to 70 Hz on a slow sine, the periods after four of settling."""
     generator, time = np.random.default_rng(3), T * np.arange(N)
     speed = 9 * np.sin(2 * np.pi * time / (N * T))[None, :, None] * np.ones((2, 1, 6))
     for line in LINES:
         phase = generator.uniform(0, 2 * np.pi, (2, 1, 6))
         speed = speed + 5 * np.sin(2 * np.pi * line / (N * T) * time[None, :, None] + phase)
-    run = plant.simulate(
+    run = ideal.simulate(
         np.tile(speed, (1, 6, 1)), np.tile([0.3, 0.4, -0.3, 0.5, 0.6, 0.2], (2, 1)), step=STEP
     )
     rows = (1, 1, 2, 2, N, 6)
     position, torque = (values[:, 4 * N :].reshape(rows) for values in (run.position, run.torque))
     levels = {
-        name: 0.0 for name in plant.layout if name.endswith(".coulomb") and name.startswith("friction.")
+        name: 0.0 for name in ideal.layout if name.endswith(".coulomb") and name.startswith("friction.")
     }
     motion = periodic_motion_of(position, torque, T, LINES, 100.0)
-    return PeriodicBlock.of_record(plant.with_parameters(levels), motion, (plant.drives.friction_speed[0],))
+    return PeriodicBlock.of_record(ideal.with_parameters(levels), motion, (ideal.drives.friction_speed[0],))
 
 
-def left(block: PeriodicBlock, plant: Robot) -> np.ndarray:
+def left(block: PeriodicBlock, ideal: Robot) -> np.ndarray:
     """Residual over the torque of the lines, rms at lines and at other bins, axis by axis, (2, n_axis)."""
     coefficient = np.zeros((3, 6))
-    coefficient[0] = plant.drives.coulomb
+    coefficient[0] = ideal.drives.coulomb
     torque = block.predicted(block.robot, np.zeros(1), coefficient)
     residual, lines = block.residual(torque, 0.0), block.motion.excited
     size = np.sqrt((np.abs(block.motion.torque_spectrum[:, :, lines]) ** 2).mean(axis=(0, 1, 2)))
@@ -60,21 +46,21 @@ def left(block: PeriodicBlock, plant: Robot) -> np.ndarray:
     return np.stack(rms) / size
 
 
-def test_a_prescribed_motion_and_friction_give_the_torque_back(block: PeriodicBlock, plant: Robot) -> None:
+def test_a_prescribed_motion_and_friction_give_the_torque_back(block: PeriodicBlock, ideal: Robot) -> None:
     """The linear model leaves parts of a thousand in bins that are no lines, prescribed motion a fifth of that at most.
 
     At lines, steps of 0.25 ms err by (w h)^2 / 24 = 5e-4 in what springs take at 70 Hz, which is a part of the torque.
     """
     free = FreeParameters.of_robot(block.robot, ("friction.axis_1.viscous",))
-    assert plant.drives.friction_speed == pytest.approx(plant.drives.friction_speed[0])
-    linear = left(block, plant)
+    assert ideal.drives.friction_speed == pytest.approx(ideal.drives.friction_speed[0])
+    linear = left(block, ideal)
     for _ in range(3):  # each from where the one before ended: until it has rung out
         block.renew(free, np.zeros(1))
-    moved = left(block, plant)
+    moved = left(block, ideal)
     coefficient = np.zeros((3, 6))
-    coefficient[0] = plant.drives.coulomb
+    coefficient[0] = ideal.drives.coulomb
     block.renew_friction(block.robot, coefficient)
-    best = left(block, plant)
+    best = left(block, ideal)
     assert (linear[1] > 5 * best[1]).all()
     assert best[0].max() < 5e-4
     assert best[1].max() < 1e-4

@@ -1,4 +1,4 @@
-"""Records that do not repeat: spectra under a window, free swinging, and the torque of a cut of a simulated motion."""
+"""Records that do not repeat: spectra under a window, free vibration, and the torque of a cut of a simulated motion."""
 
 from __future__ import annotations
 
@@ -11,24 +11,16 @@ from robid_core import DataRejected, FreeParameters, Robot
 from robid_core.estimation.torque.windowed import windowed_motion_of
 from robid_core.mechanics import MotorMotion
 from robid_core.residual import WindowedBlock
-from robid_core.residual.free_swing import deviation_of, free_swing, usual_swing
+from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration
 
 T, N = 1e-3, 4000
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
+def robot(ideal: Robot) -> Robot:
     """Six axes without Coulomb friction, ideal sensors."""
-    robot = Robot.load("six_axis")
-    ideal = {"position_noise": 0.0, "torque_noise": 0.0, "encoder_counts": 0}
-    axes = {
-        name: axis.model_copy(update={"sensors": axis.sensors.model_copy(update=ideal)})
-        for name, axis in robot.description.axes.items()
-    }
-    plain = dataclasses.replace(robot, description=robot.description.model_copy(update={"axes": axes}))
-    return plain.with_parameters(
-        {n: 0.0 for n in robot.layout if n.endswith(".coulomb") and n.startswith("friction.")}
-    )
+    levels = [n for n in ideal.layout if n.endswith(".coulomb") and n.startswith("friction.")]
+    return ideal.with_parameters(dict.fromkeys(levels, 0.0))
 
 
 def speeds(n_sample: int, n_lane: int) -> np.ndarray:
@@ -53,7 +45,7 @@ def test_acceleration_of_a_cut_is_that_of_the_motion() -> None:
     assert abs(error).max() < 1e-3 * abs(motion.torque_spectrum).max()
 
 
-def test_free_swinging_is_that_of_the_simulator(robot: Robot) -> None:
+def test_free_vibration_is_that_of_the_simulator(robot: Robot) -> None:
     """Motors held, deflections deviate by what bends torques by a tenth of a N m: the difference of two runs."""
     angle = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2]])
     motor = np.tile(robot.motor_angle(angle)[:, None, None], (1, 1, N, 1))
@@ -69,7 +61,7 @@ def test_free_swinging_is_that_of_the_simulator(robot: Robot) -> None:
     moved = robot.prescribe(still, dataclasses.replace(rest, position=position, speed=speed))
     torque = moved.torque - robot.prescribe(still, rest).torque
     theirs = motion.spectrum_of(torque[None])[0, 0]
-    ours = (free_swing(robot, motion)[0, 0] @ deviation) * motion.hold[:, None]
+    ours = (free_vibration(robot, motion)[0, 0] @ deviation) * motion.hold[:, None]
     # The simulator's torque is the mean over a sample, half a sample later; its first step begins without acceleration.
     half = np.exp(1j * motion.omega * T / 2)[:, None]
     assert abs(theirs - ours * half).max() < 0.02 * abs(theirs).max()
@@ -93,7 +85,7 @@ def test_a_start_in_motion_is_found_and_the_torque_given_back(robot: Robot) -> N
         left.append(
             np.sqrt((np.abs(residual) ** 2).sum() / (np.abs(block.motion.torque_spectrum) ** 2).sum())
         )
-        block.improve_start(noisy, residual, 1e3 * weight)
+        block.improve_initial_state(noisy, residual, 1e3 * weight)
     assert left[0] > 20 * left[-1]
     assert left[-1] < 3e-3
 
@@ -102,13 +94,13 @@ def test_deviations_that_are_seen_are_found(robot: Robot) -> None:
     """Of torques made from known deviations, in units of what is usual, those of slow modes to a hundredth."""
     motor = np.cumsum(speeds(N, 1), axis=1) * T + robot.motor_angle([0.3, 0.4, -0.3, 0.5, 0.6, 0.2])
     motion = windowed_motion_of(motor[None], np.zeros((1, 1, N, 6)), T, 80.0)
-    swing = free_swing(robot, motion)
-    usual = usual_swing(robot, robot.joint_angle(motor.mean(axis=1)), motion)
-    share = np.random.default_rng(2).standard_normal(swing.shape[-1])
-    residual = (swing @ (share * usual[0]))[None, 0]
+    vibration = free_vibration(robot, motion)
+    prior = rms_vibration(robot, robot.joint_angle(motor.mean(axis=1)), motion)
+    share = np.random.default_rng(2).standard_normal(vibration.shape[-1])
+    residual = (vibration @ (share * prior[0]))[None, 0]
     weight = np.tile(1e4 * np.eye(6, dtype=complex), (len(motion.bin), 1, 1))
-    found = deviation_of(residual, swing, weight, usual)
-    left = residual - np.einsum("cxfak,cxk->cxfa", swing, found)
+    found = deviation_of(residual, vibration, weight, prior)
+    left = residual - np.einsum("cxfak,cxk->cxfa", vibration, found)
     assert np.abs(left).max() < 1e-3 * np.abs(residual).max()
 
 

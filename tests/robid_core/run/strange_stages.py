@@ -92,7 +92,7 @@ class Measure(Acquisition):
     fault: str = ""
     """What goes wrong."""
     test: tuple[int, ...] = ()
-    """Configurations that are put aside."""
+    """Configurations that are held out."""
     variants: tuple[str, ...] = ()
     """Of each configuration."""
 

@@ -30,7 +30,7 @@ def test_test_experiments_are_recorded_and_no_estimator_sees_them(world: Any) ->
     np.testing.assert_array_equal(frf.angle, record.angle[[0, 2]])
     np.testing.assert_array_equal(frf.response, everything.response[[0, 2]])
     log = (world.folder / "log.txt").read_text()
-    assert "robid.frf: 1 of 3 experiments are put aside for tests and left out" in log
+    assert "robid.frf: 1 of 3 experiments are held out for tests and left out" in log
 
 
 def test_a_stage_that_says_so_sees_them(world: Any) -> None:

@@ -1,4 +1,4 @@
-"""Foretold standard deviations against brute force: noise drawn, spectra made of it, responses estimated."""
+"""Predicted standard deviations against brute force: noise drawn, spectra made of it, responses estimated."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_noise_of_the_sensors_is_the_scatter_of_transformed_samples() -> None:
     assert (np.abs(found - expected) < 0.08 * size).all()
 
 
-def test_foretold_deviation_is_the_scatter_of_h1_over_many_measurements() -> None:
+def test_predicted_deviation_is_the_scatter_of_h1_over_many_measurements() -> None:
     generator, n_planned, n_more, n_draw = np.random.default_rng(2), 4, 60, 1500
     g = plant()
 
@@ -54,8 +54,8 @@ def test_foretold_deviation_is_the_scatter_of_h1_over_many_measurements() -> Non
 
     u = circular(generator, (N_FREQ, N_AXIS, n_planned + n_more), 0.6)
     d = circular(generator, (N_FREQ, N_AXIS, n_planned + n_more), DISTORTION[:, None])
-    foretold = predicted_deviation(u, g @ (u + d), n_planned, FREQUENCY, NOISE, N_SAMPLE)
-    assert foretold is not None
+    predicted = predicted_deviation(u, g @ (u + d), n_planned, FREQUENCY, NOISE, N_SAMPLE)
+    assert predicted is not None
     planned = u[..., :n_planned]
     angle = circular(
         generator,
@@ -72,13 +72,13 @@ def test_foretold_deviation_is_the_scatter_of_h1_over_many_measurements() -> Non
         deviation: np.ndarray = np.sqrt(np.einsum("kaa->ka", variance)) / np.abs(np.einsum("kaa->ka", g))
         return deviation
 
-    # The foretold covariance has 62 x 5 degrees of freedom (60 to spare, 5 lines): its deviation is off by
+    # The predicted covariance has 62 x 5 degrees of freedom (60 to spare, 5 lines): its deviation is off by
     # 1 / (2 sqrt(310)) = 3 %; a relative size of G from 64 experiments by less, the brute force by 1 / (2 sqrt(1500)) =
     # 1.3 %. Four times the root of their squares.
-    assert foretold.total == pytest.approx(scatter(distortion(n_draw)), rel=0.15)
+    assert predicted.total == pytest.approx(scatter(distortion(n_draw)), rel=0.15)
     # Without distortion only the size of G and the brute force are uncertain.
-    assert foretold.noise == pytest.approx(scatter(np.zeros(1)), rel=0.08)
-    assert (foretold.noise < foretold.total).all()
+    assert predicted.noise == pytest.approx(scatter(np.zeros(1)), rel=0.08)
+    assert (predicted.noise < predicted.total).all()
 
 
 def test_steps_of_the_encoder_count_as_noise_and_are_not_added_to_residuals_that_hold_them() -> None:
@@ -95,7 +95,7 @@ def test_steps_of_the_encoder_count_as_noise_and_are_not_added_to_residuals_that
     assert (without.noise == 0).all()
 
 
-def test_what_averages_cannot_give_is_not_foretold() -> None:
+def test_what_averages_cannot_give_is_not_predicted() -> None:
     generator = np.random.default_rng(4)
     u = circular(generator, (N_FREQ, N_AXIS, 6), 1.0)
     y = plant() @ u

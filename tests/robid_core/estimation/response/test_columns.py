@@ -1,4 +1,4 @@
-"""n + 1 experiments with common phases: what does not depend on the phases is put aside."""
+"""n + 1 experiments with common phases: what does not depend on the phases is removed."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ import pytest
 
 from robid_core import DataRejected
 from robid_core.estimation.torque.spectra import periodic_motion_of, speed_functions
-from robid_core.estimation.torque.weights import covariance_of, whitener
+from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 
 T, N = 1e-3, 1000
 LINES = np.array([5, 21])
@@ -71,6 +71,19 @@ def test_weights_whiten_correlated_noise_of_any_colour() -> None:
     share = np.einsum("xfa,xfb->fab", white, white.conj()) / len(white)
     # 400 x 17 complex values a bin tell a variance to 1.2 %; colour changes by 8 % over a window, its square by 0.3 %.
     np.testing.assert_allclose(share[12:-12].mean(axis=0), np.eye(2), atol=0.02)
+
+
+def test_lines_and_other_bins_keep_variances_of_their_own() -> None:
+    """Every tenth bin is a line with a hundred times the power: neither smears into the other."""
+    generator = np.random.default_rng(6)
+    excited = np.arange(101) % 10 == 5
+    level = np.where(excited, 10.0, 1.0)[:, None]
+    residual = level * (
+        generator.standard_normal((300, 101, 2)) + 1j * generator.standard_normal((300, 101, 2))
+    )
+    found = np.einsum("faa->fa", covariance_apart(residual, excited)).real
+    # Mean over 300 experiments and at least 6 lines or 9 bins: 2.4 % of a variance of 2, or of 200, is one deviation.
+    np.testing.assert_allclose(found / (2 * level**2), 1.0, atol=0.1)
 
 
 def test_what_cannot_be_transformed_is_refused() -> None:

@@ -1,7 +1,7 @@
-"""Free swinging of everything behind the motors, motors held: what an unknown start adds to the torque.
+"""Free vibration behind held motors: the torque that unknown initial deflections and their rates add.
 
-Deviations of deflections and their rates at the start, s, become ``T(t) = G V exp(L t) V^-1 s`` with eigenvalues L and
-eigenvectors V of the linear model at the pose of the start, and G the torque on the motors of each state.
+Deviations of the initial state, s, become ``T(t) = G V exp(L t) V^-1 s`` with eigenvalues L and
+eigenvectors V of the linear model at the initial pose, and G the torque on the motors of each state.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from robid_core.robot import Robot
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 
-SLOW = 100.0  # times slower than the first bin: what follows the motors as if it hung still
+SLOW = 100.0  # times slower than the first bin: there deflections follow quasi-statically
 
 
-def free_swing(robot: Robot, motion: WindowedMotion) -> ComplexArray:
+def free_vibration(robot: Robot, motion: WindowedMotion) -> ComplexArray:
     """Spectra of the held torque for unit deviations of angles, then rates.
 
     Shape (n_config, n_exp, n_bin, n_axis, 2 n_behind): experiments start in poses of their own.
@@ -37,42 +37,43 @@ def free_swing(robot: Robot, motion: WindowedMotion) -> ComplexArray:
     wave = np.exp(value[:, None, None, :] * time[:, None])
     spectrum = (motion.held_spectrum(wave.real) + 1j * motion.held_spectrum(wave.imag))[:, 0]
     modes = (torque @ vector)[:, None] * spectrum[:, :, None]
-    swing: ComplexArray = modes @ np.linalg.inv(vector)[:, None]
-    return swing.reshape(*start.shape[:2], *swing.shape[1:])
+    torques: ComplexArray = modes @ np.linalg.inv(vector)[:, None]
+    return torques.reshape(*start.shape[:2], *torques.shape[1:])
 
 
-def usual_swing(robot: Robot, angle: FloatArray, motion: WindowedMotion) -> FloatArray:
-    """Rms of what the linear model swings beyond hanging still, and of its rate, shape (n_config, 2 n_behind)."""
+def rms_vibration(robot: Robot, angle: FloatArray, motion: WindowedMotion) -> FloatArray:
+    """Rms of the linear model's dynamic deflection in this motion, and of its rate, shape (n_config, 2 n_behind)."""
     n, omega = robot.n_axis, motion.omega[1:]
     follow = passive_motion(robot, angle, np.concatenate((omega[:1] / SLOW, omega)))[:, :, n:]
-    swing = np.matmul((follow[:, 1:] - follow[:, :1])[:, None], motion.angle_spectrum[:, :, 1:, :, None])[
-        ..., 0
-    ]
-    power = [2 * (np.abs(factor * swing) ** 2).sum(axis=2).mean(axis=1) for factor in (1.0, omega[:, None])]
-    usual: FloatArray = np.sqrt(np.concatenate(power, axis=1))
-    return usual
+    dynamic = follow[:, 1:] - follow[:, :1]
+    deflection = np.matmul(dynamic[:, None], motion.angle_spectrum[:, :, 1:, :, None])[..., 0]
+    power = [2 * (np.abs(f * deflection) ** 2).sum(axis=2).mean(axis=1) for f in (1.0, omega[:, None])]
+    rms: FloatArray = np.sqrt(np.concatenate(power, axis=1))
+    return rms
 
 
 def deviation_of(
-    residual: ComplexArray, swing: ComplexArray, whitener: ComplexArray, usual: FloatArray
+    residual: ComplexArray, vibration: ComplexArray, whitener: ComplexArray, prior: FloatArray
 ) -> FloatArray:
-    """Deviations at the start that explain residuals best, shape (n_config, n_exp, 2 n_behind).
+    """Deviations of the initial state that explain residuals best, shape (n_config, n_exp, 2 n_behind).
 
     Parameters
     ----------
     residual
         Torque, N m, shape (n_config, n_exp, n_bin, n_axis).
-    swing
-        From `free_swing`.
+    vibration
+        From `free_vibration`.
     whitener
         Shape (n_bin, n_axis, n_axis).
-    usual
-        Standard deviation of each before anything is known, from `usual_swing`.
+    prior
+        Standard deviation of each, from `rms_vibration`.
     """
-    white = np.matmul(whitener, swing * usual[:, None, None, None])
-    rows = np.concatenate((white.real, white.imag), axis=2).reshape(*swing.shape[:2], -1, swing.shape[-1])
+    white = np.matmul(whitener, vibration * prior[:, None, None, None])
+    rows = np.concatenate((white.real, white.imag), axis=2).reshape(
+        *vibration.shape[:2], -1, vibration.shape[-1]
+    )
     error = np.matmul(whitener, residual[..., None])[..., 0]
     values = np.concatenate((error.real, error.imag), axis=2).reshape(*residual.shape[:2], -1, 1)
     turned = rows.swapaxes(-1, -2)
     share: FloatArray = np.linalg.solve(turned @ rows + np.eye(rows.shape[-1]), turned @ values)[..., 0]
-    return share * usual[:, None]
+    return share * prior[:, None]
