@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core import FreeParameters, Model, Robot
-from robid_core.estimation.torque.spectra import PeriodicMotion, speed_functions
+from robid_core.estimation.torque.periodic import PeriodicMotion
+from robid_core.estimation.torque.spectra import speed_functions
 from robid_core.estimation.torque.windowed import WindowedMotion
 
 FloatArray = npt.NDArray[np.float64]

@@ -28,7 +28,7 @@ from robid_core import (
     chosen_names,
     pattern_problems,
 )
-from robid_core.estimation.torque.spectra import periodic_motion_of
+from robid_core.estimation.torque.periodic import periodic_motion_of
 from robid_core.estimation.torque.windowed import windowed_motion_of
 from robid_core.residual import (
     PeriodicBlock,

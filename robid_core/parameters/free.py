@@ -121,6 +121,12 @@ class FreeParameters:
             found |= {f"inertia.{joint}.{moment}": float(inertia[entry]) for moment, entry in MOMENTS.items()}
         return found
 
+    def slopes(self, point: FloatArray) -> FloatArray:
+        """Derivative of each value for its own coordinate, shape (n,), but of moments: they change together."""
+        logarithmic = np.array(self.kinds) == LOGARITHM
+        slopes: FloatArray = np.where(logarithmic, self.start * np.exp(point * logarithmic), self.scale)
+        return slopes
+
     def robot_at(self, point: FloatArray) -> Robot:
         """Return the robot that a vector of coordinates means."""
         return self.robot.with_parameters(self.values(point))

@@ -21,6 +21,7 @@ from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
 from robid_core.residual.columns import body_derivatives, parameter_columns, passive_motion
 from robid_core.residual.impedance import impedance
+from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -50,11 +51,16 @@ class TorqueBlock(ABC, Generic[M]):
 
     robot: Robot
     """Without Coulomb friction at the motors; the free parameters are set on it."""
+    recorded: M
+    """As the sensors told it."""
     motion: M
+    """Without what laws on signals make of it."""
     laws: tuple[SpeedFunction, ...]
     """Functions of speed that stand for friction."""
     friction: ComplexArray
     """Spectra of these functions and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis)."""
+    added: ComplexArray
+    """What laws on motor torques add to the commanded ones, shape (n_config, n_exp, n_bin, n_axis)."""
     angle: FloatArray
     """Joint-side angles about which the model is linear, rad, shape (n_config, n_axis)."""
     remainder: ComplexArray = field(init=False)
@@ -62,6 +68,9 @@ class TorqueBlock(ABC, Generic[M]):
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
+    signal_columns: tuple[SignalColumn, ...] = field(init=False, default=())
+    signals_about: FloatArray | None = field(init=False, default=None)
+    """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.motion.torque_spectrum)
@@ -114,7 +123,13 @@ class TorqueBlock(ABC, Generic[M]):
 
     def thinned(self, keep: IntArray) -> Self:
         """Return the block with some of its bins, before any motion was prescribed."""
-        return replace(self, motion=self.motion.thinned(keep), friction=self.friction[:, :, :, keep])
+        return replace(
+            self,
+            recorded=self.recorded.thinned(keep),
+            motion=self.motion.thinned(keep),
+            friction=self.friction[:, :, :, keep],
+            added=self.added[:, :, keep],
+        )
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
         """Return this block's robot with the free parameters at some coordinates."""
@@ -143,6 +158,10 @@ class TorqueBlock(ABC, Generic[M]):
                 torque += (coordinates - self.about)[column.index] * column.remainder
         for law, size in zip(self.friction, coefficient, strict=True):
             torque += law * size
+        torque -= self.added
+        if self.signals_about is not None:
+            for of_signal in self.signal_columns:
+                torque += (coordinates - self.signals_about)[of_signal.index] * of_signal.torque
         return torque
 
     def residual(self, predicted: ComplexArray, delay: float) -> ComplexArray:
@@ -150,6 +169,17 @@ class TorqueBlock(ABC, Generic[M]):
         turn = np.exp(-1j * self.motion.omega * delay)[:, None]
         difference: ComplexArray = self.motion.torque_spectrum - turn * predicted
         return difference
+
+    def renew_signals(self, free: FreeParameters, coordinates: FloatArray) -> None:
+        """Evaluate laws on signals anew, and their derivatives."""
+        robot = self.robot_at(free, coordinates)
+        if not robot.signals:
+            return
+        self.motion = true_motion(robot, self.recorded)
+        self.added = added_torque(robot, self.motion)
+        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        self.signal_columns = signal_columns(free, coordinates, robot, self.motion, z)
+        self.signals_about = coordinates.copy()
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:
         """Prescribe the measured motion to the model."""
@@ -164,13 +194,14 @@ class TorqueBlock(ABC, Generic[M]):
         """
         robot, motion = self.robot_at(free, coordinates), self.motion
         here = impedance(robot, self.angle, motion, "zero_order_hold")
+        evaluated = {column.index for column in self.signal_columns}
         kept, far = {column.index: column for column in self.simulated}, self.moves_far
         columns = []
         for i, name in enumerate(free.names):
             kind = free.robot.parameter_kind(name)
             elastic = kind in ("stiffness", "damping")
             linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
-            if linear_is_enough and not far:
+            if i in evaluated or (linear_is_enough and not far):
                 continue
             if kind == "inertia" and i in kept:
                 columns.append(kept[i])
@@ -229,6 +260,8 @@ class TorqueBlock(ABC, Generic[M]):
             found[..., :n_free] = parameter_columns(free, robot, motion, c, passive[c], bodies)
             for column in self.simulated:
                 found[..., column.index] = (column.remainder[c] + column.linear[c]).transpose(1, 0, 2)
+            for of_signal in self.signal_columns:
+                found[..., of_signal.index] = of_signal.torque[c].transpose(1, 0, 2)
             for a in range(n_axis):
                 laws = self.friction[:, c, :, :, a].transpose(2, 1, 0)
                 found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +12,16 @@ from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+Hold = Literal["zero_order_hold", "continuous"]
 
 
-def impedance(robot: Robot, angle: FloatArray, motion: MotionSpectra, hold: str) -> ComplexArray:
-    """Motor torque per motor acceleration at each bin, (n_config, n_bin, n_axis, n_axis), zero at bin 0."""
-    response: Any = robot.response(angle, motion.frequency_hz[1:], hold=hold)
+def impedance(robot: Robot, angle: FloatArray, motion: MotionSpectra, hold: Hold) -> ComplexArray:
+    """Motor torque per motor acceleration at each bin, (n_config, n_bin, n_axis, n_axis), zero at bin 0.
+
+    Of what acts and what moves: laws on signals are not in it.
+    """
+    held = robot.sample_time_s if hold == "zero_order_hold" else None
+    response: Any = robot.batches.response(robot.second_order(angle), motion.omega[1:], held)
     n_config, _, n_axis, _ = response.shape
     found = np.zeros((n_config, len(motion.bin), n_axis, n_axis), dtype=np.complex128)
     found[:, 1:] = np.linalg.inv(response)

@@ -75,6 +75,8 @@ def solve(
     fresh, settled, doubted = True, False, False
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
+        if fresh:
+            _renew_signals(problem, point)
         _renew(problem, point, model_error, improve=number < IMPROVED)
         if fresh:
             _renew_derivatives(problem, point)
@@ -152,6 +154,11 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
             before = left
             block.improve_initial_state(robot, residual, whitener)
             block.renew(problem.free, coordinates)
+
+
+def _renew_signals(problem: TorqueProblem, point: FloatArray) -> None:
+    for block in problem.blocks:
+        block.renew_signals(problem.free, point[: problem.n_free])
 
 
 def _renew_derivatives(problem: TorqueProblem, point: FloatArray) -> None:

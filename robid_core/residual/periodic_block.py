@@ -7,18 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.estimation.torque.spectra import (
-    MOTION_BAND_HZ,
-    PeriodicMotion,
-    friction_deviation,
-    friction_spectra,
-    speed_functions,
-)
+from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
+from robid_core.estimation.torque.spectra import MOTION_BAND_HZ, friction_spectra, speed_functions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
 from robid_core.mechanics import MotorMotion, SimulationState, periodic_motion
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
+from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -40,9 +36,11 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     @classmethod
     def of_record(cls, robot: Robot, motion: PeriodicMotion, widths: tuple[float, ...]) -> PeriodicBlock:
         """Prepare a block; `widths` are those of the friction functions, rad/s."""
+        recorded, motion = motion, true_motion(robot, motion)
         laws, angle = tuple(speed_functions(widths)), robot.joint_angle(motion.angle.mean(axis=(1, 2)))
-        friction = friction_spectra(motion, laws, motion.fine_speed())
-        return cls(robot, motion, laws, friction, angle, friction_deviation(motion, laws))
+        friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
+        deviation = friction_deviation(motion, laws)
+        return cls(robot, recorded, motion, laws, friction, added, angle, deviation)
 
     def thinned(self, keep: npt.NDArray[np.int64]) -> PeriodicBlock:
         """Return the block with some of its bins, before any motion was prescribed."""

@@ -16,9 +16,11 @@ from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import friction_spectra, speed_functions
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.mechanics import MotorMotion
+from robid_core.parameters import FreeParameters
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration
 from robid_core.residual.impedance import impedance
+from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,9 +51,10 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
                 "sensors: {torque_noise: ...} for every axis"
             )
         laws = tuple(speed_functions(widths))
+        recorded, motion = motion, true_motion(robot, motion)
         middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
-        friction = friction_spectra(motion, laws, motion.fine_speed())
-        return cls(robot, motion, laws, friction, robot.joint_angle(middle))
+        friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
+        return cls(robot, recorded, motion, laws, friction, added, robot.joint_angle(middle))
 
     @property
     def moves_far(self) -> bool:
@@ -63,20 +66,21 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         """Likewise; of long ways the first experiments of each configuration are enough to begin with."""
         if not self.moves_far:
             return super().thinned(keep)
-        n, motion = FEW, self.motion
         few = replace(
-            motion,
-            angle=motion.angle[:, :n],
-            torque_spectrum=motion.torque_spectrum[:, :n],
-            acceleration_spectrum=motion.acceleration_spectrum[:, :n],
-        )
-        return replace(
             self,
-            motion=few.thinned(keep),
+            recorded=_first(self.recorded, FEW),
+            motion=_first(self.motion, FEW),
             deviation=None,
             prescribed=None,
-            friction=self.friction[:, :, :n][:, :, :, keep],
+            friction=self.friction[:, :, :FEW],
+            added=self.added[:, :FEW],
         )
+        return super(WindowedBlock, few).thinned(keep)
+
+    def renew_signals(self, free: FreeParameters, coordinates: FloatArray) -> None:
+        """Evaluate laws on signals anew; a motion that they change is prescribed anew."""
+        super().renew_signals(free, coordinates)
+        self.prescribed = None if self.signal_columns else self.prescribed
 
     def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
         """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis)."""
@@ -125,3 +129,14 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     def noise_freedom(self) -> float:
         """Complex degrees of freedom of the noise at each bin: it is told."""
         return float("inf")
+
+
+def _first(motion: WindowedMotion, n: int) -> WindowedMotion:
+    """Return the first experiments of each configuration."""
+    return replace(
+        motion,
+        angle=motion.angle[:, :n],
+        torque=motion.torque[:, :n],
+        torque_spectrum=motion.torque_spectrum[:, :n],
+        acceleration_spectrum=motion.acceleration_spectrum[:, :n],
+    )

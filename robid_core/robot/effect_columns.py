@@ -19,7 +19,7 @@ from robid_core.errors import ConfigurationError
 from robid_core.mechanics.law_along import law_along, signal_along
 from robid_core.mechanics.terms import CHANNELS, TORQUE, ForceTerm, SignalTerm
 from robid_core.robot.effects import BoundEffect
-from robid_core.robot.forces_along import ForceAlong, RobotMotion, forces_along
+from robid_core.robot.forces_along import ForceAlong, ForcesAlong, RobotMotion, forces_along
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
@@ -65,7 +65,8 @@ def effect_columns(robot: Robot, names: Iterable[str], motion: RobotMotion) -> t
         Where a name is no parameter of such an effect, or the motion lacks what a law asks for.
     """
     asked = [_parameter(robot, name) for name in names]
-    along = forces_along(robot, motion, {bound.label for bound, _ in asked})
+    exerting = {bound.label for bound, _ in asked if issubclass(bound.effect, ForceEffect)}
+    along = forces_along(robot, motion, exerting) if exerting else ForcesAlong(motion.position[..., :0], ())
     found: list[EffectColumn] = []
     for bound, row in asked:
         if issubclass(bound.effect, ForceEffect):
@@ -124,10 +125,9 @@ def _of_signal(bound: BoundEffect, row: str, motion: RobotMotion) -> EffectColum
     if row in unit:
         return EffectColumn(name, place.side, place.motor, unit[row], linear=True)
     low, high, distance = _ends(bound, row)
-    if place.side != CHANNELS[TORQUE] and abs(motion.step / place.sample_time - 1) > 1e-6:
-        raise ConfigurationError(
-            f"'{name}' is of a law that runs once a sample ({place.sample_time:g} s): give the motion there"
-        )
+    step = place.step if place.side == CHANNELS[TORQUE] else place.sample_time
+    if abs(motion.step / step - 1) > 1e-6:
+        raise ConfigurationError(f"'{name}' is of a law that runs every {step:g} s: give the motion there")
     first, second = (
         signal_along(term, signal, angle, speed, motion.step, settle=motion.settle)
         for term in (*low, *high)

@@ -216,8 +216,8 @@ def added_terms(
     return Equivalent(stiffness.reshape(shape), damping.reshape(shape))
 
 
-def channel_gain(robot: Robot, channel: str, omega: FloatArray) -> ComplexArray:
-    """Product of the complex gains of the signal effects on a channel, shape (n_freq, n_axis).
+def channel_gain(robot: Robot, channel: str, omega: FloatArray, last: str | None = None) -> ComplexArray:
+    """Product of the complex gains of the signal effects on a channel, up to the one called `last`, (n_freq, n_axis).
 
     Waves of the motor angle (ripple, resolver) average out: a slow sine takes the motor over many of them.
     """
@@ -226,6 +226,8 @@ def channel_gain(robot: Robot, channel: str, omega: FloatArray) -> ComplexArray:
     for bound in robot.effects:
         if issubclass(bound.effect, SignalEffect) and bound.place.side == channel:
             total[:, bound.place.axis] *= bound.effect.gain(bound.parameters, bound.place, omega, motion)
+        if bound.label == last:
+            break
     return total
 
 

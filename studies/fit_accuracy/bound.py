@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core import FreeParameters, Robot
-from robid_core.estimation.torque.spectra import PeriodicMotion
+from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.estimation.torque.weights import whitener
 from robid_core.residual import TorqueProblem
 from robid_core.residual.block import TorqueBlock

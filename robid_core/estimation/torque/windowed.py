@@ -8,7 +8,8 @@ noise has the variance that it would have without.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from robid_core.estimation.torque.spectra import (
     MOTION_BAND_HZ,
     SPEED_BAND,
     MotionSpectra,
+    divided_period,
     periodic_derivative,
 )
 from robid_core.mechanics import MotorMotion, periodic_motion
@@ -47,18 +49,46 @@ class WindowedMotion(MotionSpectra):
         spectrum: ComplexArray = np.fft.rfft(weighted, axis=2)[:, :, self.bin] / n
         return spectrum
 
-    def held_spectrum(self, torque: FloatArray) -> ComplexArray:
-        """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
-        held: ComplexArray = self.spectrum_of(torque) / self.hold[:, None]
-        return held
-
     def fine_speed(self) -> FloatArray:
         """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""
-        odd, _, slope = _odd_continuation(self.angle, self.sample_time_s)
-        highest = SPEED_BAND / self.sample_time_s
-        rate = periodic_derivative(odd, self.sample_time_s, 1, highest, FINER)
-        speed: FloatArray = rate[:, :, : FINER * self.n_sample] + slope
-        return speed
+        return self.rate(1, FINER)
+
+    def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
+        """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""
+        odd, first, slope = _odd_continuation(self.angle, self.sample_time_s)
+        highest, n = SPEED_BAND / self.sample_time_s, finer * self.n_sample
+        rate = periodic_derivative(odd, self.sample_time_s, order, highest, finer, shift_s)[:, :, :n]
+        if order == 0:
+            time = shift_s + self.sample_time_s / finer * np.arange(n)
+            rate += first + slope * time[:, None]
+        elif order == 1:
+            rate += slope
+        return rate
+
+    def divided(self, values: FloatArray, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
+        """Return values at the samples over a gain as a function of omega, (n_omega, n_axis)."""
+        odd, first, slope = _odd_continuation(values, self.sample_time_s)
+        line = first + slope * (self.sample_time_s * np.arange(self.n_sample))[:, None]
+        waves = divided_period(odd, self.sample_time_s, gain)[:, :, : self.n_sample]
+        result: FloatArray = waves + line / gain(np.zeros(1)).real
+        return result
+
+    def with_signals(self, angle: FloatArray, torque: FloatArray) -> WindowedMotion:
+        """Return the same with other angles and torques."""
+        odd, _, _ = _odd_continuation(angle, self.sample_time_s)
+        acceleration = periodic_derivative(odd, self.sample_time_s, 2, MOTION_BAND_HZ)[:, :, : self.n_sample]
+        return replace(
+            self,
+            angle=angle,
+            torque=torque,
+            torque_spectrum=self.spectrum_of(torque),
+            acceleration_spectrum=self.spectrum_of(acceleration),
+        )
+
+    @property
+    def settling(self) -> int:
+        """None: what was before the first sample is not known."""
+        return 0
 
     def motor_motion(self, step: float) -> MotorMotion:
         """Motion through these angles in the integrator's steps, one lane an experiment."""
@@ -102,16 +132,12 @@ def windowed_motion_of(
             f"a band up to {highest_hz:g} Hz holds {n_bin - 1} bins of a recording of {n_sample} samples; record "
             "longer, or choose another band"
         )
-    odd, _, _ = _odd_continuation(position, sample_time_s)
-    acceleration = periodic_derivative(odd, sample_time_s, 2, MOTION_BAND_HZ)[:, :, :n_sample]
-    weight = _window(n_sample)[:, None]
-    torques, accelerations = (
-        np.fft.rfft(weight * values, axis=2)[:, :, :n_bin] / n_sample for values in (torque, acceleration)
-    )
     bins = np.arange(n_bin)
-    return WindowedMotion(
-        sample_time_s, n_sample, bins, np.zeros(n_bin, dtype=bool), position, torques, accelerations
+    empty = np.zeros((*position.shape[:2], n_bin, position.shape[3]), dtype=np.complex128)
+    bare = WindowedMotion(
+        sample_time_s, n_sample, bins, np.zeros(n_bin, dtype=bool), position, torque, empty, empty
     )
+    return bare.with_signals(position, torque)
 
 
 def _window(n: int) -> FloatArray:

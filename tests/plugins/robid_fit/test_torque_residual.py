@@ -194,6 +194,39 @@ def test_ripple_that_nobody_told_is_seen_and_does_not_bend_the_spring(
     assert errors[1] < 0.7 * errors[0]
 
 
+def test_laws_on_signals_are_known_to_the_fit_and_their_sizes_are_found() -> None:
+    """Ripple and a resolver's wave, told half as large; a torque that is reported 2 % too large, a lag of the current.
+
+    Sizes are found within three standard errors, and what is left is noise. Without these laws it is not.
+    """
+    bare = Robot.load("one_axis")
+    limit = float(bare.drives.torque_limit[0])
+
+    def with_laws(share: float) -> Robot:
+        robot = bare
+        for label, use, side, values in (
+            ("ripple", "drive.torque_ripple", "torque", {"amplitude": 0.02 * limit * share, "order": 6.0}),
+            ("wave", "sensing.resolver_ripple", "position", {"amplitude": 1e-3 * share, "order": 2.0}),
+            ("much", "sensing.gain_error", "torque_measurement", {"error": 0.02}),
+            ("lag", "drive.current_loop", "torque", {"time_constant": 4e-4}),
+        ):
+            robot = robot.with_effect(label, use, "axis_1", side, values)
+        return robot
+
+    spring = "gear_stiffness.axis_1"
+    plant, told = with_laws(1.0).with_parameters({spring: 1.3 * bare.parameter(spring)}), with_laws(0.5)
+    record = record_of(plant, bare, np.array([[0.4], [-0.8]]), 7, blocks=2)
+    names = ("effect.ripple.amplitude", "effect.wave.amplitude")
+    fit = TorqueResidualFit(free=("gear_*", "friction.*.viscous", *names)).run(record, told, context())
+    table = fit.parameters
+    for name in (spring, *names):
+        error = table.standard_error[table.names.index(name)]
+        assert error < 0.05 * plant.parameter(name)
+        assert abs(table.value(name) - plant.parameter(name)) < 3 * error, name
+    assert fit.misfit == pytest.approx(1.0, abs=0.1)
+    assert TorqueResidualFit(free=("gear_*", "friction.*.viscous")).run(record, told, context()).misfit > 2
+
+
 def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: Robot) -> None:
     """One pose without and one with 8 kg at the flange: each robot has its bodies, both have the same springs."""
     load = "effects:\n  load: {use: load.payload, on: axis_6, with: {mass: 8.0, z: 0.1}}\n"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid_core import Robot
-from robid_core.estimation.torque.spectra import periodic_motion_of
+from robid_core.estimation.torque.periodic import periodic_motion_of
 from robid_core.parameters import FreeParameters
 from robid_core.residual import PeriodicBlock
 

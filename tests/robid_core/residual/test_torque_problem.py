@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid_core import FreeParameters, Robot, chosen_names
-from robid_core.estimation.torque.spectra import PeriodicMotion, periodic_motion_of
+from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.residual import PeriodicBlock, TorqueProblem
 
 T, N = 1e-3, 2000

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError, Robot, RobotMotion, effect_columns, forces_along
-from robid_core.estimation.torque.spectra import FINER, periodic_motion_of
+from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.spectra import FINER
 from robid_core.mechanics import MotorMotion, mean_over_held, periodic_motion
 
 STEP = 2.5e-4
@@ -117,20 +118,23 @@ def test_columns_of_signals_are_per_unit_of_what_the_law_changes(six: Robot) -> 
     robot = six.with_effect("cog", "drive.cogging", "axis_3", values={"amplitude": 0.3, "order": 6.0})
     robot = robot.with_effect("resolver", "sensing.resolver_ripple", "axis_1", values={"order": 2.0})
     robot = robot.with_effect("lag", "drive.current_loop", "axis_2")
-    motion = RobotMotion.periodic(_moving(robot), 1e-3, 1)
-    torque = np.random.default_rng(0).standard_normal((2, 40, 6))
+    motion = RobotMotion.periodic(_moving(robot), 1e-3, 4)
+    torque = np.random.default_rng(0).standard_normal((2, 160, 6))
     asked = RobotMotion(motion.position, motion.speed, motion.step, motion.settle, torque)
     names = ["effect.cog.amplitude", "effect.cog.phase", "effect.resolver.amplitude"]
     size, phase, angle = effect_columns(robot, names, asked)
     turn = 6 * motion.position[..., 2]
-    # A step of 1 ms at up to 8 rad/s: its mean is (0.5 * 6 * 8e-3)^2 / 6 = 1e-4 off the middle.
+    # A step of 0.25 ms at up to 8 rad/s: its mean is (0.5 * 6 * 2e-3)^2 / 6 = 6e-6 off the middle.
     np.testing.assert_allclose(size.values, np.sin(turn), atol=1e-12)
-    np.testing.assert_allclose(phase.values, 0.3 * np.cos(turn), atol=1e-4)
+    np.testing.assert_allclose(phase.values, 0.3 * np.cos(turn), atol=1e-5)
     assert (size.channel, phase.channel, angle.channel) == ("torque", "torque", "position")
     assert (size.linear, phase.linear, angle.linear) == (True, False, True)
     np.testing.assert_array_equal(angle.direction, np.eye(len(angle.direction))[0])
     with pytest.raises(ConfigurationError, match="give the motion the torque of the motors"):
         effect_columns(robot, names[:1], motion)
+    coarse = RobotMotion(motion.position, motion.speed, 1e-3, motion.settle, torque)
+    with pytest.raises(ConfigurationError, match=r"cog.phase' is of a law that runs every 0.00025 s"):
+        effect_columns(robot, names[1:2], coarse)
 
 
 def _moving(robot: Robot) -> np.ndarray:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robid_core import DataRejected
-from robid_core.estimation.torque.spectra import periodic_motion_of, speed_functions
+from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.spectra import speed_functions
 from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 
 T, N = 1e-3, 1000

@@ -1,0 +1,207 @@
+"""Laws on signals in a measured motion: what the motors did, what acted on them, and how a parameter changes either.
+
+A law on angles or on reported torques is taken off the record, ``x = L^-1(measured)``, by steps of Newton's method with
+the law's gain as the derivative; a law on the commanded torque is evaluated along the motion, between the samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.effect import SignalEffect
+from robid_core.errors import DataRejected
+from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.mechanics.law_along import signal_along
+from robid_core.parameters import FreeParameters
+from robid_core.robot import Robot
+from robid_core.robot.effect_columns import effect_columns
+from robid_core.robot.effects import channel_gain
+from robid_core.robot.forces_along import RobotMotion
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+M = TypeVar("M", bound=MotionSpectra)
+
+SMALL = 1e-3  # of the unit of a coordinate: steps along which the torque that a motor adds is linear
+ROUNDS = 8  # of Newton's method at most
+EXACT = 1e-12  # of a signal's range: what is left of it when a law counts as taken off
+STUCK = 0.5  # of what a round began with: laws with steps (quantisation) leave that much in the end
+
+
+@dataclass(frozen=True, eq=False)
+class SignalColumn:
+    """Derivative of the predicted torque for a parameter of a law on signals."""
+
+    index: int
+    """Number of the parameter among the free ones."""
+    torque: ComplexArray
+    """Shape (n_config, n_exp, n_bin, n_axis)."""
+
+
+def true_motion(robot: Robot, recorded: M) -> M:
+    """Return a record without what laws on measured angles and reported torques make of it.
+
+    Raises DataRejected where a law cannot be taken off.
+    """
+    channels = {term.channel for term in robot.signals}
+    motion = recorded
+    if "position" in channels:
+        motion = motion.with_signals(_taken_off(robot, "position", motion, recorded.angle), motion.torque)
+    if "torque_measurement" in channels:
+        torque = _taken_off(robot, "torque_measurement", motion, recorded.torque)
+        motion = motion.with_signals(motion.angle, torque)
+    return motion
+
+
+def added_torque(robot: Robot, motion: MotionSpectra) -> ComplexArray:
+    """Spectra of what laws on the motor torque add to the commanded one, (n_config, n_exp, n_bin, n_axis)."""
+    if all(term.channel != "torque" for term in robot.signals):
+        return np.zeros_like(motion.torque_spectrum)
+    angle, speed, torque = _within_steps(robot, motion)
+    acting = _heard(robot, "torque", torque, angle, speed, robot.step_s, _steps(robot) * motion.settling)
+    return _of_steps(robot, motion, acting - torque)
+
+
+def signal_columns(
+    free: FreeParameters,
+    coordinates: FloatArray,
+    robot: Robot,
+    motion: MotionSpectra,
+    impedance: ComplexArray,
+) -> tuple[SignalColumn, ...]:
+    """Return the columns of all free parameters of laws on signals.
+
+    Parameters
+    ----------
+    free, coordinates
+        The parameters, and where they are.
+    robot
+        There.
+    motion
+        From `true_motion`.
+    impedance
+        Motor torque per acceleration, shape (n_config, n_bin, n_axis, n_axis).
+    """
+    of_signals = {b.label: b.place.side for b in robot.effects if issubclass(b.effect, SignalEffect)}
+    slopes, found = free.slopes(coordinates), []
+    for i, name in enumerate(free.names):
+        label = name.split(".")[1] if name.startswith("effect.") else ""
+        if label in of_signals:
+            side = of_signals[label]
+            along = np.stack([_along(robot, name, side, motion, c) for c in range(len(motion.angle))])
+            torque = _of_change(robot, label, side, slopes[i] * along, motion, impedance)
+            found.append(SignalColumn(i, torque))
+    return tuple(found)
+
+
+def _of_change(
+    robot: Robot, label: str, side: str, change: FloatArray, motion: MotionSpectra, impedance: ComplexArray
+) -> ComplexArray:
+    """Derivative of the predicted torque where a law on a channel gives so much more, (n_config, n_exp, n_bin, n_axis).
+
+    A record that shows more of what does not act counts as if the model had said so.
+    """
+    if side == "torque":
+        return -_of_steps(robot, motion, change)
+    change = SMALL * motion.divided(change, lambda omega: channel_gain(robot, side, omega, label))
+    if side == "position":
+        moved = motion.with_signals(motion.angle - change, motion.torque)
+        acceleration = moved.acceleration_spectrum - motion.acceleration_spectrum
+        column: ComplexArray = np.matmul(impedance[:, None], acceleration[..., None])[..., 0]
+    else:
+        moved, column = motion.with_signals(motion.angle, motion.torque - change), motion.spectrum_of(change)
+    column -= added_torque(robot, moved) - added_torque(robot, motion)
+    return column / SMALL
+
+
+def _along(robot: Robot, name: str, side: str, motion: MotionSpectra, config: int) -> FloatArray:
+    """Change of a signal per unit of a parameter, of one configuration, (n_exp, n_time, n_axis)."""
+    one = replace(
+        motion,
+        angle=motion.angle[config : config + 1],
+        torque=motion.torque[config : config + 1],
+    )
+    if side == "torque":
+        angle, speed, torque = _within_steps(robot, one)
+        finer = _steps(robot)
+    else:
+        angle, speed, torque = one.angle, one.rate(1), one.torque
+        finer = 1
+    n, n_axis = robot.mechanism.n_coordinate, robot.n_axis
+    rows = np.zeros((2, *angle.shape[1:3], n))
+    rows[0, ..., :n_axis], rows[1, ..., :n_axis] = angle[0], speed[0]
+    along = RobotMotion(
+        rows[0], rows[1], motion.sample_time_s / finer, settle=finer * motion.settling, torque=torque[0]
+    )
+    change = np.zeros(torque.shape[1:])
+    for column in effect_columns(robot, (name,), along):
+        change += column.values[..., None] * column.direction[:n_axis]
+    return change
+
+
+def _taken_off(robot: Robot, channel: str, motion: MotionSpectra, measured: FloatArray) -> FloatArray:
+    """Return the signal of which the laws of a channel make the measured one."""
+    step, true, before = motion.sample_time_s, measured, np.inf
+    speed = motion.rate(1)
+    for _ in range(ROUNDS):
+        angle = true if channel == "position" else motion.angle
+        off = measured - _heard(robot, channel, true, angle, speed, step, motion.settling)
+        left = float(np.sqrt((off**2).mean()))
+        if left <= EXACT * np.ptp(measured) or STUCK * before < left <= before:
+            return true
+        if left > before:
+            break
+        true, before = true + motion.divided(off, lambda omega: channel_gain(robot, channel, omega)), left
+    else:
+        return true
+    labels = ", ".join(dict.fromkeys(term.label for term in robot.signals if term.channel == channel))
+    raise DataRejected(
+        f"effect {labels}: what was measured cannot be turned back into what was ({channel}); the law as the robot "
+        "file states it is too strong for these data"
+    )
+
+
+def _heard(
+    robot: Robot,
+    channel: str,
+    signal: FloatArray,
+    angle: FloatArray,
+    speed: FloatArray,
+    step: float,
+    settle: int,
+) -> FloatArray:
+    """What the laws of a channel make of a signal, one after another; arrays (n_config, n_exp, n_time, n_axis)."""
+    result = signal.copy()
+    for term in robot.signals:
+        if term.channel != channel:
+            continue
+        lanes, seen, moving = (
+            np.ascontiguousarray(v[..., term.axis]).reshape(-1, v.shape[2]) for v in (result, angle, speed)
+        )
+        heard = signal_along(term, lanes, seen, moving, step, settle=settle)
+        result[..., term.axis] = heard.reshape(result.shape[:3])
+    return result
+
+
+def _steps(robot: Robot) -> int:
+    """How many steps of integration a sample has: laws on motor torques run once in each."""
+    return round(robot.sample_time_s / robot.step_s)
+
+
+def _within_steps(robot: Robot, motion: MotionSpectra) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Angles and speeds in the middle of the steps of integration, and the held torques there."""
+    n = _steps(robot)
+    angle, speed = (motion.rate(order, n, 0.5 * robot.step_s) for order in (0, 1))
+    return angle, speed, np.repeat(motion.torque, n, axis=2)
+
+
+def _of_steps(robot: Robot, motion: MotionSpectra, torque: FloatArray) -> ComplexArray:
+    """Spectrum of a torque that is told in the middle of the steps, as that of a held one."""
+    late = np.exp(-0.5j * motion.omega * robot.step_s)
+    spectrum: ComplexArray = late[:, None] * motion.held_spectrum(torque)
+    return spectrum
