@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
-from robid_core.estimation.torque.spectra import MOTION_BAND_HZ, friction_spectra, speed_functions
+from robid_core.estimation.torque.spectra import FINER, MOTION_BAND_HZ, friction_spectra, speed_functions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
 from robid_core.mechanics import MotorMotion, SimulationState, periodic_motion
 from robid_core.residual.block import TorqueBlock
@@ -69,14 +69,18 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         Arguments as of `predicted`. Above half the sampling rate motors move alone: there their acceleration is torque
         over inertia.
         """
-        motion, n = self.motion, robot.n_axis
-        speed = motion.fine_speed()
-        torque = np.repeat(motion.torque, speed.shape[2] // motion.n_sample, axis=2) - coefficient[-1]
-        for law, size in zip(self.laws, coefficient[:-1], strict=True):
-            torque -= size * law(speed)
+        n = robot.n_axis
         mobility = np.linalg.inv(robot.second_order(self.angle).mass)[:, :n, :n]
-        speed = motion.fine_speed(np.matmul(torque, mobility[:, None]))
-        self.friction = friction_spectra(motion, self.laws, speed)
+        friction = np.empty_like(self.friction)
+        for c in range(len(self.angle)):
+            motion = self.motion.of_configuration(c)
+            speed = motion.fine_speed()
+            torque = np.repeat(motion.torque, FINER, axis=2) - coefficient[-1]
+            for law, size in zip(self.laws, coefficient[:-1], strict=True):
+                torque -= size * law(speed)
+            speed = motion.fine_speed(np.matmul(torque, mobility[c]))
+            friction[:, c] = friction_spectra(motion, self.laws, speed)[:, 0]
+        self.friction = friction
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis).

@@ -6,7 +6,7 @@ the law's gain as the derivative; a law on the commanded torque is evaluated alo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -121,11 +121,7 @@ def _of_change(
 
 def _along(robot: Robot, name: str, side: str, motion: MotionSpectra, config: int) -> FloatArray:
     """Change of a signal per unit of a parameter, of one configuration, (n_exp, n_time, n_axis)."""
-    one = replace(
-        motion,
-        angle=motion.angle[config : config + 1],
-        torque=motion.torque[config : config + 1],
-    )
+    one = motion.of_configuration(config)
     if side == "torque":
         angle, speed, torque = _within_steps(robot, one)
         finer = _steps(robot)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy import fft
 
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
@@ -56,14 +57,15 @@ class PeriodicMotion(MotionSpectra):
         n, period_s = self.n_sample, self.n_sample * self.sample_time_s
         omega = 2 * np.pi * np.arange(FINER * n // 2 + 1) / period_s
         between = np.zeros((*self.angle.shape[:2], len(omega), self.angle.shape[3]), dtype=np.complex128)
-        samples = self.angle
+        samples = fft.rfft(self.angle, axis=2)
         if acceleration is not None:
             above = omega > np.pi / self.sample_time_s
-            between[:, :, above] = np.fft.rfft(acceleration, axis=2)[:, :, above] / -(omega[above, None] ** 2)
-            samples = samples - np.fft.irfft(between, n=FINER * n, axis=2)[:, :, ::FINER]
-        below = omega[: n // 2 + 1] <= 2 * np.pi * SPEED_BAND / self.sample_time_s
-        between[:, :, : n // 2 + 1][:, :, below] = FINER * np.fft.rfft(samples, axis=2)[:, :, below]
-        result: FloatArray = np.fft.irfft(1j * omega[:, None] * between, n=FINER * n, axis=2)
+            between[:, :, above] = fft.rfft(acceleration, axis=2)[:, :, above] / -(omega[above, None] ** 2)
+            samples -= _sampled(between, n)
+        below = np.flatnonzero(omega <= 2 * np.pi * SPEED_BAND / self.sample_time_s)
+        between[:, :, below] = FINER * samples[:, :, below]
+        between *= 1j * omega[:, None]
+        result: FloatArray = fft.irfft(between, n=FINER * n, axis=2)
         return result
 
     def speed_of_period(self, period: int) -> FloatArray:
@@ -73,7 +75,7 @@ class PeriodicMotion(MotionSpectra):
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of one period on any even grid, (n_config, n_exp, n_bin, n_axis)."""
-        spectrum: ComplexArray = np.fft.rfft(values, axis=2)[:, :, self.bin] / values.shape[2]
+        spectrum: ComplexArray = fft.rfft(values, axis=2)[:, :, self.bin] / values.shape[2]
         return spectrum
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
@@ -100,6 +102,14 @@ class PeriodicMotion(MotionSpectra):
     def settling(self) -> int:
         """A whole period."""
         return self.n_sample
+
+
+def _sampled(fine: ComplexArray, n: int) -> ComplexArray:
+    """Spectrum of every FINER-th value, n in all, from that of all of them; frequencies stand on the third axis."""
+    both = np.concatenate((fine, fine[:, :, -2:0:-1].conj()), axis=2)
+    aliases = both.reshape(*both.shape[:2], FINER, n, both.shape[3])
+    folded: ComplexArray = aliases.sum(axis=2)[:, :, : n // 2 + 1] / FINER
+    return folded
 
 
 def periodic_motion_of(
@@ -138,7 +148,7 @@ def periodic_motion_of(
     angle, pull = position.reshape(rows), torque.reshape(rows)
     bins = np.arange(n_bin)
     omega = 2 * np.pi * bins / (n_sample * sample_time_s)
-    angles, torques = (np.fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
+    angles, torques = (fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
     accelerations = -(omega[:, None] ** 2) * angles
     return PeriodicMotion(
         sample_time_s,

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy import fft
 
 from robid_core.mechanics.response import hold_factor
 
@@ -52,6 +53,12 @@ class MotionSpectra(ABC):
     """Of the motor torques, N m, shape (n_config, n_exp, n_bin, n_axis)."""
     acceleration_spectrum: ComplexArray
     """Of the motor accelerations, likewise, rad/s^2."""
+
+    def of_configuration(self, config: int) -> Self:
+        """Return angles and mean spectra of one configuration; by how much periods differ stays that of all."""
+        one = slice(config, config + 1)
+        names = ("angle", "torque", "torque_spectrum", "acceleration_spectrum")
+        return replace(self, **{name: getattr(self, name)[one] for name in names})
 
     @property
     def frequency_hz(self) -> FloatArray:
@@ -140,11 +147,11 @@ def periodic_derivative(
     Time is the third of four axes.
     """
     n = values.shape[2]
-    spectrum = np.fft.rfft(values, axis=2)
+    spectrum = fft.rfft(values, axis=2)
     omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * sample_time_s)
     spectrum[:, :, omega > 2 * np.pi * highest_hz] = 0.0
     turned = ((1j * omega) ** order * np.exp(1j * omega * shift_s))[:, None] * spectrum
-    result: FloatArray = np.fft.irfft(turned, n=finer * n, axis=2) * finer
+    result: FloatArray = fft.irfft(turned, n=finer * n, axis=2) * finer
     return result
 
 
@@ -153,10 +160,10 @@ def divided_period(
 ) -> FloatArray:
     """One period over a gain as a function of omega, (n_omega, n_axis); time is the third of four axes."""
     n = values.shape[2]
-    spectrum = np.fft.rfft(values, axis=2)
+    spectrum = fft.rfft(values, axis=2)
     omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * sample_time_s)
     spectrum /= gain(omega)
-    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=2)
+    result: FloatArray = fft.irfft(spectrum, n=n, axis=2)
     return result
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy import fft
 from scipy.signal.windows import tukey
 
 from robid_core.errors import DataRejected
@@ -39,14 +40,14 @@ class WindowedMotion(MotionSpectra):
     @property
     def constant(self) -> ComplexArray:
         """Spectrum of the number one, shape (n_bin,): that of the window."""
-        window: ComplexArray = np.fft.rfft(_window(self.n_sample))[self.bin] / self.n_sample
+        window: ComplexArray = fft.rfft(_window(self.n_sample))[self.bin] / self.n_sample
         return window
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of values under the window, on any even grid, time on the third axis."""
         n = values.shape[2]
         weighted = values * _window(n)[:, None]
-        spectrum: ComplexArray = np.fft.rfft(weighted, axis=2)[:, :, self.bin] / n
+        spectrum: ComplexArray = fft.rfft(weighted, axis=2)[:, :, self.bin] / n
         return spectrum
 
     def fine_speed(self) -> FloatArray:
