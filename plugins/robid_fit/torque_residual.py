@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
@@ -39,10 +40,14 @@ from robid_core.residual import (
     misfit_table,
     solve,
 )
+from robid_fit.torque_gain import is_torque_gain
 from robid_fit.torque_model import model_of
+
+FloatArray = npt.NDArray[np.float64]
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
+DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
 
 def _bare(robot: Robot) -> Robot:
@@ -93,6 +98,10 @@ class TorqueResidualFit(Estimator):
     """Prescribed motions at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
+    starts: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Start points of the linear model: the nominal robot and random ones around it."""
+    start_spread: PositiveFloat = 0.35
+    """Standard deviation of the starts' logarithms around the nominal springs, dampers and viscous friction."""
     robots: dict[str, RobotName] = {}
     """Robots under which variants of a record were measured, where they are not the nominal one: `{loaded: arm.yaml}`;
     all share the free parameters."""
@@ -111,12 +120,27 @@ class TorqueResidualFit(Estimator):
             for name in chosen_names(names, [pattern]):
                 if name in chosen and (why := _why_not_free(robot, name)):
                     found.setdefault(("free", i), f"'{pattern}' means {name}: {why}")
+        kinds = {robot.parameter_kind(name) for name in chosen}
+        gain = next((name for name in sorted(chosen) if is_torque_gain(robot, name)), None)
+        if gain is not None and {"stiffness", "inertia"} <= kinds:
+            found.setdefault(
+                ("free",),
+                f"{gain}: torques, inertia and springs have a common scale that no motion shows, and all would slide "
+                f"together; hold the gain (fixed: [{gain}]), or the inertia",
+            )
         return found
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
         problem = self.problem(record, robot)
-        solution = solve(problem, self.passes, self.model_error, context.progress)
+        solution = solve(
+            problem,
+            self.passes,
+            self.model_error,
+            context.progress,
+            self._start_points(problem.free, context.generator),
+            lambda seen: context.log.info("%s", seen),
+        )
         motions = [block.motion for block in problem.blocks]
         model = model_of(
             robot, motions, self.friction_widths, problem.free, solution.point, solution.covariance
@@ -124,6 +148,12 @@ class TorqueResidualFit(Estimator):
         return self._result(problem, solution).replace(model=model)
 
     # Data and unknowns
+
+    def _start_points(self, free: FreeParameters, generator: np.random.Generator) -> list[FloatArray]:
+        """Coordinates of the starts beside the nominal robot, each (n_free,)."""
+        drawn = np.array([free.robot.parameter_kind(name) in DRAWN for name in free.names])
+        rows = generator.standard_normal((self.starts - 1, len(drawn)))
+        return list(self.start_spread * drawn * rows)
 
     def _block(self, record: Record, robot: Robot) -> PeriodicBlock | WindowedBlock:
         """Return the spectra of a record: of its periods, or of all of it where nothing repeats."""
@@ -237,8 +267,8 @@ class TorqueResidualFit(Estimator):
             converged=solution.converged,
             misfit=misfit(problem, point),
             misfit_table=misfit_table(problem, point),
-            n_starts=1,
-            n_agree=1,
+            n_starts=self.starts,
+            n_agree=solution.n_agree,
             parameters=table,
             covariance=covariance,
             free_names=free.names + nuisances,

@@ -212,7 +212,7 @@ class HtmlReport(ReportStage):
             "rows": [row for row in table if row.reported],
             "nuisances": [row for row in table if not row.reported],
             "plant": truth.plant if truth is not None else "",
-            "limit": f"{100 * limit:.0f} %",
+            "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],
             "responding": responding.method if responding is not None and responding is not fit else "",
             "misfit": misfit_section(fit),

@@ -9,6 +9,9 @@ from robid_core import ParameterTable, Truth
 from robid_report.numbers import percent, significant
 
 
+LIMITS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
+
+
 @dataclass(frozen=True)
 class Row:
     """One parameter as text, and where its mark stands in the small plot (percent of the plot's width)."""
@@ -57,7 +60,7 @@ def plot_limit(found: list[Deviation | None]) -> float:
     """Half width of the small plots: the widest deviation with two standard errors, on a round grid."""
     reach = [abs(d.share) + (2 * d.error if math.isfinite(d.error) else 0.0) for d in found if d is not None]
     widest = max(reach, default=0.0)
-    return next((limit for limit in (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0) if widest <= limit), 2.0)
+    return next((limit for limit in LIMITS if widest <= limit), 2.0)
 
 
 def rows(table: ParameterTable, truth: Truth | None) -> tuple[list[Row], float]:

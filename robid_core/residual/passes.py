@@ -6,30 +6,26 @@ contracts well on stiff arms, and hardly on compliant ones under strong excitati
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
-from robid_core.estimation.least_squares import levenberg_marquardt
-from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
+from robid_core.estimation.torque.weights import covariance_apart, whitener
 from robid_core.residual.acceleration import History
+from robid_core.residual.linear_fit import best_start
 from robid_core.residual.misfit import misfit
 from robid_core.residual.problem import Linearisation, TorqueProblem
+from robid_core.residual.steps import minimised
+from robid_core.residual.visibility import Visibility, visibility
 
 FloatArray = npt.NDArray[np.float64]
 
-FIRST_LINEARISATIONS = 20  # of the linear model at most
-COARSE = 0.01  # of the torque's power: variance in the first weights
-SETTLED = 0.9  # of the cost: a linearisation that leaves more has found the minimum
-REWEIGHED = 3  # times by what the linear model leaves
 INITIAL_STATES = 8  # improvements of an unknown initial state in one pass, at most
 BETTER = 0.95  # of what is left: an improvement that leaves more was the last
 IMPROVED = 4  # passes that improve initial states; later ones would fit other errors of the model with them
-STEPS = 6  # of Gauss-Newton with the derivatives of one point
-SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 ENOUGH = 0.2  # of the stated error: a pass that changes springs and effects by less is the last
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.02  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
@@ -51,10 +47,19 @@ class Solution:
     """What a pass leaves of a deviation, from the last two; NaN after fewer."""
     converged: bool
     """Whether the last pass changed next to nothing."""
+    n_agree: int
+    """Starts from which the linear model came to the best fit."""
+    visibility: Visibility
+    """What the data could tell, before the first pass."""
 
 
 def solve(
-    problem: TorqueProblem, passes: int, model_error: float, progress: Callable[[int, int, str], None]
+    problem: TorqueProblem,
+    passes: int,
+    model_error: float,
+    progress: Callable[[int, int, str], None],
+    starts: Sequence[FloatArray] = (),
+    tell: Callable[[Visibility], None] = lambda seen: None,
 ) -> Solution:
     """Minimise the residual.
 
@@ -68,9 +73,19 @@ def solve(
         Of the torque, relative, beside the noise.
     progress
         Told (done, all, what).
+    starts
+        Coordinates of the free parameters, each (n_free,), from which the linear model is fitted as well; passes go on
+        from the best.
+    tell
+        Told what can be seen, before the first pass.
+
+    Raises
+    ------
+    NotIdentifiable
+        Where the data tell nothing of a spring or an effect that was not known before either.
     """
-    progress(0, passes + 1, "linear model")
-    point, watched = _first_pass(problem), _watched(problem)
+    point, agree = best_start(problem, (np.zeros(problem.n_free), *starts), passes, progress)
+    watched = _watched(problem)
     changes: list[float] = []
     fresh, settled, doubted = True, False, False
     for number in range(passes):
@@ -81,8 +96,12 @@ def solve(
         if fresh:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
+        if number == 0:
+            seen = visibility(problem, about)
+            tell(seen)
+            seen.check(np.isin(np.arange(problem.n_free), watched))
         before = problem.cost(point, about.weights)
-        found = _minimised(problem, point, about)
+        found = minimised(problem, point, about)
         gained = 1 - problem.cost(found, about.weights) / before
         covariance = _covariance(problem, found, about)
         moved = np.abs(found - point) / np.sqrt(np.diag(covariance))
@@ -100,42 +119,14 @@ def solve(
         if number + 1 < passes:
             point = history.next_point(about.whole)
     progress(passes + 1, passes + 1, "")
-    return Solution(point, covariance + np.outer(last, last), tuple(changes), contraction, settled)
+    covariance += np.outer(last, last)
+    return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
 
 
 def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
     """Numbers of springs and effects: what the passes must not change any more."""
     kinds = [problem.free.robot.parameter_kind(name) for name in problem.free.names]
     return np.flatnonzero(np.array([kind in ("stiffness", "effect") for kind in kinds]))
-
-
-def _first_pass(problem: TorqueProblem) -> FloatArray:
-    """Fit springs, dampers and friction to some of the data, weighted by what is left; bodies are held.
-
-    Of the linear model alone, but where the arm moves far: there motions are prescribed from the first step on.
-    """
-    part = problem.without_inertia()
-    point, reweighed = np.zeros(part.n_unknown), 0
-    sizes = [covariance_of(block.motion.torque_spectrum) for block in part.blocks]
-    whiteners = [whitener(COARSE * size * np.eye(size.shape[-1])) for size in sizes]
-    for _ in range(FIRST_LINEARISATIONS):
-        for block in part.blocks:
-            if block.moves_far:
-                block.renew(part.free, point[: part.n_free])
-                block.differentiate(part.free, point[: part.n_free])
-        weights = part.weightings(point, whiteners)
-        before = part.cost(point, weights)
-        point = _minimised(part, point, part.linearise(point, weights))
-        if part.cost(point, weights) < SETTLED * before:
-            continue  # far from the minimum, what is left tells the model's error and not its kind
-        if reweighed >= REWEIGHED:
-            break
-        whiteners = [whitener(covariance_of(residual)) for residual in part.residuals(point)]
-        reweighed += 1
-    kept = [problem.free.names.index(name) for name in part.free.names]
-    whole = np.zeros(problem.n_unknown)
-    whole[[*kept, *range(problem.n_free, problem.n_unknown)]] = point
-    return whole
 
 
 def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool) -> None:
@@ -181,26 +172,6 @@ def _linearised(
             block.weight(robot, size, model_error) for block, robot in zip(blocks, robots, strict=True)
         ]
     return problem.linearise(point, problem.weightings(point, weights))
-
-
-def _minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
-    """Take damped Gauss-Newton steps with the derivatives of one point."""
-    precision, whole = 1 / problem.prior**2, about.whole
-
-    def equations(at: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        slope = precision * at - problem.gradients(at, about).sum(axis=0)
-        return problem.cost(at, about.weights), slope, whole
-
-    open_end = np.full(problem.n_unknown - problem.n_free, np.inf)
-    return levenberg_marquardt(
-        equations,
-        lambda at: problem.cost(at, about.weights),
-        point,
-        np.concatenate((problem.free.lower, -open_end)),
-        np.concatenate((problem.free.upper, open_end)),
-        STEPS,
-        SMALL_GAIN,
-    ).point
 
 
 def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:

@@ -26,7 +26,10 @@ ROBOT = """\
 robid_robot: 1
 name: greased
 base: one_axis
-effects: {grease: {use: friction.stribeck, on: axis_1, with: {breakaway: 1.2}}}
+effects:
+  grease: {use: friction.stribeck, on: axis_1, with: {breakaway: 1.2}}
+  warm: {use: drive.torque_constant, on: axis_1}
+  ripple: {use: drive.torque_ripple, on: axis_1, with: {relative: 0.01, phase: 0.4}}
 """
 
 
@@ -60,6 +63,9 @@ WRONG: dict[str, dict[str, str]] = {  # settings, and what is said where in them
         "controller": "free[1]: 'controller.*' means controller.axis_1.",
         "friction": "free[2]: 'friction.*' means friction.axis_1.coulomb: free functions of speed stand in its place",
     },
+    "{free: [gear_*, mass.*, effect.warm.error, effect.ripple.*]}": {
+        "free": "free: effect.warm.error: torques, inertia and springs have a common scale that no motion shows",
+    },
     "{fixed: [inertia.*.xy]}": {
         "inertia": "fixed[0]: inertia.axis_1: its moments are free together"
     },
@@ -84,7 +90,12 @@ def test_what_cannot_be_freed_is_told_before_anything_runs(
 
 
 @pytest.mark.parametrize(
-    "settings", ["{}", "{free: [gear_*, effect.grease.*, inertia.*], prior: {inertia.*: 0.05}}"]
+    "settings",
+    [
+        "{}",
+        "{free: [gear_*, effect.grease.*, effect.ripple.*, inertia.*], prior: {inertia.*: 0.05}}",
+        "{free: [gear_*, friction.*.viscous, effect.warm.error]}",
+    ],
 )
 def test_right_patterns_are_valid(
     settings: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

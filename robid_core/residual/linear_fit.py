@@ -1,0 +1,65 @@
+"""Start values of the passes: the linear model fitted to some of the data, from one start or from several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.estimation.torque.weights import covariance_of, whitener
+from robid_core.residual.problem import TorqueProblem
+from robid_core.residual.steps import minimised
+
+FloatArray = npt.NDArray[np.float64]
+
+FIRST_LINEARISATIONS = 20  # of the linear model at most
+COARSE = 0.01  # of the torque's power: variance in the first weights
+ALIKE = 1.05  # of the least cost: starts that ended below came to the same fit
+SETTLED = 0.9  # of the cost: a linearisation that leaves more has found the minimum
+REWEIGHED = 3  # times by what the linear model leaves
+
+
+def best_start(
+    problem: TorqueProblem,
+    starts: Sequence[FloatArray],
+    passes: int,
+    progress: Callable[[int, int, str], None],
+) -> tuple[FloatArray, int]:
+    """Return the best of the linear model's fits, and how many starts came to it."""
+    ends = []
+    for number, start in enumerate(starts):
+        several = f", start {number + 1} of {len(starts)}" if len(starts) > 1 else ""
+        progress(0, passes + 1, f"linear model{several}")
+        ends.append(_first_pass(problem, start))
+    costs = np.array([cost for _, cost in ends])
+    return ends[int(costs.argmin())][0], int((costs <= ALIKE * costs.min()).sum())
+
+
+def _first_pass(problem: TorqueProblem, start: FloatArray) -> tuple[FloatArray, float]:
+    """Fit springs, dampers and friction to some of the data, weighted by what is left; bodies are held. With its cost.
+
+    Of the linear model alone, but where the arm moves far: there motions are prescribed from the first step on.
+    """
+    part = problem.without_inertia()
+    kept = [problem.free.names.index(name) for name in part.free.names]
+    point, reweighed = np.concatenate((start[kept], np.zeros(part.n_unknown - part.n_free))), 0
+    sizes = [covariance_of(block.motion.torque_spectrum) for block in part.blocks]
+    first = whiteners = [whitener(COARSE * size * np.eye(size.shape[-1])) for size in sizes]
+    for _ in range(FIRST_LINEARISATIONS):
+        for block in part.blocks:
+            if block.moves_far:
+                block.renew(part.free, point[: part.n_free])
+                block.differentiate(part.free, point[: part.n_free])
+        weights = part.weightings(point, whiteners)
+        before = part.cost(point, weights)
+        point = minimised(part, point, part.linearise(point, weights))
+        if part.cost(point, weights) < SETTLED * before:
+            continue  # far from the minimum, what is left tells the model's error and not its kind
+        if reweighed >= REWEIGHED:
+            break
+        whiteners = [whitener(covariance_of(residual)) for residual in part.residuals(point)]
+        reweighed += 1
+    whole = np.zeros(problem.n_unknown)
+    whole[[*kept, *range(problem.n_free, problem.n_unknown)]] = point
+    return whole, part.cost(point, part.weightings(point, first))

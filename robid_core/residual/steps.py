@@ -1,0 +1,34 @@
+"""Gauss-Newton steps of a torque problem with the derivatives of one point."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.estimation.least_squares import levenberg_marquardt
+from robid_core.residual.problem import Linearisation, TorqueProblem
+
+FloatArray = npt.NDArray[np.float64]
+
+STEPS = 6  # of Gauss-Newton with the derivatives of one point
+SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
+
+
+def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
+    """Take damped Gauss-Newton steps with the derivatives of one point."""
+    precision, whole = 1 / problem.prior**2, about.whole
+
+    def equations(at: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        slope = precision * at - problem.gradients(at, about).sum(axis=0)
+        return problem.cost(at, about.weights), slope, whole
+
+    open_end = np.full(problem.n_unknown - problem.n_free, np.inf)
+    return levenberg_marquardt(
+        equations,
+        lambda at: problem.cost(at, about.weights),
+        point,
+        np.concatenate((problem.free.lower, -open_end)),
+        np.concatenate((problem.free.upper, open_end)),
+        STEPS,
+        SMALL_GAIN,
+    ).point
