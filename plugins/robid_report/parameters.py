@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from robid_core import ParameterTable, Truth
 from robid_report.numbers import percent, significant
 
-
 LIMITS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 
 
