@@ -1,4 +1,4 @@
-"""What can be seen before a fit: against the inverse of the whole information, and of what has no share in the torque."""
+"""What can be seen before a fit: against the inverse of the whole information, and where nothing can be seen."""
 
 from __future__ import annotations
 
