@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from robid_core import FreeParameters, Model, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion
-from robid_core.estimation.torque.spectra import speed_functions
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 def model_of(
     robot: Robot,
     motions: Sequence[PeriodicMotion | WindowedMotion],
-    widths: tuple[float, ...],
+    laws: SpeedFunctions,
     free: FreeParameters,
     point: FloatArray,
     covariance: FloatArray,
@@ -36,12 +36,12 @@ def model_of(
         The robot that the fit was given.
     motions
         What was measured, block by block.
-    widths
-        Of the functions of speed, rad/s.
+    laws
+        Functions of speed.
     free
         The parameters that were free.
     point, covariance
-        The unknowns that were found: coordinates of the free parameters, coefficients of `speed_functions(widths)` and
+        The unknowns that were found: coordinates of the free parameters, coefficients of the functions of speed and
         of a constant torque (N m, axis by axis for each), a delay; (n_unknown,) and (n_unknown, n_unknown).
     """
     n, n_axis = len(free.names), robot.n_axis
@@ -56,7 +56,9 @@ def model_of(
     for a, axis in enumerate(robot.axis_names):
         viscous = place.get(rubbing[a])
         columns = [*coefficients[:, a], viscous] if viscous is not None else [*coefficients[:, a]]
-        share = shares(speed[:, a], widths, float(robot.drives.friction_speed[a]), viscous is not None)
+        share = shares(
+            speed[:, a], laws.of_axis(a), float(robot.drives.friction_speed[a]), viscous is not None
+        )
         for kind, row in zip(("coulomb", "offset", "viscous"), share, strict=False):
             rows[f"friction.{axis}.{kind}"] = np.zeros(len(point))
             rows[f"friction.{axis}.{kind}"][columns] = row
@@ -69,15 +71,15 @@ def model_of(
     return robot.model(values, tuple(rows), spread)
 
 
-def shares(speed: FloatArray, widths: tuple[float, ...], friction_speed: float, viscous: bool) -> FloatArray:
+def shares(speed: FloatArray, laws: SpeedFunctions, friction_speed: float, viscous: bool) -> FloatArray:
     """What each function of speed adds to a robot file's friction, by least squares over the measured speeds.
 
     Parameters
     ----------
     speed
         Of one motor, rad/s, shape (n_sample,).
-    widths
-        Of the functions, rad/s.
+    laws
+        Functions of speed, of this motor.
     friction_speed
         Of ``tanh(v / speed)`` in the robot file.
     viscous
@@ -91,6 +93,7 @@ def shares(speed: FloatArray, widths: tuple[float, ...], friction_speed: float, 
     one = np.ones_like(speed)
     extra = [speed] if viscous else []
     told = np.stack([np.tanh(speed / friction_speed), one, *extra], axis=1)
-    found = np.stack([*(law(speed) for law in speed_functions(widths)), one, *extra], axis=1)
+    rubbing = (torque[:, 0] for torque in laws.along(speed[:, None]))
+    found = np.stack([*rubbing, one, *extra], axis=1)
     result: FloatArray = np.linalg.solve(told.T @ told, told.T @ found)
     return result

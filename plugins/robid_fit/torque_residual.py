@@ -8,7 +8,6 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -18,7 +17,6 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from robid_core import (
     ConfigurationError,
     Context,
-    DataRejected,
     Estimator,
     Fit,
     FreeParameters,
@@ -29,17 +27,14 @@ from robid_core import (
     chosen_names,
     pattern_problems,
 )
-from robid_core.estimation.torque.periodic import periodic_motion_of
-from robid_core.estimation.torque.windowed import windowed_motion_of
 from robid_core.residual import (
-    PeriodicBlock,
     Solution,
     TorqueProblem,
-    WindowedBlock,
     misfit,
     misfit_table,
     solve,
 )
+from robid_fit.torque_data import block_of, functions_of_speed, spectra_of, variants_of
 from robid_fit.torque_gain import is_torque_gain
 from robid_fit.torque_model import model_of
 
@@ -90,8 +85,9 @@ class TorqueResidualFit(Estimator):
     """Standard deviations by pattern, in natural scales (0.01: one percent); wide for springs, 0.01 for bodies."""
     highest_hz: PositiveFloat = 100.0
     """Bins above are left out."""
-    friction_widths: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (0.15, 0.5, 1.5, 5.0, 15.0)
-    """Speeds of the free friction functions tanh(v / w), rad/s at the motor."""
+    friction_widths: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] | None = None
+    """Speeds of the free friction functions tanh(v / w), rad/s at the motor; null: about the robot file's
+    `friction.*.speed` and up to the speeds that were measured."""
     model_error: PositiveFloat = 2e-4
     """Relative error of the model's torque per bin and axis, beside the noise."""
     passes: PositiveInt = 12
@@ -143,7 +139,7 @@ class TorqueResidualFit(Estimator):
         )
         motions = [block.motion for block in problem.blocks]
         model = model_of(
-            robot, motions, self.friction_widths, problem.free, solution.point, solution.covariance
+            robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance
         )
         return self._result(problem, solution).replace(model=model)
 
@@ -155,34 +151,6 @@ class TorqueResidualFit(Estimator):
         rows = generator.standard_normal((self.starts - 1, len(drawn)))
         return list(self.start_spread * drawn * rows)
 
-    def _block(self, record: Record, robot: Robot) -> PeriodicBlock | WindowedBlock:
-        """Return the spectra of a record: of its periods, or of all of it where nothing repeats."""
-        run = record.run
-        if record.torque_hold != "zero_order_hold":
-            raise DataRejected(
-                f"the torque is said to be {record.torque_hold}; fit.torque_residual needs a held one"
-            )
-        if not run.valid[:, :, :, self.discard :].all():
-            raise DataRejected("a sample is missing in a period that is kept; drop its period")
-        position, torque = (
-            run.values(name)[:, :, :, self.discard :] for name in ("motor_position", "motor_torque")
-        )
-        if record.line is None:
-            n_config, n_axis = position.shape[0], position.shape[-1]
-            n_time = position.shape[3] * position.shape[4]
-            shape = (n_config, -1, n_time, n_axis)
-            cut = windowed_motion_of(
-                position.reshape(shape), torque.reshape(shape), run.sample_time_s, self.highest_hz
-            )
-            return WindowedBlock.of_record(robot, cut, self.friction_widths)
-        if run.n_period - self.discard < 2:
-            raise DataRejected(
-                f"{run.n_period - self.discard} period is left; two are needed to tell the noise: measure "
-                "more periods (acquisition: periods)"
-            )
-        motion = periodic_motion_of(position, torque, run.sample_time_s, record.line, self.highest_hz)
-        return PeriodicBlock.of_record(robot, motion, self.friction_widths)
-
     def problem(self, record: Record, robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
         for place, message in self.problems_with(robot).items():
@@ -190,41 +158,12 @@ class TorqueResidualFit(Estimator):
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
         free = FreeParameters.of_robot(_bare(robot), names, self.prior)
-        laws = (*(f"odd_{width:g}" for width in self.friction_widths), "even", "constant")
-        blocks = [
-            self._block(part, _bare(variant)) for part, variant in self._variants(record, robot, free.names)
+        parts = [
+            (spectra_of(part, self.discard, self.highest_hz), _bare(own))
+            for part, own in variants_of(record, robot, self.robots, free.names)
         ]
-        return TorqueProblem(free, tuple(blocks), laws)
-
-    def _variants(
-        self, record: Record, robot: Robot, names: tuple[str, ...]
-    ) -> Iterator[tuple[Record, Robot]]:
-        """Part the record by variants, each with its robot, which must have the free parameters."""
-        found = tuple(dict.fromkeys(record.variants)) or ("",)
-        unmeasured = [variant for variant in self.robots if variant not in found]
-        if unmeasured:
-            raise ConfigurationError(
-                f"robots: nothing was measured as '{unmeasured[0]}'; the record has "
-                + (f"the variants {', '.join(found)}" if record.variants else "no variants")
-            )
-        if len(found) > 1 and len(found) - len(self.robots) > 1:
-            raise ConfigurationError(
-                f"the record has the variants {', '.join(found)}; tell the robot of each that is not the nominal one, "
-                f"`robots: {{{found[-1]}: {found[-1]}.yaml}}`, or choose one with `variant:` where it is read"
-            )
-        for variant in found:
-            own = Robot.load(self.robots[variant]) if variant in self.robots else robot
-            missing = [name for name in names if name not in own.layout]
-            if missing:
-                raise ConfigurationError(
-                    f"robots: {variant}: it has no parameter {missing[0]}, which is free; give it `base: {robot.name}`"
-                )
-            if len(found) == 1:
-                yield record, own
-                continue
-            chosen = np.array([name == variant for name in record.variants])
-            whole = np.broadcast_to(chosen[:, None, None], record.run.valid.shape[:3])
-            yield record.part(whole), own
+        laws = functions_of_speed(robot, [motion for motion, _ in parts], self.friction_widths)
+        return TorqueProblem(free, tuple(block_of(motion, own, laws) for motion, own in parts), laws.names)
 
     # What is stated
 

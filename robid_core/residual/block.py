@@ -15,7 +15,8 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.estimation.torque.spectra import MotionSpectra, SpeedFunction
+from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
@@ -55,7 +56,7 @@ class TorqueBlock(ABC, Generic[M]):
     """As the sensors told it."""
     motion: M
     """Without what laws on signals make of it."""
-    laws: tuple[SpeedFunction, ...]
+    laws: SpeedFunctions
     """Functions of speed that stand for friction."""
     friction: ComplexArray
     """Spectra of these functions and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis)."""

@@ -26,9 +26,10 @@ FloatArray = npt.NDArray[np.float64]
 INITIAL_STATES = 8  # improvements of an unknown initial state in one pass, at most
 BETTER = 0.95  # of what is left: an improvement that leaves more was the last
 IMPROVED = 4  # passes that improve initial states; later ones would fit other errors of the model with them
-ENOUGH = 0.2  # of the stated error: a pass that changes springs and effects by less is the last
+ENOUGH = 0.2  # of the standard error by weights and misfit: a pass that changes springs and effects by less is the last
+NEARLY = 1.0  # likewise: after such a pass one that finds no way down is the last
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
-MUCH = 0.02  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
+MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
 
@@ -42,7 +43,7 @@ class Solution:
     covariance: FloatArray
     """Of all unknowns: formal, widened by what leaving out a configuration moves and what the last pass changed."""
     changes: tuple[float, ...]
-    """Of springs and effects by each pass, in stated errors."""
+    """Of springs and effects by each pass, in standard errors by weights and misfit."""
     contraction: float
     """What a pass leaves of a deviation, from the last two; NaN after fewer."""
     converged: bool
@@ -96,6 +97,7 @@ def solve(
         if fresh:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
+            error = np.sqrt(np.diag(np.linalg.inv(about.whole) + _numerical(problem)))
         if number == 0:
             seen = visibility(problem, about)
             tell(seen)
@@ -103,23 +105,24 @@ def solve(
         before = problem.cost(point, about.weights)
         found = minimised(problem, point, about)
         gained = 1 - problem.cost(found, about.weights) / before
-        covariance = _covariance(problem, found, about)
-        moved = np.abs(found - point) / np.sqrt(np.diag(covariance))
+        left = misfit(problem, found)
+        moved = np.abs(found - point) / (error * max(left, 1.0) ** 0.5)
         changes.append(float(moved[watched].max(initial=0.0)))
         history.add(point, found)
         contraction = history.contraction(about.whole)
         last, point = found - point, found
-        # Old derivatives may find no way down where new ones do.
-        settled = changes[-1] < ENOUGH and (fresh or gained > 0)
+        # Old derivatives may find no way down where new ones do, but not after a pass that moved next to nothing.
+        arrived = fresh or gained > 0 or changes[-2] < NEARLY
+        settled = changes[-1] < ENOUGH and arrived
         fresh = gained > MUCH or gained <= 0
-        if settled and not doubted and misfit(problem, point) > DOUBTFUL:
+        if settled and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True
         elif settled:
             break
         if number + 1 < passes:
             point = history.next_point(about.whole)
     progress(passes + 1, passes + 1, "")
-    covariance += np.outer(last, last)
+    covariance = _covariance(problem, point, about) + np.outer(last, last)
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
 
 
@@ -179,8 +182,12 @@ def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation)
     formal: FloatArray = np.asarray(np.linalg.inv(about.whole), dtype=np.float64)
     if len(about.matrices) > 1:
         shifts = jackknife_shifts(about.whole, problem.gradients(point, about), about.matrices)
-        formal[:] = covariance_with_model_error(formal, shifts)
-    floor = np.zeros(len(formal))
+        formal = covariance_with_model_error(formal, shifts)
+    return formal + _numerical(problem)
+
+
+def _numerical(problem: TorqueProblem) -> FloatArray:
+    """Variance that numerics leave, (n_unknown, n_unknown)."""
+    floor = np.zeros(problem.n_unknown)
     floor[: problem.n_free] = NUMERICAL**2
-    result: FloatArray = formal + np.diag(floor)
-    return result
+    return np.diag(floor)

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
-from robid_core.estimation.torque.spectra import FINER, MOTION_BAND_HZ, friction_spectra, speed_functions
+from robid_core.estimation.torque.spectra import FINER, MOTION_BAND_HZ, friction_spectra
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
 from robid_core.mechanics import MotorMotion, SimulationState, periodic_motion
 from robid_core.residual.block import TorqueBlock
@@ -34,10 +35,10 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     """Where the last prescribed motion ended."""
 
     @classmethod
-    def of_record(cls, robot: Robot, motion: PeriodicMotion, widths: tuple[float, ...]) -> PeriodicBlock:
-        """Prepare a block; `widths` are those of the friction functions, rad/s."""
+    def of_record(cls, robot: Robot, motion: PeriodicMotion, laws: SpeedFunctions) -> PeriodicBlock:
+        """Prepare a block."""
         recorded, motion = motion, true_motion(robot, motion)
-        laws, angle = tuple(speed_functions(widths)), robot.joint_angle(motion.angle.mean(axis=(1, 2)))
+        angle = robot.joint_angle(motion.angle.mean(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
         deviation = friction_deviation(motion, laws)
         return cls(robot, recorded, motion, laws, friction, added, angle, deviation)
@@ -76,8 +77,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
             motion = self.motion.of_configuration(c)
             speed = motion.fine_speed()
             torque = np.repeat(motion.torque, FINER, axis=2) - coefficient[-1]
-            for law, size in zip(self.laws, coefficient[:-1], strict=True):
-                torque -= size * law(speed)
+            for rubbing, size in zip(self.laws.along(speed), coefficient[:-1], strict=True):
+                torque -= size * rubbing
             speed = motion.fine_speed(np.matmul(torque, mobility[c]))
             friction[:, c] = friction_spectra(motion, self.laws, speed)[:, 0]
         self.friction = friction

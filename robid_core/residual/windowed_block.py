@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import DataRejected
-from robid_core.estimation.torque.spectra import friction_spectra, speed_functions
+from robid_core.estimation.torque.spectra import friction_spectra
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.mechanics import MotorMotion
 from robid_core.parameters import FreeParameters
@@ -40,8 +41,8 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     """The motion in steps of the integrator, once it was asked for."""
 
     @classmethod
-    def of_record(cls, robot: Robot, motion: WindowedMotion, widths: tuple[float, ...]) -> WindowedBlock:
-        """Prepare a block; `widths` are those of the friction functions, rad/s.
+    def of_record(cls, robot: Robot, motion: WindowedMotion, laws: SpeedFunctions) -> WindowedBlock:
+        """Prepare a block.
 
         Raises DataRejected where the robot file tells no noise of torque: a single cut cannot show it.
         """
@@ -50,7 +51,6 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
                 f"{robot.name}: what does not repeat shows no noise, and the robot file tells none; give "
                 "sensors: {torque_noise: ...} for every axis"
             )
-        laws = tuple(speed_functions(widths))
         recorded, motion = motion, true_motion(robot, motion)
         middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)

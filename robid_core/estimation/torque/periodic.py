@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +14,10 @@ from robid_core.estimation.torque.spectra import (
     FINER,
     SPEED_BAND,
     MotionSpectra,
-    SpeedFunction,
     divided_period,
     periodic_derivative,
 )
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -165,16 +165,16 @@ def periodic_motion_of(
     )
 
 
-def friction_deviation(motion: PeriodicMotion, laws: Sequence[SpeedFunction]) -> ComplexArray:
+def friction_deviation(motion: PeriodicMotion, laws: SpeedFunctions) -> ComplexArray:
     """Spectra of functions of each period's speed less their mean.
 
     Shape (n_law, n_config, n_exp, n_period, n_bin, n_axis).
     """
     n_period = motion.torque_deviation.shape[2]
-    found = np.zeros((len(laws), *motion.torque_deviation.shape), dtype=np.complex128)
+    found = np.zeros((len(laws.names) - 1, *motion.torque_deviation.shape), dtype=np.complex128)
     for period in range(n_period):
         speed = motion.speed_of_period(period)
-        for k, law in enumerate(laws):
-            found[k, :, :, period] = motion.held_spectrum(law(speed))
+        for k, torque in enumerate(laws.along(speed)):
+            found[k, :, :, period] = motion.held_spectrum(torque)
     found -= found.mean(axis=3, keepdims=True)
     return found

@@ -8,7 +8,7 @@ would have to be (its spectrum over the hold's factor).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.mechanics.response import hold_factor
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
-SpeedFunction = Callable[[FloatArray], FloatArray]
 
 EVERY = 5  # of the bins that are no lines stands for the others
 FINER = 8  # points a sample on which laws are evaluated
@@ -167,20 +167,10 @@ def divided_period(
     return result
 
 
-def speed_functions(widths: tuple[float, ...]) -> list[SpeedFunction]:
-    """Free functions of friction: odd ones ``tanh(v / w)``, and an even one, ``tanh^2(v / w)`` of the middle width."""
-
-    def odd(width: float) -> SpeedFunction:
-        return lambda v: np.tanh(v / width)
-
-    middle = widths[len(widths) // 2]
-    return [*(odd(width) for width in widths), lambda v: np.tanh(v / middle) ** 2]
-
-
-def friction_spectra(motion: MotionSpectra, laws: Sequence[SpeedFunction], speed: FloatArray) -> ComplexArray:
+def friction_spectra(motion: MotionSpectra, laws: SpeedFunctions, speed: FloatArray) -> ComplexArray:
     """Spectra of functions of the speed and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis).
 
     `speed` is on the finer grid.
     """
     constant = np.broadcast_to(motion.constant[:, None], motion.torque_spectrum.shape)
-    return np.stack([*(motion.held_spectrum(law(speed)) for law in laws), constant])
+    return np.stack([*(motion.held_spectrum(torque) for torque in laws.along(speed)), constant])

@@ -7,6 +7,7 @@ import pytest
 
 from robid_core import DataRejected, FreeParameters, Robot
 from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import windowed_motion_of
 from robid_core.residual import PeriodicBlock
 from robid_core.residual.signals import true_motion
@@ -80,7 +81,10 @@ def test_columns_of_signals_are_differences_of_residuals(robot: Robot) -> None:
     angle, torque = (np.broadcast_to(values[:, None], shape) for values in measured(time))
     record = periodic_motion_of(angle, torque, T, np.array([1, 13, 40]), 100.0)
     free = FreeParameters.of_robot(robot, [n for n in robot.layout if n.startswith("effect.")])
-    block, size = PeriodicBlock.of_record(robot, record, (5.0,)), np.zeros((3, 1))
+    block, size = (
+        PeriodicBlock.of_record(robot, record, SpeedFunctions.of_widths((5.0,), 1)),
+        np.zeros((3, 1)),
+    )
 
     def residual(point: np.ndarray) -> np.ndarray:
         block.renew_signals(free, point)

@@ -7,6 +7,7 @@ import pytest
 
 from robid_core import Robot
 from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
 from robid_core.residual import PeriodicBlock
 
@@ -31,7 +32,8 @@ def block(ideal: Robot) -> PeriodicBlock:
         name: 0.0 for name in ideal.layout if name.endswith(".coulomb") and name.startswith("friction.")
     }
     motion = periodic_motion_of(position, torque, T, LINES, 100.0)
-    return PeriodicBlock.of_record(ideal.with_parameters(levels), motion, (ideal.drives.friction_speed[0],))
+    laws = SpeedFunctions.of_widths((ideal.drives.friction_speed[0],), 6)
+    return PeriodicBlock.of_record(ideal.with_parameters(levels), motion, laws)
 
 
 def left(block: PeriodicBlock, ideal: Robot) -> np.ndarray:

@@ -7,11 +7,11 @@ import pytest
 
 from robid_core import FreeParameters, Robot, chosen_names
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.residual import PeriodicBlock, TorqueProblem
 
 T, N = 1e-3, 2000
-WIDTHS = (0.5, 5.0)
-LAWS = ("odd_0.5", "odd_5", "even", "constant")
+LAWS = SpeedFunctions.of_widths((0.5, 5.0), 6)
 POSES = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2], [-0.7, -0.2, 0.5, -0.9, -0.5, 1.0]])
 NOUNS = (
     "*_stiffness.*", "*_damping.*", "friction.*.viscous", "mass.*", "centre_of_mass.*", "inertia.*", "rotor_inertia.*"
@@ -42,8 +42,8 @@ def motion_of(robot: Robot, poses: np.ndarray, seed: int) -> PeriodicMotion:
 
 def problem_of(robot: Robot, *motions: PeriodicMotion) -> TorqueProblem:
     free = FreeParameters.of_robot(robot, chosen_names(list(robot.layout), NOUNS))
-    blocks = tuple(PeriodicBlock.of_record(robot, motion, WIDTHS) for motion in motions)
-    return TorqueProblem(free, blocks, LAWS)
+    blocks = tuple(PeriodicBlock.of_record(robot, motion, LAWS) for motion in motions)
+    return TorqueProblem(free, blocks, LAWS.names)
 
 
 def test_derivatives_are_differences_of_the_residual(robot: Robot) -> None:

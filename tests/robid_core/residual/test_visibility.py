@@ -7,6 +7,7 @@ import pytest
 
 from robid_core import FreeParameters, NotIdentifiable, Robot
 from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.residual import PeriodicBlock, TorqueProblem
 from robid_core.residual.linear_fit import best_start
 from robid_core.residual.visibility import visibility
@@ -33,8 +34,9 @@ def problem_of(robot: Robot, plant: Robot, names: tuple[str, ...]) -> TorqueProb
     motion = periodic_motion_of(
         run.position[:, -2 * N :].reshape(rows), run.torque[:, -2 * N :].reshape(rows), T, LINES, 60.0
     )
-    block = PeriodicBlock.of_record(robot, motion, (5.0,))
-    return TorqueProblem(FreeParameters.of_robot(robot, names), (block,), ("odd_5", "even", "constant"))
+    laws = SpeedFunctions.of_widths((5.0,), 1)
+    block = PeriodicBlock.of_record(robot, motion, laws)
+    return TorqueProblem(FreeParameters.of_robot(robot, names), (block,), laws.names)
 
 
 def test_shares_are_those_of_the_whole_inverse(robot: Robot) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robid_core import DataRejected, FreeParameters, Robot
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import windowed_motion_of
 from robid_core.mechanics import MotorMotion
 from robid_core.residual import WindowedBlock
@@ -75,7 +76,9 @@ def test_a_start_in_motion_is_found_and_the_torque_given_back(robot: Robot) -> N
     told = {f"sensors.{axis}.torque_noise": 0.01 for axis in robot.axis_names}
     noisy = robot.with_parameters({name: value for name, value in told.items() if name in robot.layout})
     assert "sensors.axis_1.torque_noise" in robot.layout
-    block = WindowedBlock.of_record(noisy, windowed_motion_of(position, torque, T, 80.0), (0.5,))
+    block = WindowedBlock.of_record(
+        noisy, windowed_motion_of(position, torque, T, 80.0), SpeedFunctions.of_widths((0.5,), 6)
+    )
     free = FreeParameters.of_robot(noisy, ("friction.axis_1.viscous",))
     nothing, weight = np.zeros((3, 6)), np.tile(np.eye(6, dtype=complex), (len(block.motion.bin), 1, 1))
     left = []
@@ -107,7 +110,9 @@ def test_deviations_that_are_seen_are_found(robot: Robot) -> None:
 def test_a_robot_that_tells_no_noise_is_refused(robot: Robot) -> None:
     motor = np.zeros((1, 1, N, 6))
     with pytest.raises(DataRejected, match="sensors: {torque_noise"):
-        WindowedBlock.of_record(robot, windowed_motion_of(motor, motor, T, 80.0), (0.5,))
+        WindowedBlock.of_record(
+            robot, windowed_motion_of(motor, motor, T, 80.0), SpeedFunctions.of_widths((0.5,), 6)
+        )
     with pytest.raises(DataRejected, match="A05"):
         windowed_motion_of(motor * np.nan, motor, T, 80.0)
     with pytest.raises(DataRejected, match="a band up to 900 Hz"):

@@ -7,7 +7,7 @@ import pytest
 
 from robid_core import DataRejected
 from robid_core.estimation.torque.periodic import periodic_motion_of
-from robid_core.estimation.torque.spectra import speed_functions
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 
 T, N = 1e-3, 1000
@@ -46,20 +46,58 @@ def test_a_viscous_law_is_the_speed_over_the_hold_factor() -> None:
 
 def test_a_sharp_law_is_what_a_grid_a_hundred_times_finer_says() -> None:
     motion = motion_of(swings(), swings())
-    law = speed_functions((0.5,))[0]
-    found = motion.held_spectrum(law(motion.fine_speed()))[0, 0, :, 0] * motion.hold
+    rubbing = next(SpeedFunctions.of_widths((0.5,), 1).along(motion.fine_speed()))
+    found = motion.held_spectrum(rubbing)[0, 0, :, 0] * motion.hold
     time = T / 100 * np.arange(100 * N)
     fine = np.fft.rfft(np.tanh(0.1 * 2 * np.pi * 5 * np.cos(2 * np.pi * 5 * time) / 0.5))[:101] / len(time)
     # Harmonics above half the grid's 4 kHz fold back: those of tanh fall by exp(-pi w / 2 per unit of phase).
     np.testing.assert_allclose(found, fine, atol=1e-9)
 
 
-def test_odd_functions_are_odd_and_the_last_is_even() -> None:
-    speed = np.linspace(-3, 3, 61)
-    *odd, even = speed_functions((0.2, 1.0, 4.0))
-    for law in odd:
-        np.testing.assert_allclose(law(-speed), -law(speed))
-    np.testing.assert_allclose(even(-speed), even(speed))
+@pytest.mark.parametrize(
+    ("told", "asymmetry", "median", "most"),
+    [(0.5, 0.0, 2e-4, 1.5e-3), (0.5, 0.1, 4e-3, 9e-3), (0.05, 0.0, 4e-4, 1e-2), (0.05, 0.1, 5e-3, 1.5e-2)],
+)
+def test_functions_of_speed_leave_next_to_nothing_of_friction_of_any_shape(
+    told: float, asymmetry: float, median: float, most: float
+) -> None:
+    """It turns at up to twice the told speed or half of it, falls with speed, differs by direction.
+
+    Over the speeds of forty waves on a slow sine; shares of the Coulomb level, of twenty draws.
+    """
+    found = []
+    generator, time = np.random.default_rng(4), np.arange(8000) / 1000
+    for _ in range(20):
+        waves = [np.sin(2 * np.pi * f * time + generator.uniform(0, 6)) for f in generator.uniform(4, 80, 40)]
+        speed = 9 * np.sin(2 * np.pi * time / 8) + generator.uniform(2, 6) * np.sum(waves, axis=0) / np.sqrt(
+            20
+        )
+        turning = told * 2 ** generator.uniform(-1, 1)
+        fall = (np.abs(speed) / generator.uniform(2, 20)) ** generator.uniform(1, 2)
+        torque = (1 + generator.uniform(0, 0.8) * np.exp(-fall)) * np.tanh(speed / turning)
+        torque *= 1 + asymmetry * np.sign(speed)
+        laws = SpeedFunctions.about(np.array([told]), np.array([np.sqrt((speed**2).mean())]))
+        columns = np.stack(
+            [*(law[:, 0] for law in laws.along(speed[:, None])), np.ones_like(speed), speed], axis=1
+        )
+        rest = torque - columns @ np.linalg.lstsq(columns, torque)[0]
+        found.append(np.sqrt((rest**2).mean()))
+    assert np.median(found) < median
+    assert max(found) < most
+
+
+def test_functions_have_a_width_for_each_axis_odd_ones_before_even_ones() -> None:
+    laws, speed = SpeedFunctions.about(np.array([0.5, 2.0]), np.array([8.0, 1.0])), np.array([[-3.0, 0.7]])
+    there, back = (np.stack(list(laws.along(way * speed))) for way in (1, -1))
+    n_odd = len(laws.odd)
+    np.testing.assert_allclose(back[:n_odd], -there[:n_odd])
+    np.testing.assert_allclose(back[n_odd:], there[n_odd:])
+    assert len(laws.names) == len(there) + 1
+    np.testing.assert_allclose(
+        laws.odd[-1], [16.0, 12.0]
+    )  # twice the rms; six times where motions turn slowly
+    alone = np.stack(list(laws.of_axis(1).along(speed[:, 1:])))
+    np.testing.assert_array_equal(alone[:, :, 0], there[:, :, 1])
 
 
 def test_weights_whiten_correlated_noise_of_any_colour() -> None:
