@@ -12,7 +12,7 @@ _HOME = {
         "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "Model", "ParameterTable",
         "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
-        "mean_travel",
+        "frozen", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -70,6 +70,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         TimeComparison as TimeComparison,
         Truth as Truth,
         array as array,
+        frozen as frozen,
         mean_travel as mean_travel,
     )
     from robid_core.drives import (

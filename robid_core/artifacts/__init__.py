@@ -14,6 +14,7 @@ from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation, mean_travel
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
+from robid_core.artifacts.freezing import frozen
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
@@ -44,5 +45,6 @@ __all__ = [
     "TimeComparison",
     "Truth",
     "array",
+    "frozen",
     "mean_travel",
 ]

@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from robid_core.artifacts.artifact import Artifact
+from robid_core.artifacts.freezing import frozen
 from robid_core.errors import DataRejected, StoreError
 
 FORMAT_VERSION = 1
@@ -127,7 +128,7 @@ def _read_group(group: h5py.Group, path: str) -> Artifact:
 
 def _read_item(node: h5py.Group | h5py.Dataset, path: str) -> Any:
     if isinstance(node, h5py.Dataset):
-        return node[()]
+        return frozen(node[()])
     container = node.attrs.get("robid_container")
     if container == "dict":
         return {key: _read_group(child, path) for key, child in node.items()}
