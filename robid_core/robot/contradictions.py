@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.robot.part import Path
 from robid_core.robot.tree import tree_contradictions
+from robid_core.yaml_file.problems import KeyPath
 
-Contradiction = tuple[Path, str]
+Contradiction = tuple[KeyPath, str]
 
 _SINGULAR = 1e-9  # smallest over largest singular value of a coupling
 _UNIT = 1e-5  # what passes for a unit vector

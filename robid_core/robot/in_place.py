@@ -8,7 +8,7 @@ sheet, a model file) cannot be changed here. The result is read again: it is the
 from __future__ import annotations
 
 import io
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import NamedTuple
 
 from ruamel.yaml import YAML
@@ -17,9 +17,9 @@ from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, Seq
 from robid_core.artifacts import Model
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.robot.derived_file import COLUMN, key_text, known_of
-from robid_core.robot.part import Path
 from robid_core.robot.reading import parse_description
 from robid_core.robot.robot import Robot
+from robid_core.yaml_file.problems import KeyPath
 
 
 class Edit(NamedTuple):
@@ -30,7 +30,7 @@ class Edit(NamedTuple):
     text: str
 
 
-def with_model(text: str, path: FilePath, model: Model) -> str:
+def with_model(text: str, path: Path, model: Model) -> str:
     """Return the text of the robot file `path` with the numbers of a model in it.
 
     Raises
@@ -73,16 +73,16 @@ def with_model(text: str, path: FilePath, model: Model) -> str:
     return text
 
 
-def _is(text: str, path: FilePath, robot: Robot) -> bool:
+def _is(text: str, path: Path, robot: Robot) -> bool:
     try:
         return parse_description(text, path) == robot.description
     except RobidError:
         return False
 
 
-def _in_place(text: str, root: Node, name: str, path: Path, value: float, derived: bool) -> list[Edit]:
+def _in_place(text: str, root: Node, name: str, path: KeyPath, value: float, derived: bool) -> list[Edit]:
     """Return what sets a number where it stands, or in the mapping where it would; nothing where there is neither."""
-    places: list[Path] = [("parameters", name)] if derived else []
+    places: list[KeyPath] = [("parameters", name)] if derived else []
     places += [path, (*path[:-2], path[-1], path[-2])] if "inertia" in path else [path]
     found = [node for place in places if isinstance(node := _find(root, place), ScalarNode)]
     if found:
@@ -129,7 +129,7 @@ def _end(node: Node) -> int:
     return _end(last[1] if isinstance(node, MappingNode) else last)
 
 
-def _find(node: Node | None, path: Path) -> Node | None:
+def _find(node: Node | None, path: KeyPath) -> Node | None:
     """Return what stands at a path, None where nothing does."""
     for step in path:
         if isinstance(node, MappingNode):

@@ -22,7 +22,7 @@ from robid_core.robot.parameter_places import (
     TableRow,
     places_of_structure,
 )
-from robid_core.robot.part import Part, Path, line_errors
+from robid_core.robot.part import KeyPath, Part, line_errors
 
 Layout = Mapping[str, ParameterPlace]
 
@@ -34,7 +34,7 @@ class NamedParameter(NamedTuple):
     kind: str
     group: str
     unit: str
-    path: Path
+    path: KeyPath
     value: float
 
 
@@ -138,7 +138,7 @@ def with_values(
         For a value outside the bounds of an effect's table.
     """
     layout = layout_of(description) if layout is None else layout
-    numbers: dict[Path, float] = {}
+    numbers: dict[KeyPath, float] = {}
     for name, value in values.items():
         path = layout[name].path
         numbers[path] = float(value)
@@ -154,15 +154,15 @@ def with_values(
     return changed
 
 
-def _by_first(numbers: Mapping[Path, float]) -> dict[str | int, dict[Path, float]]:
+def _by_first(numbers: Mapping[KeyPath, float]) -> dict[str | int, dict[KeyPath, float]]:
     """Return the numbers by the first step of their path, with the rest of it."""
-    found: dict[str | int, dict[Path, float]] = {}
+    found: dict[str | int, dict[KeyPath, float]] = {}
     for (first, *rest), value in numbers.items():
         found.setdefault(first, {})[tuple(rest)] = value
     return found
 
 
-def _replaced(old: Any, numbers: Mapping[Path, float], place: Path) -> Any:
+def _replaced(old: Any, numbers: Mapping[KeyPath, float], place: KeyPath) -> Any:
     """Return a part of the description with some numbers replaced; only parts that hold them are checked again."""
     if () in numbers:
         return numbers[()]
@@ -185,7 +185,7 @@ def _replaced(old: Any, numbers: Mapping[Path, float], place: Path) -> Any:
     return _checked(old, own, place)
 
 
-def _checked(old: Part, own: dict[str, Any], place: Path) -> Part:
+def _checked(old: Part, own: dict[str, Any], place: KeyPath) -> Part:
     """Return a part with some fields replaced, checked; errors are told at its place in the description."""
     fields = {info.alias or name: getattr(old, name) for name, info in type(old).model_fields.items()}
     try:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from robid_core.robot.description import RobotDescription
-from robid_core.robot.part import Path
+from robid_core.yaml_file.problems import KeyPath
 
 STATIC, SEPARATE, DYNAMIC = "static", "separate", "dynamic"
 MOMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
@@ -76,7 +76,7 @@ class ParameterPlace(NamedTuple):
     group: str
     """static, separate or dynamic."""
     unit: str
-    path: Path
+    path: KeyPath
     """Where it stands in the description; of a moment of inertia the entry of the upper triangle."""
     row: TableRow | None = None
     """Of an effect's table."""
@@ -143,7 +143,7 @@ def _of_modes(description: RobotDescription) -> list[ParameterPlace]:
         reduced = body.flexible.reduced if body.flexible is not None else None
         for k in range(len(reduced.modes) if reduced is not None else 0):
             for kind, unit in (("stiffness", "1/s^2"), ("damping", "1/s")):
-                inside: Path = ("bodies", index, "flexible", "reduced", "modes", k, kind)
+                inside: KeyPath = ("bodies", index, "flexible", "reduced", "modes", k, kind)
                 name = f"modal_{kind}.{body.joint}_mode_{k + 1}"
                 found.append(ParameterPlace(name, "modal", DYNAMIC, unit, inside))
     return found
@@ -159,7 +159,7 @@ def _of_bodies(description: RobotDescription) -> list[ParameterPlace]:
     for index, body in heavy:
         if body.flexible is not None:
             continue
-        where: Path = ("bodies", index)
+        where: KeyPath = ("bodies", index)
         found += [
             ParameterPlace(
                 f"centre_of_mass.{body.joint}.{axis}", "inertia", STATIC, "m", (*where, "centre_of_mass", i)

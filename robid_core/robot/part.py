@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 LARGEST = 1e15  # beyond it no number of a robot means anything, and squares may overflow
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = tuple[Number, Number, Number]
@@ -31,7 +31,7 @@ def refusal(reason: str) -> PydanticCustomError:
     return PydanticCustomError("refused", "{reason}", {_REASON: reason})
 
 
-def line_errors(error: ValidationError, prefix: Path = ()) -> list[InitErrorDetails]:
+def line_errors(error: ValidationError, prefix: KeyPath = ()) -> list[InitErrorDetails]:
     """Return the errors of a part, to be raised again by the whole in which it stands at `prefix`."""
     found = []
     for item in error.errors(include_url=False):

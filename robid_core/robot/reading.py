@@ -14,16 +14,15 @@ from pydantic import Field, ValidationError
 
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.document import Document
+from robid_core.robot.document import Document, parse_document, read_document
 from robid_core.robot.expansion import sheets_written_out
 from robid_core.robot.flexible_links import links_written_out
 from robid_core.robot.model_file import bodies_from_model
 from robid_core.robot.named_parameters import effect_table, misfits, named_parameters, with_values
 from robid_core.robot.part import Identifier, Part, with_tuples
-from robid_core.robot.problems import suggestion
 from robid_core.robot.unknowns import robot_sha256
 from robid_core.robot.wording import checked, reason
-from robid_core.robot.yaml_source import parse_document, read_document
+from robid_core.yaml_file.problems import suggestion
 
 PACKAGED = Path(__file__).parent.parent / "robots"
 # Packaged robots come in pairs: what the maker believes, and what the simulated machine is.
@@ -76,7 +75,7 @@ def read_description(path: Path) -> RobotDescription:
 
     Raises
     ------
-    RobotProblems
+    FileProblems
         A ConfigurationError with every mistake of the file at its line and column.
     PluginError
         Where an effect or a reader of model files cannot be imported.
@@ -95,7 +94,7 @@ def _read(document: Document, path: Path, above: tuple[Path, ...]) -> RobotDescr
         description = _derived(data, document, (*above, path.resolve()))
     else:
         description = _whole(data, document, path.parent)
-    document.raise_if_any()
+    document.problems.raise_if_any()
     assert description is not None
     return description
 
@@ -125,7 +124,7 @@ def _with_model(data: dict[str, Any], document: Document, folder: Path) -> dict[
     except RobidError as error:
         for line in str(error).splitlines():
             document.add(("model",), line)
-        document.spoiled.add(("bodies",))
+        document.spoil(("bodies",))
         bodies = []
     for index in range(len(bodies)):
         document.derive(("bodies", index), ("model",))
@@ -159,8 +158,14 @@ def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) 
     if isinstance(data.get("name"), str):
         whole["name"] = data["name"]
     robot = checked(RobotDescription, whole, document)
-    _check_parameters(data.get("parameters"), base if robot is None or document.problems else robot, document)
-    return None if robot is None or document.problems else with_values(robot, data.get("parameters") or {})
+    _check_parameters(
+        data.get("parameters"), base if robot is None or document.problems.problems else robot, document
+    )
+    return (
+        None
+        if robot is None or document.problems.problems
+        else with_values(robot, data.get("parameters") or {})
+    )
 
 
 def _check_base(base: RobotDescription, sha256: Any, document: Document) -> None:

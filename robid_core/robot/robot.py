@@ -38,11 +38,11 @@ from robid_core.robot.identified import Identified
 from robid_core.robot.inheritance import inherited
 from robid_core.robot.motions import Motions
 from robid_core.robot.named_parameters import with_values
-from robid_core.robot.problems import suggestion
 from robid_core.robot.reading import find_robot, read_description
 from robid_core.robot.unknowns import NamedUnknowns
 from robid_core.robot.variants import Variants
 from robid_core.robot.wording import reason
+from robid_core.yaml_file.problems import suggestion
 
 if TYPE_CHECKING:
     from robid_core.mechanics import (

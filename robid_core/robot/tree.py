@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from robid_core.robot.body import CLOSED_LOOP, Body
-from robid_core.robot.part import Path
+from robid_core.yaml_file.problems import KeyPath
 
 
-def tree_contradictions(bodies: list[Mapping[str, Any]], joints: list[str]) -> Iterator[tuple[Path, str]]:
+def tree_contradictions(bodies: list[Mapping[str, Any]], joints: list[str]) -> Iterator[tuple[KeyPath, str]]:
     """Yield the place and the reason of every mistake in the tree; loops are told by the names of their joints.
 
     Parameters
@@ -54,7 +54,7 @@ def tree_contradictions(bodies: list[Mapping[str, Any]], joints: list[str]) -> I
             )
 
 
-def _masses(bodies: list[Mapping[str, Any]]) -> Iterator[tuple[Path, str]]:
+def _masses(bodies: list[Mapping[str, Any]]) -> Iterator[tuple[KeyPath, str]]:
     """A body with inertia has a mass; one whose mass is misspelt is told of that."""
     for index, body in enumerate(bodies):
         moments = np.ravel(np.array(body.get("inertia") or (), dtype=object))

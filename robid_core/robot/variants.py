@@ -14,8 +14,8 @@ from robid_core.errors import ConfigurationError
 from robid_core.robot.description import EffectEntry
 from robid_core.robot.inheritance import inherited_beside
 from robid_core.robot.part import Identifier
-from robid_core.robot.problems import suggestion
 from robid_core.robot.wording import reason
+from robid_core.yaml_file.problems import suggestion
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot

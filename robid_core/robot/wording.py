@@ -6,9 +6,6 @@ is also a missing key is one problem.
 
 from __future__ import annotations
 
-import difflib
-import types
-import typing
 from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -17,8 +14,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from robid_core.robot.document import Document
-from robid_core.robot.part import Part, Path, with_tuples
-from robid_core.robot.problems import suggestion
+from robid_core.robot.part import KeyPath, Part, with_tuples
+from robid_core.yaml_file.model_fields import fields_at, first_line
+from robid_core.yaml_file.problems import nearest, suggestion
 
 Model = TypeVar("Model", bound=Part)
 
@@ -42,7 +40,7 @@ _BOUNDS = {
 }
 
 
-def checked(model: type[Model], data: Any, document: Document, prefix: Path = ()) -> Model | None:
+def checked(model: type[Model], data: Any, document: Document, prefix: KeyPath = ()) -> Model | None:
     """Return the part that `data` describes; None where it has mistakes, which the document then knows.
 
     Parameters
@@ -63,12 +61,12 @@ def checked(model: type[Model], data: Any, document: Document, prefix: Path = ()
         return None
 
 
-def tell(error: ValidationError, model: type[Part], document: Document, prefix: Path = ()) -> None:
+def tell(error: ValidationError, model: type[Part], document: Document, prefix: KeyPath = ()) -> None:
     """Add every error of a model to the document, at its place below `prefix`."""
-    unknown: dict[Path, list[str]] = defaultdict(list)
-    missing: dict[Path, list[str]] = defaultdict(list)
+    unknown: dict[KeyPath, list[str]] = defaultdict(list)
+    missing: dict[KeyPath, list[str]] = defaultdict(list)
     for item in error.errors(include_url=False):
-        location: Path = tuple(part for part in item["loc"] if part != "[key]")
+        location: KeyPath = tuple(part for part in item["loc"] if part != "[key]")
         if item["type"] == "extra_forbidden":
             unknown[location[:-1]].append(str(location[-1]))
         elif item["type"] == "missing" and isinstance(location[-1], str):
@@ -78,23 +76,21 @@ def tell(error: ValidationError, model: type[Part], document: Document, prefix: 
             message = reason(item)
             document.add((*prefix, *location), message + (f"; {meaning}" if meaning else ""))
     for place in {**unknown, **missing}:
-        _tell_keys(unknown[place], missing[place], _fields(model, place), document, (*prefix, *place))
+        _tell_keys(unknown[place], missing[place], fields_at(model, place), document, (*prefix, *place))
 
 
 def _tell_keys(
-    unknown: list[str], missing: list[str], fields: dict[str, FieldInfo], document: Document, place: Path
+    unknown: list[str], missing: list[str], fields: dict[str, FieldInfo], document: Document, place: KeyPath
 ) -> None:
     waiting = list(missing)
     for key in unknown:
-        meant = difflib.get_close_matches(key, waiting, n=1, cutoff=0.6)
-        if meant:
-            waiting.remove(meant[0])
-        hint = suggestion(key, meant or list(fields), "the keys here are")
+        meant = nearest(key, waiting)
+        if meant is not None:
+            waiting.remove(meant)
+        hint = suggestion(key, [meant] if meant else list(fields), "the keys here are")
         document.add((*place, key), f"unknown key '{key}'; {hint}")
     for key in waiting:
-        document.add(
-            (*place, key), f"the key '{key}' is missing: {_first_line(fields.get(key))}".rstrip(": ")
-        )
+        document.add((*place, key), f"the key '{key}' is missing: {first_line(fields.get(key))}".rstrip(": "))
 
 
 def reason(item: Mapping[str, Any]) -> str:
@@ -129,45 +125,10 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _meaning(model: type[BaseModel], path: Path) -> str:
+def _meaning(model: type[BaseModel], path: KeyPath) -> str:
     """Return what a key means: "stiffness: N m/rad, joint side"; what has none has the meaning of what holds it."""
     for length in range(len(path), 0, -1):
-        field = _fields(model, path[: length - 1]).get(str(path[length - 1]))
+        field = fields_at(model, path[: length - 1]).get(str(path[length - 1]))
         if field is not None:
-            return f"{path[length - 1]}: {_first_line(field)}"
+            return f"{path[length - 1]}: {first_line(field)}"
     return ""
-
-
-def _first_line(field: FieldInfo | None) -> str:
-    return ((field.description or "") if field else "").partition("\n")[0].rstrip(".")
-
-
-def _fields(model: type[BaseModel], place: Path) -> dict[str, FieldInfo]:
-    """Return the keys that a mapping inside a model may have."""
-    annotation: Any = model
-    for part in place:
-        annotation = _inside(annotation, part)
-    for member in _members(annotation):
-        if isinstance(member, type) and issubclass(member, BaseModel):
-            return {info.alias or name: info for name, info in member.model_fields.items()}
-    return {}
-
-
-def _inside(annotation: Any, part: str | int) -> Any:
-    for member in _members(annotation):
-        if isinstance(member, type) and issubclass(member, BaseModel):
-            info = next((i for name, i in member.model_fields.items() if part in (i.alias, name)), None)
-            return info.annotation if info else None
-        arguments = [a for a in typing.get_args(member) if a is not Ellipsis]
-        if arguments:
-            return arguments[min(part, len(arguments) - 1)] if isinstance(part, int) else arguments[-1]
-    return None
-
-
-def _members(annotation: Any) -> list[Any]:
-    """Return the members of a union, annotations taken off; the annotation itself otherwise."""
-    if typing.get_origin(annotation) is typing.Annotated:
-        return _members(typing.get_args(annotation)[0])
-    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        return [member for a in typing.get_args(annotation) for member in _members(a)]
-    return [annotation]

@@ -15,9 +15,9 @@ from robid_core.robot.data_sheet import CURVE, BearingSheet, GearSheet
 from robid_core.robot.description import RobotDescription
 from robid_core.robot.expansion import directions_across
 from robid_core.robot.part import with_tuples
-from robid_core.robot.problems import RobotProblems
 from robid_core.robot.reading import read_description
 from robid_core.robot.tree import stretched_inertia
+from robid_core.yaml_file.problems import FileProblems
 
 pytestmark = pytest.mark.usefixtures("effects_of_a_stranger")
 
@@ -256,7 +256,7 @@ MISTAKES = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_in_a_sheet_is_told_at_its_place_and_nothing_else(name: str, tmp_path: Path) -> None:
     axis, told = MISTAKES[name]
-    with pytest.raises(RobotProblems) as refused:
+    with pytest.raises(FileProblems) as refused:
         robot(tmp_path, axis)
     assert str(refused.value).startswith(told)
     assert "\n" not in str(refused.value)
@@ -266,5 +266,5 @@ def test_a_gear_that_turns_does_not_fit_a_joint_that_slides(tmp_path: Path) -> N
     robot(tmp_path, "")
     text = (tmp_path / "robot.yaml").read_text().replace("{joint: a,", "{joint: a, type: prismatic,")
     (tmp_path / "robot.yaml").write_text(text + "    gear: {data_sheet: {K_nm_per_arcmin: 108}}\n")
-    with pytest.raises(RobotProblems, match=r"^robot.yaml:12:5: axes.a.gear: joint 'a' is prismatic"):
+    with pytest.raises(FileProblems, match=r"^robot.yaml:12:5: axes.a.gear: joint 'a' is prismatic"):
         read_description(tmp_path / "robot.yaml")

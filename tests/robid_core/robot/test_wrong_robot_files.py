@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError
-from robid_core.robot.problems import RobotProblems
 from robid_core.robot.reading import read_description
+from robid_core.yaml_file.problems import FileProblems
 
 TEXT = """\
 robid_robot: 1
@@ -54,7 +54,7 @@ def mistakes(folder: Path, *changes: tuple[str, str], text: str = TEXT) -> list[
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
-    with pytest.raises(RobotProblems) as refused:
+    with pytest.raises(FileProblems) as refused:
         read_description(folder / "robot.yaml")
     assert isinstance(refused.value, ConfigurationError)
     lines = str(refused.value).split("\n")
@@ -444,7 +444,7 @@ def test_a_robot_is_not_its_own_base(tmp_path: Path) -> None:
     (tmp_path / "other.yaml").write_text("robid_robot: 1\nbase: robot.yaml\n")
     (tmp_path / "robot.yaml").write_text("robid_robot: 1\nbase: other.yaml\n")
     with pytest.raises(
-        RobotProblems, match=r"^other.yaml:2:1: base: .*: robot.yaml -> other.yaml -> robot.yaml$"
+        FileProblems, match=r"^other.yaml:2:1: base: .*: robot.yaml -> other.yaml -> robot.yaml$"
     ):
         read_description(tmp_path / "robot.yaml")
 
@@ -480,7 +480,7 @@ def test_a_file_changed_at_random_is_read_or_refused_and_never_a_traceback(tmp_p
         path.write_text(text[: word.start()] + value + text[word.end() :], encoding="utf-8")
         try:
             read_description(path)
-        except RobotProblems as problems:
+        except FileProblems as problems:
             told.append(str(problems))
     assert 100 < len(told) < 200
     lines = [line for message in told for line in message.split("\n")]

@@ -2,17 +2,26 @@
 
 import json
 import math
-from collections.abc import Callable
 
 import pytest
 from hypothesis import given, strategies as st
 
-from robid_core.pipeline.characters import MAXIMUM_BYTES, decode
-from robid_core.pipeline.document import read_document
-from robid_core.pipeline.problems import ProblemList
-from robid_core.pipeline.scalars import plain_scalar
+from robid_core.yaml_file.characters import decode
+from robid_core.yaml_file.kind import PIPELINE_FILE, ROBOT_FILE, FileKind
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import ProblemList
+from robid_core.yaml_file.scalars import plain_scalar
 
-Read = Callable[..., list[str]]
+KINDS = pytest.mark.parametrize("kind", [PIPELINE_FILE, ROBOT_FILE], ids=lambda kind: kind.name)
+
+
+def refused(data: bytes, kind: FileKind) -> list[str]:
+    """Return what is told of a file that is no YAML of this kind."""
+    problems = ProblemList("bad.yaml")
+    text = decode(data, kind, problems)
+    if text is not None:
+        read_nodes(text, kind, problems)
+    return [str(problem) for problem in problems.problems]
 
 
 @pytest.mark.parametrize(
@@ -76,14 +85,14 @@ values = st.recursive(
 def test_json_is_yaml(value: object) -> None:
     """JSON is a subset of YAML 1.2 (section 1.3), and another library writes it: an independent oracle."""
     problems = ProblemList("x")
-    root = read_document(json.dumps({"value": value}, ensure_ascii=False), problems)
+    root = read_nodes(json.dumps({"value": value}, ensure_ascii=False), PIPELINE_FILE, problems)
     assert not problems.problems
     assert root is not None
     assert root.plain() == {"value": value}
 
 
 def test_every_value_knows_its_place() -> None:
-    root = read_document("a:\n  b: [1, {c: 2}]\n  'd e': x\n", ProblemList("x"))
+    root = read_nodes("a:\n  b: [1, {c: 2}]\n  'd e': x\n", PIPELINE_FILE, ProblemList("x"))
     assert root is not None
     found = {
         path: root.at(path) for path in [("a",), ("a", "b"), ("a", "b", 1), ("a", "b", 1, "c"), ("a", "d e")]
@@ -111,7 +120,6 @@ REFUSED = {
         "33:65",
         "nested deeper than 32 levels",
     ),
-    "many aliases": (b"a: &a 1\nb: [" + b"*a, " * 64 + b"*a]", "2:261", "more than 64 aliases"),
     "billion laughs": (doubling(32).encode(), "16:6", "more than 100000 values"),
     "deep by aliases": (
         ("a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 40))).encode(),
@@ -127,7 +135,6 @@ REFUSED = {
     "second document": (b"robid: 1\n---\nrobid: 1\n", "2:1", "a second document"),
     "YAML 1.1": (b"%YAML 1.1\n---\nrobid: 1\n", "2:1", "YAML 1.1 is asked for"),
     "list for a key": (b"[a, b]: 1\n", "1:1", "a key must be plain text"),
-    "too large": (b"#" * (MAXIMUM_BYTES + 1), "1:1", "262145 bytes; a pipeline file has at most 256 KiB"),
     "byte order mark": (b"\xef\xbb\xbfrobid: 1\n", "1:1", "byte 0 is 0xef: a byte order mark"),
     "UTF-16": ("robid: 1\n".encode("utf-16"), "1:1", "byte 0 is 0xff: UTF-16"),
     "Latin-1": ("robid: 1\nname: é\n".encode("latin-1"), "2:7", "byte 15 is 0xe9: not UTF-8"),
@@ -143,46 +150,82 @@ REFUSED = {
         "byte 4 is 0xe2: an invisible character (U+202E)",
     ),
     "empty": (b"# nothing\n", "1:1", "the file is empty"),
-    "a list": (b"- a\n", "1:1", "Input should be a mapping"),
     "tab": (b"a:\n\tb: 1\n", "2:1", "not YAML: found character '\\t'"),
 }
 
 
+@KINDS
 @pytest.mark.parametrize(
     ("data", "place", "message"), REFUSED.values(), ids=[k.replace(" ", "_") for k in REFUSED]
 )
 def test_dangerous_or_unreadable_files_are_refused(
-    data: bytes, place: str, message: str, problems: Read
+    data: bytes, place: str, message: str, kind: FileKind
 ) -> None:
-    (line,) = [entry for entry in problems(data) if message in entry]
+    (line,) = [entry for entry in refused(data, kind) if message in entry]
     assert line.startswith(f"bad.yaml:{place}: ")
 
 
-def test_every_forbidden_character_is_listed(problems: Read) -> None:
-    found = problems("robid: \u200e1\nname: \u2066x\u2069\n")
+@KINDS
+def test_a_file_has_the_size_of_its_kind(kind: FileKind) -> None:
+    assert not refused(b"a: 1\n".ljust(kind.maximum_bytes, b"#"), kind)
+    (line,) = refused(b"#" * (kind.maximum_bytes + 1), kind)
+    assert line.startswith(f"bad.yaml:1:1: {kind.maximum_bytes + 1} bytes; {kind.noun} has at most ")
+
+
+def test_a_pipeline_has_few_aliases_and_a_robot_as_many_as_it_has_values() -> None:
+    data = b"a: &a 1\nb: [" + b"*a, " * 64 + b"*a]"
+    (line,) = refused(data, PIPELINE_FILE)
+    assert line == "bad.yaml:2:261: more than 64 aliases; write the values out"
+    assert not refused(data, ROBOT_FILE)
+
+
+def test_what_stands_in_an_alias_is_told_where_the_alias_is() -> None:
+    text = "gear: &gear {stiffness: [1, 2]}\nother: *gear\nboth:\n  - *gear\n"
+    root = read_nodes(text, ROBOT_FILE, ProblemList("x"))
+    assert root is not None
+    found = {
+        path: root.at(path)
+        for path in [
+            ("gear", "stiffness", 1),
+            ("other", "stiffness", 1),
+            ("both", 0),
+            ("both", 0, "stiffness"),
+        ]
+    }
+    assert {path: (mark.line, mark.column) for path, (_, mark) in found.items()} == {
+        ("gear", "stiffness", 1): (1, 29),
+        ("other", "stiffness", 1): (2, 1),
+        ("both", 0): (4, 5),
+        ("both", 0, "stiffness"): (4, 5),
+    }
+    assert all(path == existing for path, (existing, _) in found.items())
+
+
+def test_every_forbidden_character_is_listed() -> None:
+    found = refused("robid: \u200e1\nname: \u2066x\u2069\n".encode(), PIPELINE_FILE)
     assert [line.split(": ")[0] for line in found] == ["bad.yaml:1:8", "bad.yaml:2:7", "bad.yaml:2:9"]
 
 
 @given(st.binary(max_size=200))
 def test_no_bytes_make_the_reader_fail(data: bytes) -> None:
     problems = ProblemList("x")
-    text = decode(data, problems)
-    root = read_document(text, problems) if text is not None else None
+    text = decode(data, PIPELINE_FILE, problems)
+    root = read_nodes(text, PIPELINE_FILE, problems) if text is not None else None
     assert root is not None or problems.problems
 
 
 @given(st.text("{}[]:,-?&*!|>'\"%@`#ab1 \n", max_size=60))
 def test_no_text_makes_the_reader_fail(text: str) -> None:
     problems = ProblemList("x")
-    assert read_document(text, problems) is not None or problems.problems
+    assert read_nodes(text, PIPELINE_FILE, problems) is not None or problems.problems
 
 
 def test_the_cost_of_a_bomb_is_the_cost_of_its_text() -> None:
     """Aliases are counted, never copied: the node tree shares them, so the work is linear in the file."""
     text = doubling(17)
-    root = read_document(text, ProblemList("x"))
+    root = read_nodes(text, PIPELINE_FILE, ProblemList("x"))
     assert root is None  # 2^17 values
-    shared = read_document(doubling(10), ProblemList("x"))
+    shared = read_nodes(doubling(10), PIPELINE_FILE, ProblemList("x"))
     assert shared is not None
     last = shared.get("a9")
     assert last is not None
@@ -192,6 +235,6 @@ def test_the_cost_of_a_bomb_is_the_cost_of_its_text() -> None:
 
 
 def test_quoted_text_stays_text() -> None:
-    root = read_document("a: '3'\nb: \"yes\"\nc: |\n  1\n", ProblemList("x"))
+    root = read_nodes("a: '3'\nb: \"yes\"\nc: |\n  1\n", PIPELINE_FILE, ProblemList("x"))
     assert root is not None
     assert root.plain() == {"a": "3", "b": "yes", "c": "1\n"}

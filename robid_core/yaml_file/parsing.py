@@ -1,4 +1,4 @@
-"""A YAML file as a tree of nodes that know where they stand (faults Y03 and Y06 to Y10).
+"""From text to a tree of nodes (faults Y03 and Y06 to Y10).
 
 The parser's events are counted before anything is built: depth, aliases. The tree is then composed here,
 because every key and value must keep its line and column, repeated keys must name both lines, tags are
@@ -8,7 +8,6 @@ refused where they stand, and an alias must not blow up: its size counts at ever
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -23,86 +22,19 @@ from ruamel.yaml.events import (
     SequenceStartEvent,
 )
 
-from robid_core.pipeline.problems import Mark, Path, ProblemList
-from robid_core.pipeline.scalars import Scalar, plain_scalar
+from robid_core.yaml_file.kind import FileKind
+from robid_core.yaml_file.nodes import Aliases, Node, mapping, sequence
+from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList
+from robid_core.yaml_file.scalars import plain_scalar
 
 MAXIMUM_DEPTH = 32
-MAXIMUM_ALIASES = 64
-MAXIMUM_NODES = 100_000  # aliases expanded; a file of 256 KiB without aliases cannot have more to say
+MAXIMUM_NODES = 100_000  # aliases written out; a file of 256 KiB without aliases cannot have more to say
 
 
-@dataclass(frozen=True, eq=False)
-class Node:
-    """A value with its place; `keys` holds the places of a mapping's keys, which messages point at."""
-
-    value: Scalar | list[Node] | dict[str, Node]
-    mark: Mark
-    keys: dict[str, Mark] = field(default_factory=dict)
-    size: int = 1
-    depth: int = 1
-
-    def get(self, key: str) -> Node | None:
-        """Return the value under a key of a mapping; None where there is none."""
-        return self.value.get(key) if isinstance(self.value, dict) else None
-
-    def entries(self) -> dict[str, Node]:
-        """Return the entries of a mapping; empty for anything else."""
-        return self.value if isinstance(self.value, dict) else {}
-
-    def plain(self) -> Any:
-        """Return the value as Python builtins."""
-        if isinstance(self.value, dict):
-            return {key: node.plain() for key, node in self.value.items()}
-        if isinstance(self.value, list):
-            return [node.plain() for node in self.value]
-        return self.value
-
-    def find(self, path: Path) -> Node | None:
-        """Return the node at a path; None where it does not exist."""
-        node: Node | None = self
-        for part in path:
-            if node is not None and isinstance(node.value, list) and isinstance(part, int):
-                node = node.value[part] if part < len(node.value) else None
-            else:
-                node = node.get(str(part)) if node is not None else None
-        return node
-
-    def at(self, path: Path) -> tuple[Path, Mark]:
-        """Follow a path as far as it exists.
-
-        Returns the existing part and the place to point at: the key where there is one, else the item. Steps
-        that are not there (names that a validator adds) are skipped.
-        """
-        node, mark, found = self, self.mark, []
-        for part in path:
-            if isinstance(node.value, dict) and part in node.value:
-                mark = node.keys[str(part)]
-                node = node.value[str(part)]
-            elif isinstance(node.value, list) and isinstance(part, int) and part < len(node.value):
-                node = node.value[part]
-                mark = node.mark
-            else:
-                continue
-            found.append(part)
-        return tuple(found), mark
-
-
-def mapping(mark: Mark, entries: dict[str, Node], keys: dict[str, Mark]) -> Node:
-    """Return a mapping node."""
-    size = 1 + sum(node.size for node in entries.values())
-    return Node(entries, mark, keys, size, 1 + max((node.depth for node in entries.values()), default=0))
-
-
-def sequence(mark: Mark, items: list[Node]) -> Node:
-    """Return a list node."""
-    size = 1 + sum(node.size for node in items)
-    return Node(items, mark, {}, size, 1 + max((node.depth for node in items), default=0))
-
-
-def read_document(text: str, problems: ProblemList) -> Node | None:
+def read_nodes(text: str, kind: FileKind, problems: ProblemList) -> Node | None:
     """Return the root of a document, or None where it cannot be read as YAML; problems are collected."""
     try:
-        events = list(_scan(text, problems))
+        events = list(_scan(text, kind, problems))
     except _Hopeless:
         return None
     except MarkedYAMLError as error:
@@ -111,7 +43,7 @@ def read_document(text: str, problems: ProblemList) -> Node | None:
     except YAMLError as error:
         problems.add(Mark(1, 1), (), f"not YAML: {' '.join(str(error).split())}")
         return None
-    return _Composer(events, problems).document()
+    return _Composer(events, kind, problems).document()
 
 
 def _tell_syntax(error: MarkedYAMLError, problems: ProblemList) -> None:
@@ -132,11 +64,11 @@ class _Hopeless(Exception):
     """The document was refused; the problem is in the list."""
 
 
-def _scan(text: str, problems: ProblemList) -> Iterator[Any]:
+def _scan(text: str, kind: FileKind, problems: ProblemList) -> Iterator[Any]:
     """Yield the parser's events, refusing what could hurt before it is built."""
     depth = aliases = documents = 0
     for event in YAML(typ="safe", pure=True).parse(text):
-        mark = Mark(event.start_mark.line + 1, event.start_mark.column + 1)
+        mark = _mark(event)
         refusal = ""
         if isinstance(event, MappingStartEvent | SequenceStartEvent):
             depth += 1
@@ -146,14 +78,15 @@ def _scan(text: str, problems: ProblemList) -> Iterator[Any]:
             depth -= 1
         elif isinstance(event, AliasEvent):
             aliases += 1
-            if aliases > MAXIMUM_ALIASES:
-                refusal = f"more than {MAXIMUM_ALIASES} aliases; write the values out"
+            if aliases > kind.maximum_aliases:
+                refusal = f"more than {kind.maximum_aliases} aliases; write the values out"
         elif isinstance(event, DocumentStartEvent):
             documents += 1
             if documents > 1:
-                refusal = "a second document; a pipeline file holds one, without '---' in the middle"
+                refusal = f"a second document; {kind.noun} holds one, without '---' in the middle"
             elif event.version not in (None, (1, 2)):
-                refusal = "YAML {}.{} is asked for; pipeline files are YAML 1.2".format(*event.version)
+                version = ".".join(str(number) for number in event.version)
+                refusal = f"YAML {version} is asked for; {kind.noun} is YAML 1.2"
         if refusal:
             problems.add(mark, (), refusal)
             raise _Hopeless
@@ -163,8 +96,9 @@ def _scan(text: str, problems: ProblemList) -> Iterator[Any]:
 class _Composer:
     """Builds nodes from events; recursion is bounded by MAXIMUM_DEPTH."""
 
-    def __init__(self, events: list[Any], problems: ProblemList) -> None:
+    def __init__(self, events: list[Any], kind: FileKind, problems: ProblemList) -> None:
         self._events = iter(events)
+        self._kind = kind
         self._problems = problems
         self._anchors: dict[str, Node | None] = {}  # None while the anchored value is still being read
 
@@ -175,11 +109,11 @@ class _Composer:
                     return self._node(event, ())
                 except _Hopeless:
                     return None
-        self._problems.add(Mark(1, 1), (), "the file is empty; begin with `robid: 1`, or see `robid init`")
+        self._problems.add(Mark(1, 1), (), f"the file is empty; begin with {self._kind.begin}")
         return None
 
-    def _node(self, event: Any, path: Path) -> Node:
-        mark = Mark(event.start_mark.line + 1, event.start_mark.column + 1)
+    def _node(self, event: Any, path: KeyPath) -> Node:
+        mark = _mark(event)
         if isinstance(event, AliasEvent):
             return self._alias(event.anchor, mark, path)
         if event.tag is not None:
@@ -192,7 +126,7 @@ class _Composer:
             value = event.value if event.style else plain_scalar(event.value)
             node = Node(value, mark)
         elif isinstance(event, SequenceStartEvent):
-            node = sequence(mark, self._items(path))
+            node = self._sequence(mark, path)
         else:
             node = self._mapping(mark, path)
         if event.anchor:
@@ -203,7 +137,7 @@ class _Composer:
             raise _Hopeless
         return node
 
-    def _alias(self, name: str, mark: Mark, path: Path) -> Node:
+    def _alias(self, name: str, mark: Mark, path: KeyPath) -> Node:
         node = self._anchors.get(name)
         if node is None:
             reason = (
@@ -213,21 +147,25 @@ class _Composer:
             return Node(None, mark)
         return node
 
-    def _items(self, path: Path) -> list[Node]:
+    def _sequence(self, mark: Mark, path: KeyPath) -> Node:
         items: list[Node] = []
+        aliases: Aliases = {}
         for event in self._events:
             if isinstance(event, SequenceEndEvent):
                 break
+            if isinstance(event, AliasEvent):
+                aliases[len(items)] = _mark(event)
             items.append(self._node(event, (*path, len(items))))
-        return items
+        return sequence(mark, items, aliases)
 
-    def _mapping(self, mark: Mark, path: Path) -> Node:
+    def _mapping(self, mark: Mark, path: KeyPath) -> Node:
         entries: dict[str, Node] = {}
         keys: dict[str, Mark] = {}
+        aliases: Aliases = {}
         for event in self._events:
             if isinstance(event, MappingEndEvent):
                 break
-            at = Mark(event.start_mark.line + 1, event.start_mark.column + 1)
+            at = _mark(event)
             key = self._key(event, at, path)
             if key is None or key in entries:
                 muted = ProblemList(self._problems.file)
@@ -240,10 +178,13 @@ class _Composer:
                     self._problems.repeated.add((*path, key))
                 continue
             keys[key] = at
-            entries[key] = self._node(next(self._events), (*path, key))
-        return mapping(mark, entries, keys)
+            written = next(self._events)
+            if isinstance(written, AliasEvent):
+                aliases[key] = _mark(written)
+            entries[key] = self._node(written, (*path, key))
+        return mapping(mark, entries, keys, aliases)
 
-    def _key(self, event: Any, mark: Mark, path: Path) -> str | None:
+    def _key(self, event: Any, mark: Mark, path: KeyPath) -> str | None:
         """Return the text of a key; None where it is refused (its value is then passed over)."""
         if not isinstance(event, ScalarEvent) or event.value == "" or event.tag is not None:
             self._node(event, path)
@@ -260,6 +201,10 @@ class _Composer:
             )
             return None
         return str(event.value)
+
+
+def _mark(event: Any) -> Mark:
+    return Mark(event.start_mark.line + 1, event.start_mark.column + 1)
 
 
 def _tag(event: Any) -> str:

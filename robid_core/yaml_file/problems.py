@@ -1,4 +1,4 @@
-"""Everything that is wrong with a pipeline file, each at its line and column, all told at once."""
+"""Everything that is wrong with a file, each mistake at its line and column, all told at once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from robid_core.errors import ConfigurationError
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake: where it stands, which setting it concerns (dotted path), what is wrong and what to do."""
+    """One mistake: where it stands, which value it concerns (dotted path), what is wrong and what to do."""
 
     file: str
     mark: Mark
@@ -45,8 +45,8 @@ class Problem:
         return f"{place}: {self.path}: {self.message}" if self.path else f"{place}: {self.message}"
 
 
-class PipelineProblems(ConfigurationError):
-    """A pipeline that cannot run: every mistake in line order, in `problems` and as one line of text each."""
+class FileProblems(ConfigurationError):
+    """A file that means nothing: every mistake in line order, in `problems` and as one line of text each."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         ordered = sorted(
@@ -58,34 +58,34 @@ class PipelineProblems(ConfigurationError):
 
 @dataclass
 class ProblemList:
-    """Collects problems while a file is read, and remembers which settings are spoiled already.
+    """Collects problems while a file is read, and remembers which values are spoiled already.
 
-    A setting is spoiled when it, something inside it, or something around it was found wrong: whatever
+    A value is spoiled when it, something inside it, or something around it was found wrong: whatever
     follows from it would be an echo. `repeated` holds the keys that stand twice.
     """
 
     file: str
     problems: list[Problem] = field(default_factory=list)
-    spoiled: set[Path] = field(default_factory=set)
-    repeated: set[Path] = field(default_factory=set)
+    spoiled: set[KeyPath] = field(default_factory=set)
+    repeated: set[KeyPath] = field(default_factory=set)
 
-    def add(self, mark: Mark, path: Path, message: str, *, spoils: bool = True) -> None:
-        """Report a mistake in the setting `path`; `spoils=False` where its value can still be judged."""
+    def add(self, mark: Mark, path: KeyPath, message: str, *, spoils: bool = True) -> None:
+        """Report a mistake in the value at `path`; `spoils=False` where it can still be judged."""
         self.problems.append(Problem(self.file, mark, dotted(path), message))
         if spoils:
             self.spoiled.add(path)
 
     def spoils(self, *path: str | int) -> bool:
-        """Tell whether the setting, or one around it, is known to be wrong."""
+        """Tell whether the value, or what is around it, is known to be wrong."""
         return any(path[:length] in self.spoiled for length in range(1, len(path) + 1))
 
     def raise_if_any(self) -> None:
-        """Raise PipelineProblems where something was found."""
+        """Raise FileProblems where something was found."""
         if self.problems:
-            raise PipelineProblems(self.problems)
+            raise FileProblems(self.problems)
 
 
-def dotted(path: Path) -> str:
+def dotted(path: KeyPath) -> str:
     """Return a path as text: `stages.excite.with.band_hz[1]`."""
     text = ""
     for part in path:

@@ -1,6 +1,6 @@
-"""From bytes to text: what a pipeline file may be made of (faults Y08 and Y09).
+"""From bytes to text: what a file may be made of (faults Y08 and Y09).
 
-UTF-8 without byte order mark, at most 256 KiB, no control characters and none that change the direction of
+UTF-8 without byte order mark, not too large, no control characters and none that change the direction of
 writing: a reader must see what the program reads.
 """
 
@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import re
 
-from robid_core.pipeline.problems import Mark, ProblemList
-
-MAXIMUM_BYTES = 256 * 1024
+from robid_core.yaml_file.kind import FileKind
+from robid_core.yaml_file.problems import Mark, ProblemList
 
 _BYTE_ORDER_MARKS = (
     (b"\xef\xbb\xbf", "a byte order mark"),
@@ -25,15 +24,13 @@ _FORBIDDEN = re.compile(
 )
 
 
-def decode(data: bytes, problems: ProblemList) -> str | None:
+def decode(data: bytes, kind: FileKind, problems: ProblemList) -> str | None:
     """Return the text of a file, or None where problems were found.
 
     Each problem names the offset of the byte and its value.
     """
-    if len(data) > MAXIMUM_BYTES:
-        problems.add(
-            Mark(1, 1), (), f"{len(data)} bytes; a pipeline file has at most {MAXIMUM_BYTES // 1024} KiB"
-        )
+    if len(data) > kind.maximum_bytes:
+        refuse_size(len(data), kind, problems)
         return None
     for mark, name in _BYTE_ORDER_MARKS:
         if data.startswith(mark):
@@ -56,13 +53,19 @@ def decode(data: bytes, problems: ProblemList) -> str | None:
     found = [(match.start(), match.group()) for match in _FORBIDDEN.finditer(text)]
     for position, character in found[:20]:
         offset = len(text[:position].encode("utf-8"))
-        kind = "a control character" if ord(character) < 0xA0 else "an invisible character"
+        what = "a control character" if ord(character) < 0xA0 else "an invisible character"
         problems.add(
             _mark(text[:position]),
             (),
-            f"byte {offset} is 0x{data[offset]:02x}: {kind} (U+{ord(character):04X}); delete it",
+            f"byte {offset} is 0x{data[offset]:02x}: {what} (U+{ord(character):04X}); delete it",
         )
     return None if found else text
+
+
+def refuse_size(n_byte: int, kind: FileKind, problems: ProblemList) -> None:
+    """Report that a file is too large."""
+    most = kind.maximum_bytes // 1024
+    problems.add(Mark(1, 1), (), f"{n_byte} bytes; {kind.noun} has at most {most} KiB")
 
 
 def _mark(before: str) -> Mark:
