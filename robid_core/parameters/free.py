@@ -26,7 +26,7 @@ from robid_core.parameters.scales import (
     scale_kind,
 )
 from robid_core.robot import Robot
-from robid_core.robot.parameter_places import MOMENTS
+from robid_core.robot.file.parameter_places import MOMENTS
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from robid_core.pipeline.robot_check import check_against_robot
 from robid_core.pipeline.wiring import Source, feeding
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
 from robid_core.robot import Robot
-from robid_core.robot.reading import find_robot, read_description
+from robid_core.robot.file.reading import find_robot, read_description
 from robid_core.settings_types import Places, SettingFile, robot_source
 from robid_core.stage import Stage
 from robid_core.yaml_file.characters import decode

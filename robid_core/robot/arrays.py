@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
-from robid_core.robot.description import RobotDescription
-from robid_core.robot.flexible_links import mode_names, with_flexible_links
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.flexible_links import mode_names, with_flexible_links
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain, Mechanism

@@ -26,8 +26,8 @@ from robid_core.mechanics.friction import friction_terms
 from robid_core.mechanics.static_laws import static_force, viscous_damping
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
 from robid_core.registry import EFFECTS, load_plugin
-from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.named_parameters import misfits
+from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.named_parameters import misfits
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.errors import ConfigurationError
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot

@@ -114,7 +114,7 @@ def structure_of(link: Link, mass: float, centre_of_mass: FloatArray, inertia: F
 def write_links(folder: Path) -> None:
     """Write `<link>.npz` of every link, for the bodies that robots/six_axis has."""
     from robid_core.robot import Robot
-    from robid_core.robot.finite_elements import write_structure
+    from robid_core.robot.file.finite_elements import write_structure
 
     bodies = {body.joint: body for body in Robot.load("six_axis").description.bodies}
     for joint, (name, link) in zip(("axis_2", "axis_3", "axis_4"), LINKS.items(), strict=True):

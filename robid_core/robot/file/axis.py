@@ -11,7 +11,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from robid_core.robot.part import NonNegative, Number, Part, Positive, refusal
+from robid_core.robot.file.part import NonNegative, Number, Part, Positive, refusal
 
 _LARGEST_RATIO = 1e9  # a screw of 1 um on a prismatic axis turns 6e6 rad/m
 

@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from robid_core.robot.document import Document
-from robid_core.robot.part import KeyPath, Part, with_tuples
+from robid_core.robot.file.document import Document
+from robid_core.robot.file.part import Part, with_tuples
 from robid_core.yaml_file.model_fields import fields_at, first_line
-from robid_core.yaml_file.problems import nearest, suggestion
+from robid_core.yaml_file.problems import KeyPath, nearest, suggestion
 
 Model = TypeVar("Model", bound=Part)
 

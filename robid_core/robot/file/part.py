@@ -7,7 +7,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-KeyPath = tuple[str | int, ...]
+from robid_core.yaml_file.problems import KeyPath
+
 LARGEST = 1e15  # beyond it no number of a robot means anything, and squares may overflow
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = tuple[Number, Number, Number]

@@ -8,10 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from robid_core import ConfigurationError
-from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.named_parameters import NamedParameter, named_parameters, with_values
-from robid_core.robot.part import with_tuples
-from robid_core.robot.reading import find_robot, read_description
+from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.named_parameters import NamedParameter, named_parameters, with_values
+from robid_core.robot.file.part import with_tuples
+from robid_core.robot.file.reading import find_robot, read_description
 
 pytestmark = pytest.mark.usefixtures("effects_of_a_stranger")
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.robot.tree import tree_contradictions
+from robid_core.robot.file.tree import tree_contradictions
 from robid_core.yaml_file.problems import KeyPath
 
 Contradiction = tuple[KeyPath, str]

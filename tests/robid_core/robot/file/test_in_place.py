@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robid_core import ConfigurationError, Robot
-from robid_core.robot.in_place import with_model
+from robid_core.robot.file.in_place import with_model
 
 WHOLE = """\
 # My arm.  Weighed in March.

@@ -17,10 +17,10 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
-from robid_core.robot.axis import Axis, Controller, Friction, Sensors, Spring
-from robid_core.robot.body import Body, Direction, FlexibleLink
-from robid_core.robot.contradictions import contradictions
-from robid_core.robot.part import (
+from robid_core.robot.file.axis import Axis, Controller, Friction, Sensors, Spring
+from robid_core.robot.file.body import Body, Direction, FlexibleLink
+from robid_core.robot.file.contradictions import contradictions
+from robid_core.robot.file.part import (
     Identifier,
     Number,
     Part,

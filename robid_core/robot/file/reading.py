@@ -13,18 +13,18 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.document import Document, parse_document, read_document
-from robid_core.robot.expansion import sheets_written_out
-from robid_core.robot.flexible_links import links_written_out
-from robid_core.robot.model_file import bodies_from_model
-from robid_core.robot.named_parameters import effect_table, misfits, named_parameters, with_values
-from robid_core.robot.part import Identifier, Part, with_tuples
-from robid_core.robot.unknowns import robot_sha256
-from robid_core.robot.wording import checked, reason
+from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.document import Document, parse_document, read_document
+from robid_core.robot.file.expansion import sheets_written_out
+from robid_core.robot.file.flexible_links import links_written_out
+from robid_core.robot.file.model_file import bodies_from_model
+from robid_core.robot.file.named_parameters import effect_table, misfits, named_parameters, with_values
+from robid_core.robot.file.part import Identifier, Part, with_tuples
+from robid_core.robot.file.wording import checked, reason
+from robid_core.robot.file.writing import robot_sha256
 from robid_core.yaml_file.problems import suggestion
 
-PACKAGED = Path(__file__).parent.parent / "robots"
+PACKAGED = Path(__file__).parents[2] / "robots"
 # Packaged robots come in pairs: what the maker believes, and what the simulated machine is.
 PACKAGED_FILES = {
     "six_axis": "six_axis/robot.yaml",

@@ -12,8 +12,8 @@ import scipy.sparse
 
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.flexible import flexible_body, hollow_square
-from robid_core.robot.finite_elements import read_structure, write_structure
-from robid_core.robot.matrix_market import read_matrix_market
+from robid_core.robot.file.finite_elements import read_structure, write_structure
+from robid_core.robot.file.matrix_market import read_matrix_market
 
 BEAM = hollow_square(0.9, 0.06, 0.004)
 FORMATS = ("link.npz", "link.mat", "link_M.mtx")

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from robid_core.robot.part import NonNegative, Part, Positive, refusal
+from robid_core.robot.file.part import NonNegative, Part, Positive, refusal
 
 MINUTE_OF_ARC = np.pi / 10800  # rad
 LOST_MOTION_TORQUE = 0.03  # of the rated torque, both ways: at what makers measure lost motion

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 from robid_core.yaml_file.problems import KeyPath
 
 STATIC, SEPARATE, DYNAMIC = "static", "separate", "dynamic"

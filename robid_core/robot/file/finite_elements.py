@@ -22,7 +22,7 @@ import scipy.io.matlab
 import scipy.sparse
 
 from robid_core.errors import ConfigurationError
-from robid_core.robot.matrix_market import read_matrix_market
+from robid_core.robot.file.matrix_market import read_matrix_market
 
 if TYPE_CHECKING:
     from robid_core.mechanics.flexible import Structure

@@ -13,7 +13,8 @@ import json
 import re
 
 from robid_core.artifacts import Model
-from robid_core.robot.robot import Robot
+from robid_core.robot.file.changes import described
+from robid_core.robot.file.named_parameters import layout_of
 
 _PLAIN = re.compile(
     r"(\.{0,2}/)*[A-Za-z_][A-Za-z0-9_./-]*"
@@ -34,7 +35,6 @@ def derived_yaml(model: Model, base: str, heading: str) -> str:
     heading
         Where the numbers come from, one line or more.
     """
-    robot = Robot.of_model(model)
     lines = [f"# {line}" for line in heading.splitlines()]
     if model.left_out:
         lines.append(f"# Estimated, and no number of a robot file: {', '.join(model.left_out)}.")
@@ -45,17 +45,17 @@ def derived_yaml(model: Model, base: str, heading: str) -> str:
         lines += [f"  {key_text(label)}: {json.dumps(entry)}" for label, entry in effects.items()]
     if model.names:
         lines.append("parameters:")
-        known = known_of(model, robot)
+        known = known_of(model)
         for name, value in zip(model.names, model.value.tolist(), strict=True):
             lines.append(f"{f'  {key_text(name)}: {value!r}':{COLUMN}}  # {known[name]}")
     return "\n".join(lines) + "\n"
 
 
-def known_of(model: Model, robot: Robot) -> dict[str, str]:
+def known_of(model: Model) -> dict[str, str]:
     """Return what is known of each number of a model in words: unit, standard error, what it was before."""
-    errors, found = model.standard_errors(), {}
+    errors, found, layout = model.standard_errors(), {}, layout_of(described(model))
     for name, before, value in zip(model.names, model.start.tolist(), model.value.tolist(), strict=True):
-        told = [robot.parameter_unit(name)]
+        told = [layout[name].unit]
         if name in errors:
             error = errors[name]
             told.append(f"standard error {error:.3g}" if error == error else "standard error unknown")

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from robid_core.robot.body import Body
-from robid_core.robot.data_sheet import CURVE, BearingSheet, GearSheet
-from robid_core.robot.description import RobotDescription
-from robid_core.robot.expansion import directions_across
-from robid_core.robot.part import with_tuples
-from robid_core.robot.reading import read_description
-from robid_core.robot.tree import stretched_inertia
+from robid_core.robot.file.body import Body
+from robid_core.robot.file.data_sheet import CURVE, BearingSheet, GearSheet
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.expansion import directions_across
+from robid_core.robot.file.part import with_tuples
+from robid_core.robot.file.reading import read_description
+from robid_core.robot.file.tree import stretched_inertia
 from robid_core.yaml_file.problems import FileProblems
 
 pytestmark = pytest.mark.usefixtures("effects_of_a_stranger")

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
-from robid_core.robot.axis import Spring
-from robid_core.robot.part import NonNegative, Number, Part, Positive, Vector, refusal
+from robid_core.robot.file.axis import Spring
+from robid_core.robot.file.part import NonNegative, Number, Part, Positive, Vector, refusal
 
 Matrix = tuple[Vector, Vector, Vector]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

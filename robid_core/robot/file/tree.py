@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.robot.body import CLOSED_LOOP, Body
+from robid_core.robot.file.body import CLOSED_LOOP, Body
 from robid_core.yaml_file.problems import KeyPath
 
 

@@ -16,9 +16,12 @@ from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, Seq
 
 from robid_core.artifacts import Model
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.robot.derived_file import COLUMN, key_text, known_of
-from robid_core.robot.reading import parse_description
-from robid_core.robot.robot import Robot
+from robid_core.robot.file.changes import described
+from robid_core.robot.file.derived_file import COLUMN, key_text, known_of
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.named_parameters import layout_of, number_at
+from robid_core.robot.file.reading import parse_description
+from robid_core.robot.file.writing import robot_sha256
 from robid_core.yaml_file.problems import KeyPath
 
 
@@ -38,9 +41,8 @@ def with_model(text: str, path: Path, model: Model) -> str:
     ConfigurationError
         Where the file is not the robot that the model began with, or some number has no place in it.
     """
-    fitted = Robot.of_model(model)
-    base = Robot(parse_description(text, path))
-    if base.sha256 != model.base_sha256:
+    fitted, base = described(model), parse_description(text, path)
+    if robot_sha256(base) != model.base_sha256:
         raise ConfigurationError(
             f"{path}: {base.name} has changed since the fit was made from it; run the pipeline again"
         )
@@ -48,18 +50,19 @@ def with_model(text: str, path: Path, model: Model) -> str:
     derived = _find(root, ("base",)) is not None
     edits: list[Edit] = []
     added: dict[str, str] = {}
-    homeless = [name for name in model.names if name not in base.layout]
+    layout = layout_of(base)
+    homeless = [name for name in model.names if name not in layout]
     for name, value in zip(model.names, model.value.tolist(), strict=True):
-        if name in homeless or value == base.parameter(name):
+        if name in homeless or value == number_at(base, layout[name]):
             continue
-        found = _in_place(text, root, name, base.layout[name].path, value, derived)
+        found = _in_place(text, root, name, layout[name].path, value, derived)
         edits += found
         if derived and not found:
             added[name] = f"{key_text(name)}: {value!r}"
         elif not found:
             homeless.append(name)
     if added:
-        edits.append(_under_parameters(text, root, added, known_of(model, fitted)))
+        edits.append(_under_parameters(text, root, added, known_of(model)))
     for edit in sorted(edits, key=lambda edit: edit.start)[
         ::-1
     ]:  # from the end; the first at a place goes in last
@@ -73,9 +76,9 @@ def with_model(text: str, path: Path, model: Model) -> str:
     return text
 
 
-def _is(text: str, path: Path, robot: Robot) -> bool:
+def _is(text: str, path: Path, wanted: RobotDescription) -> bool:
     try:
-        return parse_description(text, path) == robot.description
+        return parse_description(text, path) == wanted
     except RobidError:
         return False
 

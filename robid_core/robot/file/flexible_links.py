@@ -21,9 +21,9 @@ import numpy.typing as npt
 from pydantic import ValidationError
 
 from robid_core.errors import ConfigurationError
-from robid_core.robot.body import Body, FlexibleLink
-from robid_core.robot.document import Document
-from robid_core.robot.part import with_tuples
+from robid_core.robot.file.body import Body, FlexibleLink
+from robid_core.robot.file.document import Document
+from robid_core.robot.file.part import with_tuples
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain
@@ -77,7 +77,7 @@ def reduced_body(link: FlexibleLink, path: Path) -> tuple[FlexibleBody, float]:
         As `read_structure` and `flexible_body`.
     """
     from robid_core.mechanics.flexible import flexible_body
-    from robid_core.robot.finite_elements import read_structure
+    from robid_core.robot.file.finite_elements import read_structure
 
     structure = read_structure(path, link.units)
     body = flexible_body(structure, link.root, link.tip, link.n_fixed_mode, link.damping_ratio)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError, Robot
-from robid_core.robot.derived_file import derived_yaml
+from robid_core.robot.file.derived_file import derived_yaml
 
 FOUND = {"gear_stiffness.axis_1": 61234.5678901234, "friction.axis_1.coulomb": 0.1 + 0.2}
 OWN = "robid_robot: 1\nname: mine\nbase: one_axis\neffects:\n  grease: {use: friction.stribeck, on: axis_1}\n"

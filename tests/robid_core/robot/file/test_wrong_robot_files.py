@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError
-from robid_core.robot.reading import read_description
+from robid_core.robot.file.reading import read_description
 from robid_core.yaml_file.problems import FileProblems
 
 TEXT = """\

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robid_core.robot.document import read_document
+from robid_core.robot.file.document import read_document
 from robid_core.yaml_file.problems import FileProblems
 
 

@@ -7,7 +7,6 @@ it down.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -15,14 +14,16 @@ from pydantic import ValidationError
 
 from robid_core.errors import ConfigurationError
 from robid_core.registry import EFFECTS, load_plugin
-from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.parameter_places import (
+from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.parameter_places import (
     DYNAMIC,
     ParameterPlace,
     TableRow,
     places_of_structure,
 )
-from robid_core.robot.part import KeyPath, Part, line_errors
+from robid_core.robot.file.part import Part, line_errors
+from robid_core.robot.file.wording import reason
+from robid_core.yaml_file.problems import KeyPath, suggestion
 
 Layout = Mapping[str, ParameterPlace]
 
@@ -114,9 +115,7 @@ def misfits(use: str, values: Mapping[str, float], table: Sequence[TableRow]) ->
     wrong = {}
     for name, value in values.items():
         if name not in rows:
-            near = difflib.get_close_matches(name, rows, n=1, cutoff=0.6)
-            hint = f"did you mean '{near[0]}'?" if near else f"it has: {', '.join(rows) or 'none'}"
-            wrong[name] = f"effect '{use}' has no parameter '{name}'; {hint}"
+            wrong[name] = f"effect '{use}' has no parameter '{name}'; {suggestion(name, rows, 'it has')}"
         elif not rows[name].lower <= value <= rows[name].upper:
             row = rows[name]
             wrong[name] = f"{value:g} is outside {row.lower:g} to {row.upper:g} {row.unit}".rstrip()
@@ -152,6 +151,24 @@ def with_values(
         entry = changed.effects[label]
         _refuse_misfits(changed, label, entry, effect_table(entry.use))
     return changed
+
+
+def with_parameters(
+    description: RobotDescription, values: Mapping[str, float], layout: Layout | None = None
+) -> RobotDescription:
+    """Return the description as `with_values`; ConfigurationError tells what it does not have or cannot be."""
+    layout = layout_of(description) if layout is None else layout
+    unknown = [name for name in values if name not in layout]
+    if unknown:
+        raise ConfigurationError(
+            f"{description.name} has no parameter {', '.join(unknown)}; {suggestion(unknown[0], layout, 'it has')}"
+        )
+    try:
+        return with_values(description, values, layout)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise ConfigurationError(f"{description.name}: {place}: {reason(first)}") from error
 
 
 def _by_first(numbers: Mapping[KeyPath, float]) -> dict[str | int, dict[KeyPath, float]]:

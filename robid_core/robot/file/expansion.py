@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import TypeAdapter, ValidationError
 
-from robid_core.robot.body import Body
-from robid_core.robot.data_sheet import CURVE, BearingSheet, GearSheet
-from robid_core.robot.document import Document
-from robid_core.robot.part import Vector, with_tuples
-from robid_core.robot.tree import stretched_inertia
-from robid_core.robot.wording import checked
+from robid_core.robot.file.body import Body
+from robid_core.robot.file.data_sheet import CURVE, BearingSheet, GearSheet
+from robid_core.robot.file.document import Document
+from robid_core.robot.file.part import Vector, with_tuples
+from robid_core.robot.file.tree import stretched_inertia
+from robid_core.robot.file.wording import checked
 
 _BODIES: TypeAdapter[tuple[Body, ...]] = TypeAdapter(tuple[Body, ...])
 
