@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 Side = Literal["motor", "gear", "arm", "bearing"]
-Channel = Literal["torque", "position", "torque_measurement"]
+SignalChannel = Literal["torque", "position", "torque_measurement"]
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class SignalEffect(_LawEffect):
     measured motor angle; the controller sees it) and "torque_measurement" it is called at every sampling instant.
     """
 
-    channels: ClassVar[tuple[Channel, ...]]
+    channels: ClassVar[tuple[SignalChannel, ...]]
     """Where the effect may sit; the first is the default."""
 
     @classmethod

@@ -21,7 +21,7 @@ from robid_core.yaml_file.model_fields import fields_at, first_line
 from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.problems import KeyPath, ProblemList, nearest, suggestion
 
-Model = TypeVar("Model", bound=BaseModel)
+AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 _STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 _NOUNS = {
@@ -55,8 +55,8 @@ def settings_model(plugin: Any) -> type[BaseModel]:
 
 
 def check(
-    model: type[Model], node: Node, path: KeyPath, problems: ProblemList, context: Any = None
-) -> Model | None:
+    model: type[AnyModel], node: Node, path: KeyPath, problems: ProblemList, context: Any = None
+) -> AnyModel | None:
     """Validate a node against a model; None where problems were found, which are then in the list.
 
     Parameters

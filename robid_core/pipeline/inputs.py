@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from robid_core.artifacts import Artifact
 from robid_core.pipeline.resolving import Declared
-from robid_core.pipeline.wiring import Node, Open, Source, Wires, cycles, each, in_order, wire
+from robid_core.pipeline.wiring import Open, Source, StageSignature, Wires, cycles, each, in_order, wire
 from robid_core.robot import Robot
 from robid_core.stage import KINDS, MODELLED, Input
-from robid_core.yaml_file.nodes import Node as Value
+from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList, nearest, suggestion
 
 
@@ -51,13 +51,13 @@ def _no_input(stage: Declared, parameter: str, wanted: list[str]) -> str:
     return f"{stage.plugin} has no input '{parameter}'; {suggestion(parameter, wanted, 'its inputs are')}"
 
 
-def _items(node: Value) -> list[Value]:
+def _items(node: Node) -> list[Node]:
     """Return the names that stand under an input: a list, or the one."""
     return node.value if isinstance(node.value, list) else [node]
 
 
 def _wrong_sources(
-    stage: Declared, node: Value, entry: Input | None, place: KeyPath, declared: dict[str, Declared]
+    stage: Declared, node: Node, entry: Input | None, place: KeyPath, declared: dict[str, Declared]
 ) -> dict[KeyPath, str]:
     """Return what is wrong with what stands under an input, by its place; empty where nothing is."""
     names = [str(item.value) for item in _items(node)]
@@ -99,7 +99,7 @@ def _wrong_source(
 def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, Source]]]:
     """Return (stage, inputs) in the order in which they can run; what cannot be wired goes to `problems`."""
     nodes = [
-        Node(
+        StageSignature(
             stage.name,
             stage.output,
             {entry.name: entry.artifact for entry in stage.inputs},

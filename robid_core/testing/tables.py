@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import get_args
 
 from robid_core.effect import (
-    Channel,
     Effect,
     ForceEffect,
     Parameter,
     Side,
+    SignalChannel,
     SignalEffect,
     StructureEffect,
 )
@@ -57,7 +57,7 @@ def _vocabulary(effect: type[Effect]) -> tuple[str, Sequence[str], Sequence[str]
     if issubclass(effect, ForceEffect):
         return "sides", get_args(Side), FORCE_INPUTS
     if issubclass(effect, SignalEffect):
-        return "channels", get_args(Channel), SIGNAL_INPUTS
+        return "channels", get_args(SignalChannel), SIGNAL_INPUTS
     return "places", SPOTS, ()
 
 

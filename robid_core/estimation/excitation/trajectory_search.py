@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from robid_core.estimation.excitation.criteria import cost
 from robid_core.estimation.excitation.fourier_trajectory import (
     Limits,
-    Problem,
+    TrajectoryProblem,
     fitted,
     gram_of,
     random_coefficients,
@@ -46,7 +46,7 @@ class Trajectory:
 
 
 def search(
-    problem: Problem,
+    problem: TrajectoryProblem,
     generator: np.random.Generator,
     draws: int,
     starts: int,
@@ -93,7 +93,10 @@ def _from(progress: Callable[[int], None], base: int, done: int) -> None:
 
 
 def improved(
-    problem: Problem, start: FloatArray, evaluations: int, progress: Callable[[int], None] = lambda done: None
+    problem: TrajectoryProblem,
+    start: FloatArray,
+    evaluations: int,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> tuple[FloatArray, int]:
     """A better trajectory downhill from `start`, within the limits, and the evaluations it took.
 
@@ -108,7 +111,7 @@ class _Descent:
     """Augmented Lagrangian of one start; unknowns are coefficients over their size at the start."""
 
     def __init__(
-        self, problem: Problem, start: FloatArray, budget: int, progress: Callable[[int], None]
+        self, problem: TrajectoryProblem, start: FloatArray, budget: int, progress: Callable[[int], None]
     ) -> None:
         turnover = np.maximum(problem.drives.friction_speed, TURNOVER * problem.limits.speed)
         turnover = np.where(np.isfinite(turnover), turnover, problem.drives.friction_speed)

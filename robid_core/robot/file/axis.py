@@ -63,7 +63,7 @@ class Sensors(Part):
     """Standard deviation of the measured torque, N m."""
 
 
-class Controller(Part):
+class ControllerEntry(Part):
     """Cascade in the drive: e = feedforward * v_ref + position_gain * (q_ref - q) - v; PI on e."""
 
     speed_gain: NonNegative
@@ -101,5 +101,5 @@ class Axis(Part):
     """Friction at the motor."""
     sensors: Sensors = Sensors()
     """Encoder and torque measurement."""
-    controller: Controller
+    controller: ControllerEntry
     """Gains of the drive's cascade."""

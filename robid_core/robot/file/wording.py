@@ -18,7 +18,7 @@ from robid_core.robot.file.part import Part, with_tuples
 from robid_core.yaml_file.model_fields import fields_at, first_line
 from robid_core.yaml_file.problems import KeyPath, nearest, suggestion
 
-Model = TypeVar("Model", bound=Part)
+AnyPart = TypeVar("AnyPart", bound=Part)
 
 _KINDS = {
     "float_type": "a number",
@@ -40,7 +40,7 @@ _BOUNDS = {
 }
 
 
-def checked(model: type[Model], data: Any, document: Document, prefix: KeyPath = ()) -> Model | None:
+def checked(model: type[AnyPart], data: Any, document: Document, prefix: KeyPath = ()) -> AnyPart | None:
     """Return the part that `data` describes; None where it has mistakes, which the document then knows.
 
     Parameters

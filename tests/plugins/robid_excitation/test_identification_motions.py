@@ -13,7 +13,7 @@ import pytest
 from robid_acquisition.batch import SimulatedAcquisition
 from robid_core import Configurations, Context, Excitation, Fit, Record, Robot
 from robid_core.estimation.excitation.criteria import predicted_standard_errors
-from robid_core.estimation.excitation.fourier_trajectory import Problem, random_coefficients
+from robid_core.estimation.excitation.fourier_trajectory import TrajectoryProblem, random_coefficients
 from robid_core.estimation.excitation.velocity_sweep import plateau_means, plateaus
 from robid_core.estimation.rigid.rigid_torque import motor_inertia, motor_torque, motor_torque_regressor
 from robid_core.robot import RobotDescription
@@ -76,7 +76,7 @@ def measure(robot: Robot, standing: Configurations, tmp_path_factory: pytest.Tem
     return measured
 
 
-def predicted_errors(problem: Problem, excitation: Excitation, robot: Robot) -> np.ndarray:
+def predicted_errors(problem: TrajectoryProblem, excitation: Excitation, robot: Robot) -> np.ndarray:
     """Standard errors of the base parameters along a reference, by the regressor of the reference itself."""
     speed = excitation.reference[0, 0, 0]
     spectrum = np.fft.rfft(speed, axis=0)
