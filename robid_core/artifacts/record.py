@@ -12,7 +12,6 @@ from robid_core.artifacts.packing import packed
 from robid_core.errors import DataRejected
 
 MOTOR_POSITION = "motor_position"
-MOTOR_SPEED = "motor_speed"
 MOTOR_TORQUE = "motor_torque"
 SPEED_REFERENCE = "speed_reference"
 POSITION_REFERENCE = "position_reference"

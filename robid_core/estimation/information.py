@@ -46,21 +46,6 @@ def information_of_rank_one(
     return 0.5 * (information + information.T)
 
 
-def information_of_jacobian(jacobian: ComplexArray, covariance: ComplexArray) -> FloatArray:
-    """Information matrix (4.4) from dense derivatives: the twin of `information_of_rank_one`.
-
-    Parameters
-    ----------
-    jacobian
-        d vec(G) / d theta, shape (n_freq, n_entry, n_parameter).
-    covariance
-        Covariance of vec(G), shape (n_freq, n_entry, n_entry).
-    """
-    weighted = np.linalg.solve(covariance, jacobian)
-    information: FloatArray = 2 * np.einsum("fep,feq->pq", jacobian.conj(), weighted).real
-    return 0.5 * (information + information.T)
-
-
 def covariance_of_parameters(information: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """Inverse of an information matrix.
 

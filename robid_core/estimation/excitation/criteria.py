@@ -90,25 +90,3 @@ def cost(gram: FloatArray, criterion: Criterion, sharpness: float | None = None)
     if criterion == "hadamard":
         slope += np.diag(1.0 / length**2)
     return -float(np.log(eigenvalue).sum()), slope
-
-
-def predicted_standard_errors(gram: FloatArray, n_equation: float) -> FloatArray:
-    """Standard errors of least squares with white noise of the size that the rows were divided by.
-
-    Parameters
-    ----------
-    gram
-        M with columns in the parameters' own units.
-    n_equation
-        The n of M = W^T W / n: independent samples, each with an equation for every axis.
-
-    Returns
-    -------
-    Shape (n_parameter,); infinite where M is singular.
-    """
-    length = np.sqrt(np.diag(gram))
-    if not (length > 0).all() or not np.isfinite(condition_number(gram / np.outer(length, length))):
-        return np.full(len(gram), np.inf)
-    inverse = np.linalg.inv(gram / np.outer(length, length))
-    result: FloatArray = np.sqrt(np.diag(inverse) / n_equation) / length
-    return result

@@ -231,11 +231,3 @@ def _whole_turns(first: int, last: int, angle: float) -> tuple[int, int]:
         return first, last
     surplus = last - first - round(turns * 2 * np.pi / angle)
     return first + surplus // 2, last - (surplus - surplus // 2)
-
-
-def plateau_means(values: FloatArray, found: tuple[Plateau, ...]) -> FloatArray:
-    """Mean of a channel over each plateau, of the plateau's own axis, shape (len(found),).
-
-    `values` are the samples of one experiment, shape (n_sample, n_axis), such as torque or speed.
-    """
-    return np.array([values[one.samples, one.axis].mean() for one in found])

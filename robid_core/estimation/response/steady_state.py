@@ -121,9 +121,8 @@ def refuse_unlike_periods(u: ComplexArray) -> None:
 def drift_share(position: FloatArray, spectra: ComplexArray, line: FloatArray) -> FloatArray:
     """How much a drift of the position disturbs the lines: largest ratio of its leakage to what is there.
 
-    As `estimation.distortion.speed.drift_leakage`, from spectra that are at hand: an angle that gains D in each
-    period is a periodic one plus a ramp, whose spectrum ``D / (2 pi k)`` at bin k is the same in every period. Lines
-    where it stays below the noise count zero.
+    An angle that gains D in each period is a periodic one plus a ramp, whose spectrum ``D / (2 pi k)`` at bin k is
+    the same in every period. Lines where it stays below the noise count zero.
 
     Parameters
     ----------
