@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOME = {
+    "robid_core.arrays": ("BoolArray", "ComplexArray", "FloatArray", "IntArray"),
     "robid_core.artifacts": (
-        "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "Model", "ParameterTable",
+        "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
+        "Doubt", "Excitation", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
         "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
         "frozen", "mean_travel",
     ),
@@ -46,11 +47,15 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = sorted(_MODULE_OF)
 
 if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lists
+    from robid_core.arrays import (
+        BoolArray as BoolArray,
+        ComplexArray as ComplexArray,
+        FloatArray as FloatArray,
+        IntArray as IntArray,
+    )
     from robid_core.artifacts import (
         Artifact as Artifact,
-        BoolArray as BoolArray,
         Channel as Channel,
-        ComplexArray as ComplexArray,
         Configurations as Configurations,
         DenseRun as DenseRun,
         Design as Design,
@@ -58,9 +63,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Doubt as Doubt,
         Excitation as Excitation,
         Fit as Fit,
-        FloatArray as FloatArray,
         Frf as Frf,
-        IntArray as IntArray,
         MisfitTable as MisfitTable,
         Model as Model,
         ParameterTable as ParameterTable,

@@ -16,12 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict
 
+from robid_core.arrays import FloatArray
 from robid_core.artifacts import Channel, DenseRun, Record, Truth, frozen
 from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.gate import Clearance
 from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Plant(Protocol):

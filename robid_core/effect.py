@@ -21,13 +21,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.mechanics.terms import ForceTerm, Law, SignalTerm
 
 if TYPE_CHECKING:
     from robid_core.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 Side = Literal["motor", "gear", "arm", "bearing"]
 SignalChannel = Literal["torque", "position", "torque_measurement"]
 

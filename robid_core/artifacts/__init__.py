@@ -2,10 +2,6 @@
 
 from robid_core.artifacts.artifact import (
     Artifact,
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
     array,
 )
 from robid_core.artifacts.configurations import Configurations
@@ -23,9 +19,7 @@ from robid_core.artifacts.report import Report, Truth
 
 __all__ = [
     "Artifact",
-    "BoolArray",
     "Channel",
-    "ComplexArray",
     "Configurations",
     "DenseRun",
     "Design",
@@ -33,9 +27,7 @@ __all__ = [
     "Doubt",
     "Excitation",
     "Fit",
-    "FloatArray",
     "Frf",
-    "IntArray",
     "MisfitTable",
     "Model",
     "ParameterTable",

@@ -20,11 +20,6 @@ import numpy.typing as npt
 from robid_core.artifacts.freezing import FrozenDict, kept
 from robid_core.errors import DataRejected
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
-
 
 def array(
     axes: str, unit: str = "", *, optional: bool = False, finite: bool = True, keyword: bool = False

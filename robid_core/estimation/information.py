@@ -8,12 +8,9 @@ a Kronecker covariance ``Lambda = conj(S^-1) (x) C`` (S: Gram matrix of the inpu
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import NotIdentifiable
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def information_of_rank_one(

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.artifacts import Fit, Model
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.changes import Changes, base_of, changes, place_of, with_effects
@@ -24,7 +24,6 @@ from robid_core.robot.file.writing import robot_sha256, robot_yaml
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
 TAKE_ONE = "take the robot of one of them, or let the second begin at the first by `inputs: {robot: ...}`"
 
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robid_core.artifacts import Channel, DenseRun, FloatArray, Record, frozen
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Channel, DenseRun, Record, frozen
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.robot.plant import check_once, continue_simulation, controller_of, standing
 

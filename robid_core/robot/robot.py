@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.gate import MotionLimits
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
@@ -51,8 +52,6 @@ if TYPE_CHECKING:
         SecondOrderModel,
     )
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 

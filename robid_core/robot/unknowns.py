@@ -6,14 +6,12 @@ import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.robot.file.description import RobotDescription
 from robid_core.robot.file.named_parameters import layout_of, number_at
 from robid_core.robot.file.parameter_places import ParameterPlace, places_of_structure
 from robid_core.robot.file.writing import robot_sha256, robot_yaml
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class NamedUnknowns:

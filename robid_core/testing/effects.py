@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.effect import Effect, ForceEffect, Place, SignalEffect, StructureEffect, TestValue
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray, Frf, Record
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Frf, Record
 from robid_core.estimation.response.covariance import confidence_radius
 from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.effect import StructureEffect
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics import Simulation, SimulationDiverged, SimulationState

@@ -7,10 +7,8 @@ equivalent gain of friction is ``E[df/dv]`` under a Gaussian speed (the multisin
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import FloatArray, IntArray
 
 
 def slow_sine_bin(speed_power: FloatArray, first_line: int) -> int:

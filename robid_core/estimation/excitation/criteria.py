@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
+
 Criterion = Literal["condition", "log_det", "hadamard"]
 
 SMALLEST = 1e-15  # eigenvalues below this share of the largest are rounding: the matrix counts as singular

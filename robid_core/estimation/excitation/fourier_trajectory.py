@@ -11,13 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.estimation.excitation.criteria import Criterion, cost
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 FINE_GRID = 60  # instants per period and harmonic at which a motion is held against its limits
 

@@ -9,18 +9,14 @@ there and nowhere else. Which bins are excited: `grids`; phases searched for a l
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.errors import ConfigurationError
 from robid_core.estimation.excitation.grids import (
     logarithmic_odd_lines as logarithmic_odd_lines,
     odd_bins as odd_bins,
     spacing_hz as spacing_hz,
 )
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 
 def orthogonal_matrix(n_exp: int, n_axis: int | None = None, first: int = 0) -> ComplexArray:

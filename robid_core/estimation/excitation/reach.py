@@ -11,11 +11,9 @@ spread does, and averages as noise does.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import j0
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import FloatArray, IntArray
 
 
 def harmonics_on_lines(line: IntArray, sine_bin: int, n_harmonic: int | None = None) -> IntArray:

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
+from robid_core.arrays import FloatArray
 from robid_core.estimation.excitation.criteria import cost
 from robid_core.estimation.excitation.fourier_trajectory import (
     Limits,
@@ -24,8 +24,6 @@ from robid_core.estimation.excitation.fourier_trajectory import (
     random_coefficients,
 )
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
-
-FloatArray = npt.NDArray[np.float64]
 
 GRID = 12  # instants per period and harmonic on which the search looks
 # In the search Coulomb friction turns over this share of the speed limit: a step has no slope to follow.

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
 
 SETTLE_S = 0.4  # cut off at both ends of a plateau: three time constants of a speed loop at 8 rad/s
 SETTLE_RAD = (

@@ -11,11 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 
 SMALLEST = 1e-9
 """Of the largest axis: one below that moved by rounding errors only, and is not scaled up to the others."""

@@ -11,13 +11,10 @@ at most `FALSE_ALARM`.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtrc, fdtrc
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 FALSE_ALARM = 1e-3
 DIFFERENT = 0.5  # of the reference: a logged command may be a sample late, half a period differs by all of it

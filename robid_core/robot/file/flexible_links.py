@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import ValidationError
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.body import Body, FlexibleLink
 from robid_core.robot.file.document import Document
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from robid_core.mechanics import Chain
     from robid_core.mechanics.flexible import FlexibleBody
 
-FloatArray = npt.NDArray[np.float64]
 
 _RIGID = ("mass", "centre_of_mass", "inertia")
 _UPPER = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx yy zz xy xz yz

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse
 
-from robid_core.mechanics.chain import FloatArray, spatial_inertia
+from robid_core.arrays import FloatArray
+from robid_core.mechanics.chain import spatial_inertia
 from robid_core.mechanics.flexible import Structure, hollow_square
 from robid_core.mechanics.flexible.beam import element_matrices
 from robid_core.mechanics.flexible.modal import rigid_properties

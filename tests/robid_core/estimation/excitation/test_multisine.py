@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robid_core import FloatArray
+from robid_core import ComplexArray, FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.estimation.excitation import multisine as ms
 
@@ -73,7 +73,7 @@ def test_one_experiment_more_rejects_what_does_not_depend_on_the_phases_exactly(
         generator.normal(size=(20, n, m)) + 1j * generator.normal(size=(20, n, m)) for m in (n, 1)
     )
 
-    def response(n_exp: int, common: bool) -> tuple[ms.ComplexArray, ms.ComplexArray]:
+    def response(n_exp: int, common: bool) -> tuple[ComplexArray, ComplexArray]:
         phases = ms.draw_phases(20, n, n_exp, common, generator)
         signal = ms.multisine(np.ones((20, n)), *phases, line, 2000)
         u = np.moveaxis(np.fft.rfft(signal, axis=1)[:, line] / 2000, 0, -1)
