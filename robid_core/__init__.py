@@ -30,9 +30,10 @@ _HOME = {
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
+    "robid_core.robot.structure_effect": ("StructureEffect",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.effect": (
-        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect",
+        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect",
         "TestValue",
     ),
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
@@ -96,7 +97,6 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Parameter as Parameter,
         Place as Place,
         SignalEffect as SignalEffect,
-        StructureEffect as StructureEffect,
         TestValue as TestValue,
     )
     from robid_core.errors import (
@@ -151,6 +151,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,
+    )
+    from robid_core.robot.structure_effect import (
+        StructureEffect as StructureEffect,
     )
     from robid_core.settings_types import (
         DataPath as DataPath,

@@ -8,15 +8,8 @@ import math
 from collections.abc import Sequence
 from typing import get_args
 
-from robid_core.effect import (
-    Effect,
-    ForceEffect,
-    Parameter,
-    Side,
-    SignalChannel,
-    SignalEffect,
-    StructureEffect,
-)
+from robid_core.effect import Effect, ForceEffect, Parameter, Side, SignalChannel, SignalEffect
+from robid_core.robot.structure_effect import StructureEffect
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.laws import FORCE_INPUTS, OUTPUTS, SIGNAL_INPUTS
 from robid_core.testing.places import PLACE_NUMBERS, SPOTS
