@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOME = {
+    "robid_core.arrays": ("BoolArray", "ComplexArray", "FloatArray", "IntArray"),
     "robid_core.artifacts": (
-        "Artifact", "BoolArray", "Channel", "ComplexArray", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Doubt", "Excitation", "Fit", "FloatArray", "Frf", "IntArray", "MisfitTable", "Model", "ParameterTable",
+        "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
+        "Doubt", "Excitation", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
         "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
-        "mean_travel",
+        "frozen", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -29,9 +30,10 @@ _HOME = {
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
+    "robid_core.robot.structure_effect": ("StructureEffect",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.effect": (
-        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect",
+        "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect",
         "TestValue",
     ),
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
@@ -46,11 +48,15 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = sorted(_MODULE_OF)
 
 if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lists
+    from robid_core.arrays import (
+        BoolArray as BoolArray,
+        ComplexArray as ComplexArray,
+        FloatArray as FloatArray,
+        IntArray as IntArray,
+    )
     from robid_core.artifacts import (
         Artifact as Artifact,
-        BoolArray as BoolArray,
         Channel as Channel,
-        ComplexArray as ComplexArray,
         Configurations as Configurations,
         DenseRun as DenseRun,
         Design as Design,
@@ -58,9 +64,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Doubt as Doubt,
         Excitation as Excitation,
         Fit as Fit,
-        FloatArray as FloatArray,
         Frf as Frf,
-        IntArray as IntArray,
         MisfitTable as MisfitTable,
         Model as Model,
         ParameterTable as ParameterTable,
@@ -70,6 +74,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         TimeComparison as TimeComparison,
         Truth as Truth,
         array as array,
+        frozen as frozen,
         mean_travel as mean_travel,
     )
     from robid_core.drives import (
@@ -92,7 +97,6 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Parameter as Parameter,
         Place as Place,
         SignalEffect as SignalEffect,
-        StructureEffect as StructureEffect,
         TestValue as TestValue,
     )
     from robid_core.errors import (
@@ -147,6 +151,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,
+    )
+    from robid_core.robot.structure_effect import (
+        StructureEffect as StructureEffect,
     )
     from robid_core.settings_types import (
         DataPath as DataPath,

@@ -16,12 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict
 
-from robid_core.artifacts import Channel, DenseRun, Record, Truth
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Channel, DenseRun, Record, Truth, frozen
 from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.gate import Clearance
 from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Plant(Protocol):
@@ -108,9 +107,9 @@ def assemble_record(plan: RecordPlan, traces: Mapping[ExperimentIndex, Trace]) -
         position[place], torque[place], valid[place] = trace.position, trace.torque, trace.valid
         reference[place] = trace.reference  # the same in every period
     channels = {
-        MOTOR_POSITION: Channel("motor", "rad", position),
-        MOTOR_TORQUE: Channel("motor", "N m", torque),
-        SPEED_REFERENCE: Channel("motor", "rad/s", reference),
+        MOTOR_POSITION: Channel("motor", "rad", frozen(position)),
+        MOTOR_TORQUE: Channel("motor", "N m", frozen(torque)),
+        SPEED_REFERENCE: Channel("motor", "rad/s", frozen(reference)),
     }
     time_s = np.arange(plan.n_sample, dtype=float) * plan.sample_time_s
     line = plan.line if len(plan.line) else None

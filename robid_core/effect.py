@@ -1,14 +1,13 @@
 """Effects: one physical phenomenon in one file, one law used three times (simulate, linearise, fit).
 
 Three kinds, three signatures, one noun: `ForceEffect` (a force that depends on motion, load and a state of its
-own), `SignalEffect` (on a command or a measurement) and `StructureEffect` (Robot -> Robot). A hidden effect
-and a candidate cause are the same noun.
+own), `SignalEffect` (on a command or a measurement) and `StructureEffect` (Robot -> Robot; `robot/structure_effect.py`,
+nothing here knows robots). A hidden effect and a candidate cause are the same noun.
 
-A law is one scalar function, compiled by numba (`robid_core.mechanics.kernel`). Written without `if` - with
-`where`, `min`,
-`max`, `abs` and the functions of `robid_core.mechanics.functions` - it runs on eight experiments at once; with branches
-or library functions it still runs, one experiment after the other. `robid_core.testing.check_effect` tells whether it
-keeps to all of this.
+A law is one scalar function, compiled by numba (`robid_core.mechanics.kernel`). Written without `if` - with `where`,
+`min`, `max`, `abs` and the functions of `robid_core.mechanics.functions` - it runs on eight experiments at once; with
+branches or library functions it still runs, one experiment after the other. `robid_core.testing.check_effect` tells
+whether it keeps to all of this.
 """
 
 from __future__ import annotations
@@ -16,20 +15,16 @@ from __future__ import annotations
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.mechanics.terms import ForceTerm, Law, SignalTerm
 
-if TYPE_CHECKING:
-    from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 Side = Literal["motor", "gear", "arm", "bearing"]
-Channel = Literal["torque", "position", "torque_measurement"]
+SignalChannel = Literal["torque", "position", "torque_measurement"]
 
 
 @dataclass(frozen=True)
@@ -242,7 +237,7 @@ class SignalEffect(_LawEffect):
     measured motor angle; the controller sees it) and "torque_measurement" it is called at every sampling instant.
     """
 
-    channels: ClassVar[tuple[Channel, ...]]
+    channels: ClassVar[tuple[SignalChannel, ...]]
     """Where the effect may sit; the first is the default."""
 
     @classmethod
@@ -280,15 +275,3 @@ class SignalEffect(_LawEffect):
         """Return what is added to the channel, shape (n_lane, n_sample), drawn before the run; None: nothing."""
         del parameters, place, shape, generator
         return None
-
-
-class StructureEffect(Effect):
-    """A change of the robot itself: payload, extra coordinate, foundation."""
-
-    places: ClassVar[tuple[Literal["axis", "body", "base", "gear"], ...]]
-    """What it may be put on; the first is the default."""
-
-    @classmethod
-    @abc.abstractmethod
-    def apply(cls, robot: Robot, parameters: FloatArray, on: str | None, label: str) -> Robot:
-        """Return the robot with the effect in it; new coordinates are called after `label`."""

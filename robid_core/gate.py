@@ -12,11 +12,9 @@ import hashlib
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import MotionRefused
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

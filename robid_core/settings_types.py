@@ -30,7 +30,7 @@ from pydantic_core import CoreSchema
 
 from robid_core.errors import ConfigurationError
 from robid_core.registry import STAGES, Registry, registry
-from robid_core.robot.reading import PACKAGED_FILES
+from robid_core.robot.file.reading import PACKAGED_FILES
 from robid_core.stage import Stage
 
 # Names that Windows gives to devices, with any extension and in any case.

@@ -35,8 +35,7 @@ from robid_core.artifacts import (
 from robid_core.drives import Drives
 from robid_core.errors import PluginError
 from robid_core.robot import Robot
-
-SettingPlace = tuple[str | int, ...]
+from robid_core.yaml_file.problems import KeyPath
 
 
 class Settings(BaseModel):
@@ -135,7 +134,7 @@ class Stage(Settings):
         del data_root
         return []
 
-    def problems_with(self, robot: Robot) -> Mapping[SettingPlace, str]:
+    def problems_with(self, robot: Robot) -> Mapping[KeyPath, str]:
         """Say which settings this robot cannot have, before anything runs; empty where there are none.
 
         `robid validate` and `robid run` ask with the nominal robot and tell each message at its place in the file: a

@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from canopen.objectdictionary import ODVariable
 
-from robid_core import ConfigurationError
+from robid_core import ConfigurationError, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 IncrementArray = npt.NDArray[np.signedinteger]
 
 # (index, subindex); CiA 301: communication profile

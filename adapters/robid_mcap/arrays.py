@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray
+
 _INTEGERS = ("<i2", "<i4")
 _TYPES = {"<i2", "<i4", "<f8"}
 

@@ -17,8 +17,17 @@ import numpy.typing as npt
 from google.protobuf.message import DecodeError, Message  # type: ignore[import-untyped]
 from mcap.records import Channel, Schema
 
-from robid_core import DataRejected, ExperimentIndex, Record, RecordPlan, StoreError, Trace, assemble_record
-from robid_mcap.arrays import FloatArray, Packed, unpack
+from robid_core import (
+    DataRejected,
+    ExperimentIndex,
+    FloatArray,
+    Record,
+    RecordPlan,
+    StoreError,
+    Trace,
+    assemble_record,
+)
+from robid_mcap.arrays import Packed, unpack
 from robid_mcap.reader import Log, flatten
 from robid_mcap.schema import message_class, message_class_of
 from robid_mcap.writer import PLAN, McapLog

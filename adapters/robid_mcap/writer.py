@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from robid_core import MotionAborted, RecordPlan, RobidError, StoreError, Trace
-from robid_mcap.arrays import FloatArray, pack
+from robid_core import FloatArray, MotionAborted, RecordPlan, RobidError, StoreError, Trace
+from robid_mcap.arrays import pack
 from robid_mcap.schema import descriptor_set, message_class
 
 MESSAGE_BYTES = 16_000  # most in one slice of a trace

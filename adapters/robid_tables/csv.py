@@ -13,11 +13,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import DataRejected
+from robid_core import DataRejected, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 DELIMITERS = (",", ";", "\t", "|")
 
 

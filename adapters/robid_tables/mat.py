@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.io
 
-from robid_core import DataRejected
+from robid_core import DataRejected, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # a v7.3 file is HDF5 behind a MATLAB header of 512 bytes
 
 

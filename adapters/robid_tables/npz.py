@@ -7,11 +7,8 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import DataRejected
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import DataRejected, FloatArray
 
 
 def read_arrays(path: Path) -> dict[str, FloatArray]:

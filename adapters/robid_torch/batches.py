@@ -12,17 +12,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import torch  # type: ignore[import-not-found, unused-ignore]
 
-from robid_core import ConfigurationError
+from robid_core import ComplexArray, ConfigurationError, FloatArray
 from robid_core.mechanics import Equilibrium, Mechanism, ResponseGradient, SecondOrderModel, solve_equilibrium
 from robid_core.mechanics.equilibrium import ESCAPED, NEWTON_STEPS, SINGULAR, STEP_TOLERANCE
 from robid_torch.lines import gradient_of_lines
 from robid_torch.trees import Tree, bytes_per_position, tensor, terms_at, tree_of
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

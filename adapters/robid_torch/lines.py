@@ -8,15 +8,12 @@ batch is cut so that it fits into a stated memory.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import torch  # type: ignore[import-not-found, unused-ignore]
 
-from robid_core import ConfigurationError
+from robid_core import ConfigurationError, FloatArray
 from robid_core.mechanics import ResponseGradient, SecondOrderModel
 from robid_core.mechanics.response import hold_factor
 from robid_torch.trees import tensor
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def gradient_of_lines(

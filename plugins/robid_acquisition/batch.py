@@ -30,6 +30,7 @@ from robid_core import (
     Record,
     Robot,
     RobotName,
+    frozen,
     simulate_portions,
 )
 
@@ -53,15 +54,15 @@ def record_of(
 ) -> Record:
     """Record of every sample, position and torque (n_config, n_block, n_exp, n_period, n_sample, n_axis).
 
-    The reference is the same in every period, and stands in memory once.
+    The reference is the same in every period, and stands in memory once; position and torque become read-only.
     """
     realization = excitation.reference
     if len(realization) != len(position):
-        realization = realization[np.arange(len(position)) % len(realization)]
+        realization = frozen(realization[np.arange(len(position)) % len(realization)])
     reference = np.broadcast_to(realization[:, :, :, None], position.shape)
     channels = {
-        "motor_position": Channel("motor", "rad", position),
-        "motor_torque": Channel("motor", "N m", torque),
+        "motor_position": Channel("motor", "rad", frozen(position)),
+        "motor_torque": Channel("motor", "N m", frozen(torque)),
         "speed_reference": Channel("motor", "rad/s", reference),
     }
     time_s = np.arange(excitation.n_sample, dtype=float) * excitation.sample_time_s

@@ -41,6 +41,7 @@ from robid_core import (
     Record,
     RobidError,
     Robot,
+    frozen,
 )
 
 
@@ -165,7 +166,7 @@ class RecordedAcquisition(Sources):
             context.log.warning("%s", unlike)
         names = arrangement.variants if any(arrangement.variants) else (self.variant,) * shape[0]
         channels = {
-            name: Channel(_side(name), self.channels[name].symbol, values)
+            name: Channel(_side(name), self.channels[name].symbol, frozen(values))
             for name, values in assembly.channels.items()
         }
         return Record(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import Channel, ComplexArray, FloatArray, Record
+from robid_core import Channel, ComplexArray, FloatArray, Record, frozen
 
 
 def all_experiments(values: FloatArray) -> FloatArray:
@@ -46,10 +46,10 @@ def less(values: FloatArray, spectrum: ComplexArray, first: int) -> FloatArray:
 
 
 def with_channels(record: Record, source: str, **values: FloatArray) -> Record:
-    """The record with other values in some channels, and words about it in its source."""
+    """The record with other values in some channels, which become read-only, and words about it in its source."""
     run = record.run
     changed = {
-        name: Channel(run.channel(name).side, run.channel(name).unit_symbol, new)
+        name: Channel(run.channel(name).side, run.channel(name).unit_symbol, frozen(new))
         for name, new in values.items()
     }
     channels = {**run.channels, **changed}

@@ -24,6 +24,7 @@ from robid_core import (
     IntArray,
     Preprocessing,
     Record,
+    frozen,
 )
 from robid_core.estimation.distortion.order_analysis import (
     KINDS,
@@ -110,7 +111,7 @@ def without_ripple(record: Record, ripple: Sequence[AxisRipple]) -> Record:
     channels = dict(run.channels)
     for name, values in ((TORQUE, torque), (POSITION, angle)):
         old = run.channel(name)
-        channels[name] = Channel(old.side, old.unit_symbol, values)
+        channels[name] = Channel(old.side, old.unit_symbol, frozen(values))
     source = f"{record.source}; ripple compensated: {', '.join(dict.fromkeys(words))}"
     return record.replace(source=source, runs=(run.replace(channels=channels),))
 

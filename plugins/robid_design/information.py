@@ -9,13 +9,9 @@ information matrix is a product of small Gram matrices (`information_of_rank_one
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Excitation, Robot
+from robid_core import ComplexArray, Excitation, FloatArray, Robot
 from robid_core.estimation.information import information_of_rank_one
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def reference_power(excitation: Excitation) -> FloatArray:

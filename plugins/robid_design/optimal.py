@@ -12,7 +12,18 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
-from robid_core import Context, Design, Excitation, ExperimentDesign, Fit, Frf, NotIdentifiable, Robot
+from robid_core import (
+    ComplexArray,
+    Context,
+    Design,
+    Excitation,
+    ExperimentDesign,
+    Fit,
+    FloatArray,
+    Frf,
+    NotIdentifiable,
+    Robot,
+)
 from robid_core.estimation.information import covariance_of_parameters
 from robid_design.candidates import random_configurations
 from robid_design.information import information_matrices, reference_power
@@ -23,9 +34,6 @@ from robid_design.weights import (
     optimal_weights,
     whole_experiments,
 )
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 class OptimalDesign(ExperimentDesign):

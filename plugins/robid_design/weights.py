@@ -8,12 +8,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import NotTrustworthy
+from robid_core import FloatArray, IntArray, NotTrustworthy
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Criterion = Literal["D", "A"]
 
 

@@ -8,13 +8,10 @@ characteristic functions of a Gaussian and of a sine (arcsine distribution).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import j0
 
-from robid_core import Motion
+from robid_core import ComplexArray, Motion
 from robid_core.mechanics import kernel
-
-ComplexArray = npt.NDArray[np.complex128]
 
 TURN = np.pi * np.pi  # square of half a period
 

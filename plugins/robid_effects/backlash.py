@@ -13,13 +13,10 @@ to a joint that gravity holds on one flank.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
 from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
-
-FloatArray = npt.NDArray[np.float64]
 
 ROUNDING = 0.2
 """Radius of the corners over half the gap."""

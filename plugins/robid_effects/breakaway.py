@@ -15,13 +15,8 @@ reversal.
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
+from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

@@ -8,12 +8,9 @@ k q_rest cannot be told from a friction offset on one pose, and not from gravity
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

@@ -8,12 +8,9 @@ from drawings leave out cables, oil and screws (Armstrong, Khatib and Burdick 19
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, Parameter, Robot, StructureEffect
+from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
 from robid_effects.bodies import body_index, with_body
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class CentreOfMassError(StructureEffect):

@@ -13,12 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import Equivalent, FloatArray, ForceEffect, Motion, Parameter, Place, TestValue
 from robid_core.mechanics import equivalent_damping, kernel, smooth_sign, where
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

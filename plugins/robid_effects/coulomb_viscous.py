@@ -13,12 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import Equivalent, FloatArray, ForceEffect, Motion, Parameter, Place, TestValue
 from robid_core.mechanics import coulomb_viscous_law, equivalent_damping
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class CoulombViscous(ForceEffect):

@@ -14,12 +14,9 @@ friction of the seals is friction.*.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
+from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import exponential, kernel, natural_logarithm, sine_and_cosine, where
-
-FloatArray = npt.NDArray[np.float64]
 
 SMALLEST_COLUMN = 0.05
 

@@ -11,13 +11,9 @@ has settled on its command.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import SignalTerm, kernel, where
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @kernel

@@ -10,13 +10,9 @@ started, then the samples, newest first; at the first call the line fills with t
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import SignalTerm, kernel, where
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @kernel

@@ -9,12 +9,9 @@ own axis it would be in series with the gear: there the gear's stiffness is the 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, Parameter, Robot, StructureEffect
+from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
 from robid_effects.bodies import body_index, with_sections
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class ElasticCoordinate(StructureEffect):

@@ -24,15 +24,10 @@ sigma1, without Stribeck curve Dahl.
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
+from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import exponential, kernel
 from robid_effects.bristle import SMALLEST_LEVEL, advance_bristle
 from robid_effects.stribeck import stribeck_level
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

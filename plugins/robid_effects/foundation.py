@@ -11,13 +11,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-import numpy as np
-import numpy.typing as npt
-
-from robid_core import ConfigurationError, Parameter, Robot, StructureEffect
+from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
 from robid_effects.bodies import with_sections
-
-FloatArray = npt.NDArray[np.float64]
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 DIRECTIONS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}

@@ -8,13 +8,9 @@ joint-side response tells gains of axes against one another, their common factor
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @kernel

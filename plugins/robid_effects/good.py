@@ -12,13 +12,10 @@ put transmission.maxwell_slip in place of this friction.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, smooth_sign, where
 from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

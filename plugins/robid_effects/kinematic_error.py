@@ -13,12 +13,9 @@ gears: 2 a motor turn).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import ForceTerm, kernel, sine_and_cosine
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

@@ -7,12 +7,9 @@ and better damped the place is than the file has it, with an interval of its own
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

@@ -16,13 +16,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, smooth_sign
 from robid_effects.stribeck import stribeck_decay
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

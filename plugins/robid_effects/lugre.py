@@ -12,15 +12,10 @@ give energy back while g falls: the law takes energy from every motion where
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
+from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
 from robid_effects.bristle import advance_bristle
 from robid_effects.stribeck import stribeck_level
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

@@ -13,12 +13,9 @@ constant velocity is exact, min and max.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
-
-FloatArray = npt.NDArray[np.float64]
 
 N_SLIDER = 4
 

@@ -10,12 +10,9 @@ the model has it. Its torque changes with the pose and not with the sign of spee
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, Parameter, Robot, StructureEffect
+from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
 from robid_effects.bodies import body_index, with_body
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def joined(

@@ -19,13 +19,10 @@ shorter piece beside them; the torque there is off by a quarter of that times th
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
+from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
 from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
-
-FloatArray = npt.NDArray[np.float64]
 
 CLOSING = 0.03  # lost motion is measured between +-3 % of the rated torque (Nabtesco RV, Sumitomo, Spinea)
 ROUNDING = 0.02

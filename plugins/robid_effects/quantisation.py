@@ -12,11 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import j0
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 N_TERM = 30
 SMALLEST_RMS = 0.05

@@ -10,14 +10,10 @@ is 1 + amplitude order E[cos], near 1 once the motor swings over a period of the
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel, sine
 from robid_effects.angle_wave import mean_wave
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @kernel

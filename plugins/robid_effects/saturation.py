@@ -15,11 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel, where
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 TINY = 1e-300
 FULL = np.sqrt(1 + np.pi**2 / 4)  # slope of a sine over the rate, from which on its response is a triangle

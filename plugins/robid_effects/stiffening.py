@@ -9,12 +9,9 @@ sine of amplitude A: k + 3/4 c A^2.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ForceEffect, Parameter, Place, TestValue
+from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

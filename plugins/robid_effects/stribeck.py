@@ -14,13 +14,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, ForceEffect, Parameter, Place, TestValue
+from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import exponential, kernel, natural_logarithm, smooth_sign
 from robid_effects.bristle import SMALLEST_LEVEL
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

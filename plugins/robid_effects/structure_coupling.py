@@ -11,11 +11,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import ConfigurationError, Parameter, Robot, StructureEffect
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
 
 
 class CoupledAxes(StructureEffect):

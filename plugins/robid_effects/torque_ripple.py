@@ -12,14 +12,10 @@ depend on the phases of the multisine.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Motion, Parameter, Place, SignalEffect, TestValue
+from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel, sine
 from robid_effects.angle_wave import cardinal_sine, mean_wave
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 ORDER = Parameter(
     "order", "1/turn", 12.0, 0.0, 1e4, "periods per turn of the motor (whole: closes after a turn)"

@@ -8,12 +8,9 @@ d is that of motor bearings, seals and the churning of grease; it falls as the g
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Equivalent, ForceEffect, Motion, Parameter, Place, TestValue
+from robid_core import Equivalent, FloatArray, ForceEffect, Motion, Parameter, Place, TestValue
 from robid_core.mechanics import kernel
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @kernel

@@ -33,7 +33,7 @@ from robid_core.estimation.excitation.criteria import (
 )
 from robid_core.estimation.excitation.fourier_trajectory import (
     Limits,
-    Problem,
+    TrajectoryProblem,
     fitted,
     rest_to_rest_basis,
     usual_column_scale,
@@ -59,7 +59,7 @@ LEAST_ROOM = 0.1  # share of the way to a limit that the overshoot of the loops 
 SMALLER = (1.0, 0.99, 0.97, 0.94, 0.9, 0.8)
 
 
-def problem_of(robot: Robot, angle: FloatArray, settings: Fourier) -> Problem:
+def problem_of(robot: Robot, angle: FloatArray, settings: Fourier) -> TrajectoryProblem:
     """The search about one configuration, joint side, (n_axis,)."""
     drives = rigid_drives(robot)
     reach = np.full(robot.n_axis, np.inf if settings.reach_rad is None else settings.reach_rad)
@@ -67,7 +67,7 @@ def problem_of(robot: Robot, angle: FloatArray, settings: Fourier) -> Problem:
     column, noise = base_of(drives).independent, torque_noise(robot)
     omega = 2 * np.pi * settings.harmonics / settings.period_s
     widest = motion_limits(robot, angle, np.full(robot.n_axis, np.inf), settings.margin)
-    return Problem(
+    return TrajectoryProblem(
         drives=drives,
         limits=limits,
         centre=robot.motor_angle(angle),
@@ -90,7 +90,7 @@ def speed_reference(coefficients: FloatArray, settings: Fourier, n_sample: int) 
     return np.stack([speed @ one.T for one in coefficients])[:, None, None]
 
 
-def tightened(problem: Problem, coefficient: FloatArray, robot: Robot, n_sample: int) -> Limits:
+def tightened(problem: TrajectoryProblem, coefficient: FloatArray, robot: Robot, n_sample: int) -> Limits:
     """Limits for the rigid robot under which the simulated one keeps those of `problem`, for motions like this one.
 
     The speed loops overshoot, lag and ring; by as much as they do so along this trajectory, the limits are drawn in.
@@ -203,7 +203,9 @@ class Fourier(ExcitationDesign):
             **cleared.artifact_fields(),
         )
 
-    def _searched(self, problems: list[Problem], robot: Robot, n_sample: int, context: Context) -> FloatArray:
+    def _searched(
+        self, problems: list[TrajectoryProblem], robot: Robot, n_sample: int, context: Context
+    ) -> FloatArray:
         """Coefficients of all configurations, each searched with those before it, (n_config, n_axis, n_motion)."""
         found, known = [], None
         total = self.evaluations * len(problems)
@@ -235,7 +237,7 @@ class Fourier(ExcitationDesign):
 
     def _cleared(
         self,
-        problems: list[Problem],
+        problems: list[TrajectoryProblem],
         coefficients: FloatArray,
         configurations: Configurations,
         robot: Robot,
@@ -282,7 +284,7 @@ def _tell(context: Context, total: int, note: str, before: int, done: int) -> No
     context.progress(before + done, total, note)
 
 
-def _reach(problem: Problem, coefficient: FloatArray) -> FloatArray:
+def _reach(problem: TrajectoryProblem, coefficient: FloatArray) -> FloatArray:
     """How far each joint goes from its configuration, rad (m), (n_axis,)."""
     position = problem.basis(16 * problem.harmonics).motion(coefficient)[0]
     reach: FloatArray = np.abs(position @ problem.drives.gear.T).max(axis=0)

@@ -22,6 +22,7 @@ from robid_core import (
     FloatArray,
     IntArray,
     Robot,
+    frozen,
 )
 from robid_core.estimation.excitation.grids import (
     leave_one_out,
@@ -239,7 +240,7 @@ class Multisine(ExcitationDesign):
             sample_time_s=robot.sample_time_s,
             slow_sine_bin=self.sine_bin,
             line=line,
-            reference=fast + slow,
+            reference=frozen(fast + slow),
             slow_sine_speed=sine_amplitude,
             **cleared.artifact_fields(),
         )

@@ -2,10 +2,6 @@
 
 from robid_core.artifacts.artifact import (
     Artifact,
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
     array,
 )
 from robid_core.artifacts.configurations import Configurations
@@ -14,6 +10,7 @@ from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation, mean_travel
 from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
+from robid_core.artifacts.freezing import frozen
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
@@ -22,9 +19,7 @@ from robid_core.artifacts.report import Report, Truth
 
 __all__ = [
     "Artifact",
-    "BoolArray",
     "Channel",
-    "ComplexArray",
     "Configurations",
     "DenseRun",
     "Design",
@@ -32,9 +27,7 @@ __all__ = [
     "Doubt",
     "Excitation",
     "Fit",
-    "FloatArray",
     "Frf",
-    "IntArray",
     "MisfitTable",
     "Model",
     "ParameterTable",
@@ -44,5 +37,6 @@ __all__ = [
     "TimeComparison",
     "Truth",
     "array",
+    "frozen",
     "mean_travel",
 ]

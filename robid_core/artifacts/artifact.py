@@ -2,8 +2,8 @@
 
 A subclass is a frozen dataclass. Each field is an array declared with `array(...)` (its axes and unit are
 written into the file beside it), a plain value (`str`, `int`, `float`, `bool`, tuples of strings), a nested
-artifact, a tuple or dict of nested artifacts, or None. Files are HDF5, open to MATLAB and Julia; nothing is
-pickled.
+artifact, a tuple or dict of nested artifacts, or None. An array that somebody may still write is copied
+(`freezing.py`). Files are HDF5, open to MATLAB and Julia; nothing is pickled.
 """
 
 from __future__ import annotations
@@ -17,12 +17,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.artifacts.freezing import FrozenDict, kept
 from robid_core.errors import DataRejected
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 def array(
@@ -57,9 +53,16 @@ class Artifact:
             if not isinstance(value, np.ndarray):
                 raise DataRejected(f"{self.place(item.name)}: an array is wanted, not {type(value).__name__}")
             self._check_array(item.name, value, item.metadata, lengths)
-            frozen = value.view()
-            frozen.flags.writeable = False
-            object.__setattr__(self, item.name, frozen)
+        self.__setstate__(vars(self).copy())
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take over fields, arrays and mappings frozen; pickle and copy come here and not to `__post_init__`."""
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value = kept(value)
+            elif isinstance(value, dict):
+                value = FrozenDict(value)
+            object.__setattr__(self, name, value)
 
     def _check_array(
         self, name: str, value: npt.NDArray[Any], metadata: typing.Mapping[str, Any], lengths: dict[str, int]

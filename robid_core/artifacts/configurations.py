@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid_core.artifacts.artifact import Artifact, FloatArray, array
+from robid_core.arrays import FloatArray
+from robid_core.artifacts.artifact import Artifact, array
 
 
 @dataclass(frozen=True, eq=False)

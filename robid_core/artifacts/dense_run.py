@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid_core.artifacts.artifact import Artifact, BoolArray, FloatArray, IntArray, array
+from robid_core.arrays import BoolArray, FloatArray, IntArray
+from robid_core.artifacts.artifact import Artifact, array
 from robid_core.errors import DataRejected
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from robid_core.artifacts.artifact import FloatArray, IntArray, array
+from robid_core.arrays import FloatArray, IntArray
+from robid_core.artifacts.artifact import array
 from robid_core.artifacts.configurations import Configurations
 
 

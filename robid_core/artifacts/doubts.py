@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robid_core.artifacts.artifact import Artifact, BoolArray, FloatArray
+from robid_core.arrays import BoolArray, FloatArray
+from robid_core.artifacts.artifact import Artifact
 
 if TYPE_CHECKING:
     from robid_core.artifacts.fit import Fit

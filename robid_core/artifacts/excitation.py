@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.artifacts.artifact import Artifact, FloatArray, IntArray, array
+from robid_core.arrays import FloatArray, IntArray
+from robid_core.artifacts.artifact import Artifact, array
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
+from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model

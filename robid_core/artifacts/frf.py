@@ -7,7 +7,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, array
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
+from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.record import Record
 from robid_core.errors import DataRejected
 

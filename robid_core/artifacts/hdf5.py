@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from robid_core.artifacts.artifact import Artifact
+from robid_core.artifacts.freezing import frozen
 from robid_core.errors import DataRejected, StoreError
 
 FORMAT_VERSION = 1
@@ -65,7 +66,7 @@ def read_hdf5(path: Path) -> Artifact:
         with h5py.File(path, "r") as file:
             if "robid_artifact" not in file.attrs:
                 raise StoreError(f"{path}: an HDF5 file, but not one of robid's: 'robid_artifact' is missing")
-            if int(file.attrs["robid_version"]) > FORMAT_VERSION:
+            if int(file.attrs.get("robid_version", 0)) > FORMAT_VERSION:
                 raise StoreError(f"{path}: written by a newer robid; update robid to read it")
             return _read_group(file, str(path))
     except OSError as error:
@@ -109,25 +110,35 @@ def _write_array(group: h5py.Group, item: dataclasses.Field[Any], value: np.ndar
 
 
 def _read_group(group: h5py.Group, path: str) -> Artifact:
-    name = str(group.attrs["robid_artifact"])
+    name = str(group.attrs.get("robid_artifact", "?"))
     cls = artifact_classes().get(name)
     if cls is None:
         raise StoreError(f"{path}: holds an artifact of class {name}, which no installed package defines")
     values: dict[str, Any] = {}
+    missing = []
     for item in dataclasses.fields(cls):
         if item.name in group:
             values[item.name] = _read_item(group[item.name], path)
         elif item.name in group.attrs:
             values[item.name] = _read_value(group.attrs[item.name], item)
+        elif item.default is item.default_factory is dataclasses.MISSING:
+            missing.append(item.name)
+    if missing:
+        raise StoreError(
+            f"{path}: {group.name} is not a whole {name} of this version of robid: {', '.join(missing)} is missing; "
+            "make it again"
+        )
     try:
         return cls(**values)
-    except TypeError as error:
-        raise StoreError(f"{path}: {group.name} is not a whole {name}: {error}") from error
+    except DataRejected as error:
+        raise StoreError(
+            f"{path}: {group.name} cannot be a {name} of this version of robid: {error}"
+        ) from error
 
 
 def _read_item(node: h5py.Group | h5py.Dataset, path: str) -> Any:
     if isinstance(node, h5py.Dataset):
-        return node[()]
+        return frozen(node[()])
     container = node.attrs.get("robid_container")
     if container == "dict":
         return {key: _read_group(child, path) for key, child in node.items()}

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.artifacts.artifact import Artifact, FloatArray, array
+from robid_core.arrays import FloatArray
+from robid_core.artifacts.artifact import Artifact, array
 from robid_core.errors import DataRejected
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core.artifacts.artifact import BoolArray, IntArray
+from robid_core.arrays import BoolArray, IntArray
 from robid_core.errors import DataRejected
 
 

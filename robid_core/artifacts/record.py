@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.artifacts.artifact import Artifact, BoolArray, ComplexArray, FloatArray, IntArray, array
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.dense_run import DenseRun
 from robid_core.artifacts.packing import packed
 from robid_core.errors import DataRejected
 
 MOTOR_POSITION = "motor_position"
-MOTOR_SPEED = "motor_speed"
 MOTOR_TORQUE = "motor_torque"
 SPEED_REFERENCE = "speed_reference"
 POSITION_REFERENCE = "position_reference"

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Self
 
-from robid_core.artifacts.artifact import Artifact, FloatArray, array
+from robid_core.arrays import FloatArray
+from robid_core.artifacts.artifact import Artifact, array
 
 
 @dataclass(frozen=True, eq=False)

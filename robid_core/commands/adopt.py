@@ -50,8 +50,8 @@ def adopt(pipeline: Pipeline, stage: str, dry_run: bool = False) -> list[str]:
     NotTrustworthy
         Where the fit did not converge.
     """
-    from robid_core.robot.in_place import with_model
-    from robid_core.robot.reading import PACKAGED_FILES
+    from robid_core.robot.file.in_place import with_model
+    from robid_core.robot.file.reading import PACKAGED_FILES
 
     model, found = _model(pipeline, stage)
     if pipeline.robot.source in PACKAGED_FILES:

@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from robid_core.pipeline import Pipeline
 
-PipelineFile = Annotated[Path, typer.Argument(help="The pipeline file.", show_default="pipeline.yaml")]
+PipelineArgument = Annotated[Path, typer.Argument(help="The pipeline file.", show_default="pipeline.yaml")]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change a setting, as stages.fit.with.starts=50."),

@@ -49,8 +49,10 @@ def setting_lines(old: Manifest, new: Manifest) -> list[str]:
     lines = []
     if old.seed != new.seed:
         lines.append(f"seed: {old.seed} -> {new.seed}")
-    if old.robot != new.robot:
+    if old.robot["written"] != new.robot["written"]:
         lines.append(f"robot: {old.robot['written']} -> {new.robot['written']}")
+    elif old.robot != new.robot:
+        lines.append(f"robot: {old.robot['written']} says something else in the second")
     for name in [*old.stages, *(name for name in new.stages if name not in old.stages)]:
         if name not in old.stages or name not in new.stages:
             lines.append(f"stage {name}: only in the {'second' if name in new.stages else 'first'}")

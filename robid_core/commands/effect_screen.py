@@ -14,7 +14,8 @@ Row = tuple[str, ...]
 
 def kind_line(effect: type[Effect]) -> str:
     """Say in a line what kind of effect it is, where it may sit, and how much its law remembers."""
-    from robid_core.effect import ForceEffect, SignalEffect, StructureEffect
+    from robid_core.effect import ForceEffect, SignalEffect
+    from robid_core.robot.structure_effect import StructureEffect
 
     if issubclass(effect, StructureEffect):
         return f"a change of the robot itself, on: {_places(effect.places)}"

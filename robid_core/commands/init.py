@@ -43,9 +43,9 @@ def command(
 def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:
     """Return the texts of a new project by file name; ConfigurationError for a robot that is not packaged."""
     from robid_core.errors import ConfigurationError
-    from robid_core.pipeline.problems import suggestion
     from robid_core.robot import Robot
-    from robid_core.robot.reading import PACKAGED_FILES
+    from robid_core.robot.file.reading import PACKAGED_FILES
+    from robid_core.yaml_file.problems import suggestion
 
     nominal = [name for name in PACKAGED_FILES if f"{name}_true" in PACKAGED_FILES]
     if robot not in nominal:

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, Overrides, PipelineFile, load_pipeline
+from robid_core.commands.arguments import (
+    DEFAULT_PIPELINE,
+    DataRoot,
+    Overrides,
+    PipelineArgument,
+    load_pipeline,
+)
 from robid_core.errors import RobidError
 
 if TYPE_CHECKING:
@@ -21,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    file: PipelineFile = DEFAULT_PIPELINE,
+    file: PipelineArgument = DEFAULT_PIPELINE,
     overrides: Overrides = None,
     data: DataRoot = None,
     mermaid: Annotated[bool, typer.Option("--mermaid", help="As a Mermaid diagram, without advice.")] = False,

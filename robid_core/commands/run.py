@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robid_core.commands import INTERRUPTED
-from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, Overrides, PipelineFile, load_pipeline
+from robid_core.commands.arguments import (
+    DEFAULT_PIPELINE,
+    DataRoot,
+    Overrides,
+    PipelineArgument,
+    load_pipeline,
+)
 from robid_core.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -20,7 +26,7 @@ MAXIMUM_JOBS = 1024
 
 
 def command(
-    file: PipelineFile = DEFAULT_PIPELINE,
+    file: PipelineArgument = DEFAULT_PIPELINE,
     stages: Annotated[list[str] | None, typer.Argument(help="Stages that --force makes again.")] = None,
     overrides: Overrides = None,
     first: Annotated[

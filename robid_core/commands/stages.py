@@ -24,8 +24,8 @@ def command(
 ) -> None:
     """List every installed plugin with its package and version, or explain one."""
     from robid_core.errors import ConfigurationError
-    from robid_core.pipeline.problems import suggestion
     from robid_core.registry import GROUPS, registry
+    from robid_core.yaml_file.problems import suggestion
 
     plugins = [plugin for group in GROUPS for plugin in registry().plugins(group)]
     if name is None:

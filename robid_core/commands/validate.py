@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import typer
 
-from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, Overrides, PipelineFile, load_pipeline
+from robid_core.commands.arguments import (
+    DEFAULT_PIPELINE,
+    DataRoot,
+    Overrides,
+    PipelineArgument,
+    load_pipeline,
+)
 
 
 def command(
-    file: PipelineFile = DEFAULT_PIPELINE, overrides: Overrides = None, data: DataRoot = None
+    file: PipelineArgument = DEFAULT_PIPELINE, overrides: Overrides = None, data: DataRoot = None
 ) -> None:
     """Check a pipeline file and tell all its mistakes, as file:line:column: setting: what is wrong; what to do.
 

@@ -8,12 +8,9 @@ a Kronecker covariance ``Lambda = conj(S^-1) (x) C`` (S: Gram matrix of the inpu
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import NotIdentifiable
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def information_of_rank_one(
@@ -43,21 +40,6 @@ def information_of_rank_one(
     outputs = np.einsum("fpi,fij,fqj->fpq", vectors.conj(), output_weight, vectors, optimize=True)
     total = np.einsum("fp,fq,fpq,fpq->pq", factors.conj(), factors, inputs, outputs, optimize=True)
     information: FloatArray = 2 * total.real
-    return 0.5 * (information + information.T)
-
-
-def information_of_jacobian(jacobian: ComplexArray, covariance: ComplexArray) -> FloatArray:
-    """Information matrix (4.4) from dense derivatives: the twin of `information_of_rank_one`.
-
-    Parameters
-    ----------
-    jacobian
-        d vec(G) / d theta, shape (n_freq, n_entry, n_parameter).
-    covariance
-        Covariance of vec(G), shape (n_freq, n_entry, n_entry).
-    """
-    weighted = np.linalg.solve(covariance, jacobian)
-    information: FloatArray = 2 * np.einsum("fep,feq->pq", jacobian.conj(), weighted).real
     return 0.5 * (information + information.T)
 
 

@@ -10,9 +10,8 @@ parameter's own ratio is shrunk toward that average, as in empirical Bayes estim
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
 
 # Weight of the common ratio, in degrees of freedom, against the n_group - 1 of a parameter's own ratio.
 PRIOR_DEGREES_OF_FREEDOM = 4.0

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
+
 NormalEquations = Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]
 Cost = Callable[[FloatArray], float]
 

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.parameters.choice import prior_of
 from robid_core.parameters.scales import (
@@ -26,9 +26,7 @@ from robid_core.parameters.scales import (
     scale_kind,
 )
 from robid_core.robot import Robot
-from robid_core.robot.parameter_places import MOMENTS
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core.robot.file.parameter_places import MOMENTS
 
 SMALLEST_SHARE = 1e-6  # of the largest second moment: below it a body counts as flat, and stays so
 

@@ -10,13 +10,12 @@ from robid_core.errors import ConfigurationError
 from robid_core.parameters.choice import chosen_names, matching, prior_of
 from robid_core.parameters.free import all_or_none, held_moments
 from robid_core.robot import Robot
-
-Place = tuple[str | int, ...]
+from robid_core.yaml_file.problems import KeyPath
 
 
 def pattern_problems(
     robot: Robot, free: Sequence[str], fixed: Sequence[str] = (), prior: Mapping[str, float] | None = None
-) -> dict[Place, str]:
+) -> dict[KeyPath, str]:
     """Say what is wrong with patterns of parameters; empty where nothing is.
 
     Returns
@@ -25,10 +24,10 @@ def pattern_problems(
     nothing come alone: the rest might follow from them.
     """
     names, priors = list(robot.layout), dict(prior or {})
-    places: dict[Place, str] = {("free", i): pattern for i, pattern in enumerate(free)}
+    places: dict[KeyPath, str] = {("free", i): pattern for i, pattern in enumerate(free)}
     places |= {("fixed", i): pattern for i, pattern in enumerate(fixed)}
     places |= {("prior", pattern): pattern for pattern in priors}
-    found: dict[Place, str] = {}
+    found: dict[KeyPath, str] = {}
     for place, pattern in places.items():
         with _told(place, found):
             matching(pattern, names)
@@ -48,7 +47,7 @@ def pattern_problems(
 
 
 @contextlib.contextmanager
-def _told(place: Place, found: dict[Place, str]) -> Iterator[None]:
+def _told(place: KeyPath, found: dict[KeyPath, str]) -> Iterator[None]:
     """Write down what is refused inside."""
     try:
         yield
@@ -56,7 +55,7 @@ def _told(place: Place, found: dict[Place, str]) -> Iterator[None]:
         found[place] = str(error)
 
 
-def _cause(places: Mapping[Place, str], meant: Mapping[str, Sequence[str]]) -> Place:
+def _cause(places: Mapping[KeyPath, str], meant: Mapping[str, Sequence[str]]) -> KeyPath:
     """Return where the first pattern stands that means one of the names which are given by its key."""
     return next(
         place

@@ -6,7 +6,7 @@ centre of mass, of the second moments for an inertia.
 
 from __future__ import annotations
 
-from robid_core.robot.parameter_places import ParameterPlace
+from robid_core.robot.file.parameter_places import ParameterPlace
 
 WIDE = 1.0  # of a logarithm: a factor of 2.7 either way
 TOLERANCE = 0.01  # of what a drawing or a data sheet tells

@@ -1,6 +1,6 @@
 """Pipelines: reading pipeline.yaml, telling every mistake at once, wiring stages by type, the JSON schema."""
 
 from robid_core.pipeline.pipeline import Pipeline, PluginChoice, RobotChoice, StageNode
-from robid_core.pipeline.problems import PipelineProblems, Problem
+from robid_core.yaml_file.problems import FileProblems, Problem
 
-__all__ = ["Pipeline", "PipelineProblems", "PluginChoice", "Problem", "RobotChoice", "StageNode"]
+__all__ = ["FileProblems", "Pipeline", "PluginChoice", "Problem", "RobotChoice", "StageNode"]

@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 import json
 import re
-import types
 import typing
 from collections import defaultdict
 from collections.abc import Mapping
@@ -18,10 +17,11 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
 from robid_core.errors import PluginError
-from robid_core.pipeline.document import Node
-from robid_core.pipeline.problems import Path, ProblemList, nearest, suggestion
+from robid_core.yaml_file.model_fields import fields_at, first_line
+from robid_core.yaml_file.nodes import Node
+from robid_core.yaml_file.problems import KeyPath, ProblemList, nearest, suggestion
 
-Model = TypeVar("Model", bound=BaseModel)
+AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 _STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 _NOUNS = {
@@ -55,8 +55,8 @@ def settings_model(plugin: Any) -> type[BaseModel]:
 
 
 def check(
-    model: type[Model], node: Node, path: Path, problems: ProblemList, context: Any = None
-) -> Model | None:
+    model: type[AnyModel], node: Node, path: KeyPath, problems: ProblemList, context: Any = None
+) -> AnyModel | None:
     """Validate a node against a model; None where problems were found, which are then in the list.
 
     Parameters
@@ -80,12 +80,12 @@ def check(
 
 
 def _tell(
-    error: ValidationError, model: type[BaseModel], node: Node, path: Path, problems: ProblemList
+    error: ValidationError, model: type[BaseModel], node: Node, path: KeyPath, problems: ProblemList
 ) -> None:
     """Translate pydantic's errors, grouped by the mapping or value they belong to."""
-    unknown: dict[Path, list[str]] = defaultdict(list)
-    missing: dict[Path, list[str]] = defaultdict(list)
-    other: dict[Path, list[Mapping[str, Any]]] = defaultdict(list)
+    unknown: dict[KeyPath, list[str]] = defaultdict(list)
+    missing: dict[KeyPath, list[str]] = defaultdict(list)
+    other: dict[KeyPath, list[Mapping[str, Any]]] = defaultdict(list)
     for item in error.errors(include_url=False):
         location = tuple(item["loc"])
         if item["type"] == "missing" and isinstance(location[-1], str):
@@ -108,7 +108,7 @@ def _tell(
             problems.add(node.at(place)[1], (*path, *place), message)
 
 
-def _place(item: Mapping[str, Any], node: Node) -> Path:
+def _place(item: Mapping[str, Any], node: Node) -> KeyPath:
     """Return where an error stands; one of the whole mapping that begins `key: ` is meant for that key."""
     place = node.at(tuple(item["loc"]))[0]
     key = _message(item).partition(": ")[0]
@@ -121,8 +121,8 @@ def _tell_keys(
     missing: list[str],
     known: Mapping[str, str],
     node: Node,
-    path: Path,
-    place: Path,
+    path: KeyPath,
+    place: KeyPath,
     problems: ProblemList,
 ) -> None:
     """Report unknown and missing keys of one mapping; a misspelt required key is both, and told once."""
@@ -148,46 +148,9 @@ def _tell_keys(
             problems.add(node.at(place)[1], full, f"the key '{key}' is missing{meaning}")
 
 
-def _keys(model: type[BaseModel], place: Path) -> dict[str, str]:
+def _keys(model: type[BaseModel], place: KeyPath) -> dict[str, str]:
     """Return the keys a mapping inside a model may have, each with the first line of its description."""
-    annotation: Any = model
-    for part in place:
-        annotation = _inside(annotation, part)
-    chosen = _model_in(annotation)
-    if chosen is None:
-        return {}
-    return {
-        info.alias or name: (info.description or "").partition("\n")[0].rstrip(".")
-        for name, info in chosen.model_fields.items()
-    }
-
-
-def _inside(annotation: Any, part: str | int) -> Any:
-    model = _model_in(annotation)
-    if model is not None and isinstance(part, str):
-        for name, info in model.model_fields.items():
-            if part in (info.alias, name):
-                return info.annotation
-        return None
-    for candidate in _members(annotation):
-        arguments = [a for a in typing.get_args(candidate) if a is not Ellipsis]
-        if arguments and typing.get_origin(candidate) is not None:
-            return arguments[min(part, len(arguments) - 1)] if isinstance(part, int) else arguments[-1]
-    return None
-
-
-def _members(annotation: Any) -> list[Any]:
-    """Return the members of a union, annotations taken off; the annotation itself otherwise."""
-    if typing.get_origin(annotation) is typing.Annotated:
-        return _members(typing.get_args(annotation)[0])
-    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        return [member for a in typing.get_args(annotation) for member in _members(a)]
-    return [annotation]
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    found = [a for a in _members(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
-    return found[0] if found else None
+    return {key: first_line(info) for key, info in fields_at(model, place).items()}
 
 
 def _wording(items: list[Mapping[str, Any]]) -> str:

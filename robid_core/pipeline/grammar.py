@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, model_validator
 
-from robid_core.pipeline.document import Node, mapping
-from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest
 from robid_core.settings_types import is_device_name
 from robid_core.stage import Settings
+from robid_core.yaml_file.nodes import Node, mapping
+from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList, nearest
 
 VERSION = 1
 _TABLES = ("drives", "executor", "stages", "with", "inputs")  # keys under which a mapping stands
@@ -111,7 +111,7 @@ def mend(root: Node, problems: ProblemList) -> Node:
     return mapping(root.mark, entries, root.keys) if entries else root
 
 
-def _mend(node: Node, model: type[Settings], path: Path, problems: ProblemList) -> Node:
+def _mend(node: Node, model: type[Settings], path: KeyPath, problems: ProblemList) -> Node:
     known = {info.alias or name: name for name, info in model.model_fields.items()}
     entries: dict[str, Node] = {}
     keys: dict[str, Mark] = {}

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from robid_core.artifacts import Artifact
-from robid_core.pipeline.document import Node as Value
-from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared
-from robid_core.pipeline.wiring import Node, Open, Source, Wires, cycles, each, in_order, wire
+from robid_core.pipeline.wiring import Open, Source, StageSignature, Wires, cycles, each, in_order, wire
 from robid_core.robot import Robot
 from robid_core.stage import KINDS, MODELLED, Input
+from robid_core.yaml_file.nodes import Node
+from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList, nearest, suggestion
 
 
 def check_given(stage: Declared, declared: dict[str, Declared], problems: ProblemList) -> None:
     """Check the `inputs:` of a stage and fill `stage.given`; a wrong entry counts as given, to None."""
     table = stage.node.get("inputs")
-    path: Path = ("stages", stage.name, "inputs")
+    path: KeyPath = ("stages", stage.name, "inputs")
     if problems.spoils(*path):
         stage.given = {entry.name: None for entry in stage.inputs}
         return
@@ -51,14 +51,14 @@ def _no_input(stage: Declared, parameter: str, wanted: list[str]) -> str:
     return f"{stage.plugin} has no input '{parameter}'; {suggestion(parameter, wanted, 'its inputs are')}"
 
 
-def _items(node: Value) -> list[Value]:
+def _items(node: Node) -> list[Node]:
     """Return the names that stand under an input: a list, or the one."""
     return node.value if isinstance(node.value, list) else [node]
 
 
 def _wrong_sources(
-    stage: Declared, node: Value, entry: Input | None, place: Path, declared: dict[str, Declared]
-) -> dict[Path, str]:
+    stage: Declared, node: Node, entry: Input | None, place: KeyPath, declared: dict[str, Declared]
+) -> dict[KeyPath, str]:
     """Return what is wrong with what stands under an input, by its place; empty where nothing is."""
     names = [str(item.value) for item in _items(node)]
     if entry is not None and isinstance(node.value, list) and not entry.many:
@@ -66,7 +66,7 @@ def _wrong_sources(
         return {place: f"{stage.plugin} takes one {what} here; write the name of one stage, no list"}
     if entry is not None and not names and not entry.optional:
         return {place: f"the list is empty; name the stages that make {_a(entry.artifact)}"}
-    wrong: dict[Path, str] = {}
+    wrong: dict[KeyPath, str] = {}
     artifacts = () if entry is None else MODELLED if entry.name in _robots(stage) else (entry.artifact,)
     for index, name in enumerate(names):
         message = _wrong_source(stage, name, artifacts, declared)
@@ -99,7 +99,7 @@ def _wrong_source(
 def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[tuple[str, dict[str, Source]]]:
     """Return (stage, inputs) in the order in which they can run; what cannot be wired goes to `problems`."""
     nodes = [
-        Node(
+        StageSignature(
             stage.name,
             stage.output,
             {entry.name: entry.artifact for entry in stage.inputs},

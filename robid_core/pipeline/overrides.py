@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robid_core.pipeline.document import Node, mapping, read_document, sequence
-from robid_core.pipeline.problems import Mark, Path, ProblemList, dotted, suggestion
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.nodes import Node, mapping, sequence
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList, dotted, suggestion
 
 
 def override(root: Node, text: str, number: int, problems: ProblemList) -> Node:
@@ -30,7 +32,7 @@ def override(root: Node, text: str, number: int, problems: ProblemList) -> Node:
         problems.add(mark, (), "write it as path=value, for example stages.fit.with.starts=50")
         return root
     inner = ProblemList(problems.file)
-    node = read_document(value, inner)
+    node = read_nodes(value, PIPELINE_FILE, inner)
     if node is None or inner.problems:
         reason = inner.problems[0].message if value.strip() else "there is no value after '='"
         problems.add(mark, path, reason)
@@ -38,7 +40,7 @@ def override(root: Node, text: str, number: int, problems: ProblemList) -> Node:
     return _put(root, path, _marked(node, mark), mark, (), problems)
 
 
-def _put(node: Node, path: Path, value: Node, mark: Mark, done: Path, problems: ProblemList) -> Node:
+def _put(node: Node, path: KeyPath, value: Node, mark: Mark, done: KeyPath, problems: ProblemList) -> Node:
     """Return `node` with `value` at `path`; nodes may be shared by aliases, so nothing is changed in place."""
     if not path:
         return value

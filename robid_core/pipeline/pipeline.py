@@ -10,22 +10,24 @@ from pydantic import BaseModel
 
 from robid_core.drives import Drives
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.pipeline.characters import decode
 from robid_core.pipeline.checking import check
-from robid_core.pipeline.document import Node, read_document
 from robid_core.pipeline.grammar import PipelineFile, RobotUse, mend
 from robid_core.pipeline.inputs import check_given, order_stages
 from robid_core.pipeline.overrides import override
 from robid_core.pipeline.places import find_places
-from robid_core.pipeline.problems import Path as SettingPath, ProblemList, nearest, suggestion
 from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
 from robid_core.pipeline.robot_check import check_against_robot
 from robid_core.pipeline.wiring import Source, feeding
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
 from robid_core.robot import Robot
-from robid_core.robot.reading import find_robot, read_description
+from robid_core.robot.file.reading import find_robot, read_description
 from robid_core.settings_types import Places, SettingFile, robot_source
 from robid_core.stage import Stage
+from robid_core.yaml_file.characters import decode
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.nodes import Node
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import KeyPath, ProblemList, nearest, suggestion
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ class Pipeline:
 
         Raises
         ------
-        PipelineProblems
+        FileProblems
             With every mistake of the file, in line order.
         ConfigurationError
             Where there is no such file.
@@ -159,8 +161,8 @@ class Pipeline:
         """Read a pipeline from bytes, as if they stood in `file`; see `load`."""
         overrides = tuple(overrides)
         problems = ProblemList(str(file))
-        text = decode(data, problems)
-        root = read_document(text, problems) if text is not None else None
+        text = decode(data, PIPELINE_FILE, problems)
+        root = read_nodes(text, PIPELINE_FILE, problems) if text is not None else None
         if text is None or root is None:
             problems.raise_if_any()
             raise AssertionError("a document was refused without a problem")
@@ -196,7 +198,7 @@ def _robot(root: Node, resolver: Resolver) -> RobotChoice | None:
     use = check(RobotUse, node, ("robot",), ProblemList("")) if node is not None else None
     if node is None or use is None or problems.spoils("robot"):
         return None
-    place: SettingPath = ("robot", "model") if node.get("model") else ("robot",)
+    place: KeyPath = ("robot", "model") if node.get("model") else ("robot",)
     try:
         source = robot_source(use.model, resolver.places)
         read_description(find_robot(source))

@@ -15,12 +15,12 @@ from pydantic import BaseModel
 from robid_core.artifacts import Artifact
 from robid_core.errors import ConfigurationError, PluginError, RobidError
 from robid_core.pipeline.checking import check, settings_model
-from robid_core.pipeline.document import Node, mapping
-from robid_core.pipeline.problems import Mark, Path, ProblemList, nearest
 from robid_core.pipeline.wiring import Source
 from robid_core.registry import STAGES, Plugin, Registry
 from robid_core.settings_types import Places, SettingFile, StageRef
 from robid_core.stage import Input, Stage
+from robid_core.yaml_file.nodes import Node, mapping
+from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList, nearest
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Resolver:
     places: Places
     problems: ProblemList
 
-    def plugin(self, group: str, node: Node, path: Path) -> tuple[Plugin, Any] | None:
+    def plugin(self, group: str, node: Node, path: KeyPath) -> tuple[Plugin, Any] | None:
         """Return the plugin that `use` names, with its object; None where there is a problem."""
         use = node.get("use")
         if use is None or not isinstance(use.value, str) or self.problems.spoils(*path, "use"):
@@ -64,7 +64,7 @@ class Resolver:
             return None
 
     def settings(
-        self, model: type[BaseModel], node: Node, path: Path, mark: Mark
+        self, model: type[BaseModel], node: Node, path: KeyPath, mark: Mark
     ) -> tuple[BaseModel, tuple[SettingFile, ...]] | None:
         """Return the settings under `with` and the files they name, None where there is a problem.
 
@@ -81,7 +81,7 @@ class Resolver:
             return None
         return settings, tuple(places.files)
 
-    def used(self, settings: BaseModel, node: Node, path: Path) -> None:
+    def used(self, settings: BaseModel, node: Node, path: KeyPath) -> None:
         """Import the plugins that settings say they will load (`uses() -> [(group, name)]`), if they do."""
         uses = getattr(settings, "uses", None)
         for group, name in uses() if callable(uses) else ():
@@ -90,7 +90,7 @@ class Resolver:
             except (ConfigurationError, PluginError) as error:
                 self.problems.add(node.keys["use"], (*path, "use"), " ".join(str(error).split()))
 
-    def external(self, stage: Stage, plugin: Plugin, node: Node, path: Path) -> None:
+    def external(self, stage: Stage, plugin: Plugin, node: Node, path: KeyPath) -> None:
         """Let a stage look for the data files that its settings lead to."""
         try:
             stage.external_files(self.places.data_root)
@@ -103,7 +103,7 @@ class Resolver:
 
     def stage(self, name: str, node: Node, mark: Mark) -> Declared:
         """Return what one entry of `stages:` declares."""
-        path: Path = ("stages", name)
+        path: KeyPath = ("stages", name)
         declared = Declared(name, node, mark)
         found = self.plugin(STAGES, node, path)
         cls = self._stage_class(found, node, path) if found else None
@@ -124,7 +124,7 @@ class Resolver:
             declared.output, declared.known = None, False
         return declared
 
-    def _stage_class(self, found: tuple[Plugin, Any], node: Node, path: Path) -> type[Stage] | None:
+    def _stage_class(self, found: tuple[Plugin, Any], node: Node, path: KeyPath) -> type[Stage] | None:
         plugin, cls = found
         reason = ""
         try:
@@ -160,7 +160,7 @@ class Resolver:
                         continue
         return None
 
-    def _references(self, settings: Stage, node: Node, path: Path) -> Iterator[Plugin]:
+    def _references(self, settings: Stage, node: Node, path: KeyPath) -> Iterator[Plugin]:
         """Check the stages that settings refer to, and yield their plugins."""
         for place, reference in references(settings):
             written = (node.get("with") or Node({}, node.mark)).find(place)
@@ -176,7 +176,7 @@ class Resolver:
                 yield found[0]
 
 
-def references(value: Any, place: Path = ()) -> Iterator[tuple[Path, StageRef]]:
+def references(value: Any, place: KeyPath = ()) -> Iterator[tuple[KeyPath, StageRef]]:
     """Yield every StageRef inside settings, with the path that leads to it."""
     if isinstance(value, StageRef):
         yield place, value

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from robid_core.errors import RobidError
-from robid_core.pipeline.problems import Mark, ProblemList
 from robid_core.pipeline.resolving import Declared
 from robid_core.robot import Robot
 from robid_core.stage import Stage
+from robid_core.yaml_file.problems import Mark, ProblemList
 
 
 def check_against_robot(

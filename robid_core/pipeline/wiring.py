@@ -31,7 +31,7 @@ def feeding(inputs: Mapping[str, Source]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Node:
+class StageSignature:
     """What wiring needs to know of a stage.
 
     `wants` maps parameters to types, `optional` names those that may stay away, `many` those that take a tuple;
@@ -57,7 +57,7 @@ class Open:
     candidates: tuple[str, ...]
 
 
-def wire(nodes: Iterable[Node]) -> tuple[Wires, list[Open]]:
+def wire(nodes: Iterable[StageSignature]) -> tuple[Wires, list[Open]]:
     """Return the source of every parameter that has exactly one, and the parameters that stay open.
 
     Parameters that the user wired are taken as given, and a required one takes the only stage there is (one that
@@ -139,7 +139,7 @@ def _usable(stage: str, found: tuple[str, ...], wires: Wires) -> tuple[str, ...]
     return tuple(name for name in found if name not in behind)
 
 
-def candidates(stage: str, artifact: type[Artifact], nodes: Iterable[Node]) -> tuple[str, ...]:
+def candidates(stage: str, artifact: type[Artifact], nodes: Iterable[StageSignature]) -> tuple[str, ...]:
     """Return the stages that make exactly `artifact`, or, where there are none, a subclass of it."""
     others = [node for node in nodes if node.name != stage and node.output is not None]
     exact = tuple(node.name for node in others if node.output is artifact)

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.robot.description import RobotDescription
-from robid_core.robot.flexible_links import mode_names, with_flexible_links
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.flexible_links import mode_names, with_flexible_links
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain, Mechanism
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

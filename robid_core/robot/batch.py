@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import NotTrustworthy
 from robid_core.executors.stream import stream, stream_threads
 from robid_core.executors.task import perform, unit
@@ -35,7 +36,6 @@ __all__ = [
     "simulate_portions",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 Tasks = Callable[..., list[Any]]
 Tell = Callable[[float, float, str], None]
 

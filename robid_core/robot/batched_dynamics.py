@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-import numpy.typing as npt
+from robid_core.arrays import ComplexArray
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Equilibrium, ResponseGradient, SecondOrderModel
-
-ComplexArray = npt.NDArray[np.complex128]
 
 
 class BatchedDynamics(Protocol):

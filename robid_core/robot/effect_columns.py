@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.effect import ForceEffect
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.law_along import law_along, signal_along
@@ -24,7 +24,6 @@ from robid_core.robot.forces_along import ForceAlong, ForcesAlong, RobotMotion, 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
 Terms = tuple[ForceTerm | SignalTerm, ...]
 
 DIFFERENCE = 1e-4  # of the parameter's size, to either side

@@ -10,30 +10,21 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core.effect import (
-    Effect,
-    Equivalent,
-    ForceEffect,
-    Motion,
-    Place,
-    SignalEffect,
-    StructureEffect,
-)
+from robid_core.arrays import ComplexArray, FloatArray
+from robid_core.effect import Effect, Equivalent, ForceEffect, Motion, Place, SignalEffect
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.friction import friction_terms
 from robid_core.mechanics.static_laws import static_force, viscous_damping
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
 from robid_core.registry import EFFECTS, load_plugin
-from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.named_parameters import misfits
+from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.named_parameters import misfits
+from robid_core.robot.structure_effect import StructureEffect
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 MANY_TURNS = 100.0  # rad
 

@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Portion = tuple[int, int, int]  # batch, first experiment, behind the last
 
 GROUP = 8  # experiments of a portion are a multiple of this: the lanes of the kernel

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.law_along import LawRun, law_along
 from robid_core.mechanics.terms import ForceTerm
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,28 +9,22 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import numpy.typing as npt
-from pydantic import ValidationError
 
+from robid_core.arrays import FloatArray
 from robid_core.artifacts import Fit, Model
 from robid_core.errors import ConfigurationError
-from robid_core.robot.description import RobotDescription
-from robid_core.robot.named_parameters import layout_of, named_parameters, with_values
-from robid_core.robot.reading import parse_description
-from robid_core.robot.unknowns import robot_sha256, robot_yaml
-from robid_core.robot.wording import reason
+from robid_core.robot.file.changes import Changes, base_of, changes, place_of, with_effects
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.named_parameters import named_parameters
+from robid_core.robot.file.writing import robot_sha256, robot_yaml
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
 TAKE_ONE = "take the robot of one of them, or let the second begin at the first by `inputs: {robot: ...}`"
-Effects = Mapping[str, Mapping[str, Any] | None]
 
 
 class Identified:
@@ -89,7 +83,7 @@ class Identified:
 
         Raises ConfigurationError where this version of robid or its plugins make no robot of it.
         """
-        base = parse_description(model.base_text, Path(f"{model.base} (base of a model)"))
+        base = base_of(model)
         robot = cast("type[Robot]", cls)(with_effects(base, json.loads(model.effects)), dynamics, base)
         return robot.with_parameters(dict(zip(model.names, model.value.tolist(), strict=True)))
 
@@ -122,61 +116,10 @@ class Identified:
         began = dict(zip(model.names, model.start.tolist(), strict=True))
         values = _agreed(robot, dict(zip(model.names, model.value.tolist(), strict=True)), began)
         for label in mine.effects.keys() & theirs.effects.keys():
-            if _place(mine.effects[label]) != _place(theirs.effects[label]):
+            if place_of(mine.effects[label]) != place_of(theirs.effects[label]):
                 raise ConfigurationError(f"two fits disagree on the effect '{label}'; {TAKE_ONE}")
         whole = type(robot)(with_effects(base, {**theirs.effects, **mine.effects}), self.dynamics, base)
         return whole.with_parameters({**mine.numbers, **values})
-
-
-@dataclass(frozen=True)
-class Changes:
-    """What turns one description into another: effects by label, null where one goes, and numbers by name."""
-
-    base: RobotDescription
-    effects: Effects
-    numbers: Mapping[str, float]
-
-
-def changes(base: RobotDescription, description: RobotDescription) -> Changes | None:
-    """Return what turns `base` into `description`; None where that is more than effects and numbers."""
-    effects: dict[str, Mapping[str, Any] | None] = {
-        label: None for label in base.effects if label not in description.effects
-    }
-    effects |= {k: entry.model_dump() for k, entry in description.effects.items() if k not in base.effects}
-    try:
-        rebuilt = with_effects(base, effects)
-    except ConfigurationError:
-        return None
-    here = {name: row.value for name, row in named_parameters(description).items()}
-    there = {name: row.value for name, row in named_parameters(rebuilt).items()}
-    if here.keys() != there.keys() or with_values(rebuilt, here) != with_values(description, here):
-        return None
-    return Changes(base, effects, {name: value for name, value in here.items() if value != there[name]})
-
-
-def with_effects(description: RobotDescription, effects: Effects) -> RobotDescription:
-    """Return a description with effects added, by label, and those taken off that are null.
-
-    Raises ConfigurationError where the robot has no place for one.
-    """
-    if not effects:
-        return description
-    whole = description.model_dump()
-    acting = {label: entry for label, entry in whole["effects"].items() if label not in effects}
-    whole["effects"] = acting | {label: dict(entry) for label, entry in effects.items() if entry is not None}
-    try:
-        changed = RobotDescription.model_validate(whole)
-    except ValidationError as error:
-        first: Any = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise ConfigurationError(f"{description.name}: {place}: {reason(first)}") from error
-    layout_of(changed)  # an effect that is not installed is told now
-    return changed
-
-
-def _place(entry: Mapping[str, Any] | None) -> list[Any]:
-    """Return what an effect is and where it acts: its numbers have names of their own."""
-    return [(entry or {}).get(key) for key in ("use", "on", "side")]
 
 
 def _agreed(robot: Robot, values: Mapping[str, float], began: Mapping[str, float]) -> dict[str, float]:

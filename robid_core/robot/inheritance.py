@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robid_core.effect import StructureEffect
 from robid_core.registry import EFFECTS, load_plugin
-from robid_core.robot.description import EffectEntry, RobotDescription
-from robid_core.robot.named_parameters import number_at
-from robid_core.robot.parameter_places import ParameterPlace
+from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.named_parameters import number_at
+from robid_core.robot.file.parameter_places import ParameterPlace
+from robid_core.robot.structure_effect import StructureEffect
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
+
 if TYPE_CHECKING:
     from robid_core.mechanics import MotorMotion, Simulation, SimulationState
     from robid_core.robot.plant import RobotPlant
     from robid_core.robot.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Motions:

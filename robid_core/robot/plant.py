@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.effect import SignalEffect
 from robid_core.mechanics import (
     Controller,
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
 IMPLICIT = "implicit_midpoint"
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def controller_of(robot: Robot) -> Controller:

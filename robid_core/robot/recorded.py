@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robid_core.artifacts import Channel, DenseRun, FloatArray, Record
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Channel, DenseRun, Record, frozen
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.robot.plant import check_once, continue_simulation, controller_of, standing
 
@@ -120,7 +121,7 @@ def _simulated(robot: Robot, run: DenseRun, periodic: bool, start: Start) -> Den
     for name, values in (("motor_position", done.position), ("motor_torque", done.torque)):
         before = run.channel(name)
         kept = values[:, n_before:].reshape(before.values.shape)
-        channels[name] = Channel("motor", before.unit_symbol, kept)
+        channels[name] = Channel("motor", before.unit_symbol, frozen(kept))
     return run.replace(channels=channels)
 
 

@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ValidationError
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.gate import MotionLimits
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 from robid_core.registry import DYNAMICS, load_plugin
 from robid_core.robot.arrays import DriveArrays, chain_of, drive_arrays, mechanism_of
 from robid_core.robot.batched_dynamics import BatchedDynamics
-from robid_core.robot.description import RobotDescription
 from robid_core.robot.effects import (
     BoundEffect,
     added_terms,
@@ -34,15 +33,14 @@ from robid_core.robot.effects import (
     signal_terms,
     structured,
 )
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.named_parameters import with_parameters
+from robid_core.robot.file.reading import find_robot, read_description
 from robid_core.robot.identified import Identified
 from robid_core.robot.inheritance import inherited
 from robid_core.robot.motions import Motions
-from robid_core.robot.named_parameters import with_values
-from robid_core.robot.problems import suggestion
-from robid_core.robot.reading import find_robot, read_description
 from robid_core.robot.unknowns import NamedUnknowns
 from robid_core.robot.variants import Variants
-from robid_core.robot.wording import reason
 
 if TYPE_CHECKING:
     from robid_core.mechanics import (
@@ -54,8 +52,6 @@ if TYPE_CHECKING:
         SecondOrderModel,
     )
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
@@ -175,17 +171,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
         Raises ConfigurationError for a name that this robot does not have, or a value it cannot have.
         """
-        unknown = [name for name in values if name not in self.layout]
-        if unknown:
-            raise ConfigurationError(
-                f"{self.name} has no parameter {', '.join(unknown)}; {suggestion(unknown[0], self.layout, 'it has')}"
-            )
-        try:
-            description = with_values(self.description, values, self.layout)
-        except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(str(part) for part in first["loc"])
-            raise ConfigurationError(f"{self.name}: {place}: {reason(first)}") from error
+        description = with_parameters(self.description, values, self.layout)
         changed = replace(self, description=description)
         changed.__dict__.update(inherited(self, description, (self.layout[name] for name in values)))
         return changed

@@ -10,16 +10,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh, expm
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robid_core.mechanics import LinearModel, SecondOrderModel
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
 
 GROWTH = 1e-3  # a sample
 STABLE_STEP = 2.78  # Runge-Kutta of order four on the imaginary and on the negative real axis, rounded down

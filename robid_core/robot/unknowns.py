@@ -1,20 +1,17 @@
-"""The parameters of a robot by name, as arrays, and as the text of a file."""
+"""The parameters of a robot by name and as arrays, and the robot as the text of a file."""
 
 from __future__ import annotations
 
 import functools
-import hashlib
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core.robot.description import RobotDescription
-from robid_core.robot.named_parameters import layout_of, number_at
-from robid_core.robot.parameter_places import ParameterPlace, places_of_structure
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
+from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.named_parameters import layout_of, number_at
+from robid_core.robot.file.parameter_places import ParameterPlace, places_of_structure
+from robid_core.robot.file.writing import robot_sha256, robot_yaml
 
 
 class NamedUnknowns:
@@ -95,21 +92,3 @@ class NamedUnknowns:
     def sha256(self) -> str:
         """Hash of `to_yaml`, wherever the robot was read from."""
         return robot_sha256(self.description)
-
-
-def robot_yaml(description: RobotDescription) -> str:
-    """Return a whole robot as the text of a file: equal descriptions give equal text."""
-    from ruamel.yaml import YAML
-
-    stream = io.StringIO()
-    yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = None
-    yaml.width = 120
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.dump(description.model_dump(mode="json"), stream)
-    return stream.getvalue()
-
-
-def robot_sha256(description: RobotDescription) -> str:
-    """Return the hash of `robot_yaml`."""
-    return hashlib.sha256(robot_yaml(description).encode("utf-8")).hexdigest()

@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
 
 BASE = "base"
 _KINDS = ("revolute", "prismatic")  # as numbered in mechanics.chain; a flexible link's modes come after

@@ -11,11 +11,11 @@ import numpy.typing as npt
 from pydantic import TypeAdapter, ValidationError
 
 from robid_core.errors import ConfigurationError
-from robid_core.robot.description import EffectEntry
+from robid_core.robot.file.description import EffectEntry
+from robid_core.robot.file.part import Identifier
+from robid_core.robot.file.wording import reason
 from robid_core.robot.inheritance import inherited_beside
-from robid_core.robot.part import Identifier
-from robid_core.robot.problems import suggestion
-from robid_core.robot.wording import reason
+from robid_core.yaml_file.problems import suggestion
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot

@@ -37,7 +37,7 @@ LOG = logging.getLogger("robid.confine")
 LOOK_S = 0.05  # how often deadline and interruption are looked at
 STOPPING_S = 10.0  # what a process with drives may take to stop them
 GONE_S = 5.0  # what the system may take to clear away a killed process
-Progress = Callable[[float, float, str], None]
+TellProgress = Callable[[float, float, str], None]
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Job:
     has_drives: bool = False  # then it is asked to end before it is killed
 
 
-def run_confined(job: Job, deadline_s: float | None, memory_mb: int | None, progress: Progress) -> None:
+def run_confined(job: Job, deadline_s: float | None, memory_mb: int | None, progress: TellProgress) -> None:
     """Run a stage in another process, which leaves the result at `job.result`.
 
     Raises whatever the stage raises; PluginError where it was killed at its deadline or died. Nothing here waits
@@ -94,7 +94,7 @@ class _Confined:
                 self._process.start()
             self._there.close()
 
-    def follow(self, deadline_s: float | None, progress: Progress) -> None:
+    def follow(self, deadline_s: float | None, progress: TellProgress) -> None:
         """Pass on what it tells until it is done; raise its error, or PluginError at the deadline."""
         limit = None if deadline_s is None else time.monotonic() + deadline_s
         while True:

@@ -20,7 +20,7 @@ STARTED, DONE, GIVEN_UP = "started", "done", "given up"
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionRecord:
     """One motion of a stage: its key, and how far it came."""
 
     stage: str
@@ -31,26 +31,26 @@ class Motion:
     host: str
 
 
-class Motions:
+class MotionRecords:
     """The motion records of a run; each change is on the disk before the call returns."""
 
     def __init__(self, store: Store, folder: Path) -> None:
         self._store = store
         self._folder = folder
 
-    def all(self) -> list[Motion]:
+    def all(self) -> list[MotionRecord]:
         """Return every record; one that cannot be read counts as begun and not finished."""
         with failures_named("read", self._folder):
             names = self._store.files.names(self._folder) if self._folder.is_dir() else []
             return [self._read(self._folder / name) for name in names]
 
-    def _read(self, path: Path) -> Motion:
+    def _read(self, path: Path) -> MotionRecord:
         try:
-            return Motion(**json.loads(self._store.files.read(path)))
+            return MotionRecord(**json.loads(self._store.files.read(path)))
         except (ValueError, TypeError):
-            return Motion("?", path.stem, STARTED, "an unknown time (the record is damaged)", 0, "?")
+            return MotionRecord("?", path.stem, STARTED, "an unknown time (the record is damaged)", 0, "?")
 
-    def unfinished(self) -> list[Motion]:
+    def unfinished(self) -> list[MotionRecord]:
         """Return the motions that were begun and not finished."""
         return [motion for motion in self.all() if motion.state == STARTED]
 
@@ -61,13 +61,13 @@ class Motions:
     def begin(self, stage: str, key: str) -> None:
         """Note that a motion is about to begin."""
         since = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        self._write(Motion(stage, key, STARTED, since, os.getpid(), socket.gethostname()))
+        self._write(MotionRecord(stage, key, STARTED, since, os.getpid(), socket.gethostname()))
 
     def finish(self, stage: str, key: str) -> None:
         """Note that the data of a motion are stored."""
         known = [motion for motion in self.all() if motion.key == key]
         now = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        motion = known[0] if known else Motion(stage, key, DONE, now, os.getpid(), socket.gethostname())
+        motion = known[0] if known else MotionRecord(stage, key, DONE, now, os.getpid(), socket.gethostname())
         if not known or motion.state != DONE:
             self._write(replace(motion, stage=stage, state=DONE))
 
@@ -83,14 +83,14 @@ class Motions:
         for motion in self.unfinished():
             self._write(replace(motion, state=GIVEN_UP))
 
-    def _write(self, motion: Motion) -> None:
+    def _write(self, motion: MotionRecord) -> None:
         with failures_named("write", self._folder):
             self._store.files.make_folder(self._folder)
             self._store.files.sync_folder(self._folder.parent)
         self._store.write_json(self._folder / f"{motion.key}.json", asdict(motion))
 
 
-def refuse_unfinished(stage: str, unfinished: list[Motion]) -> None:
+def refuse_unfinished(stage: str, unfinished: list[MotionRecord]) -> None:
     """Raise MotionRefused where a motion was begun and not finished."""
     if unfinished:
         first = unfinished[0]

@@ -6,13 +6,16 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from robid_core.errors import MotionRefused, StoreError
-from robid_core.run.motion import Motion, Motions, refuse_unfinished
+from robid_core.run.motion import MotionRecord, MotionRecords, refuse_unfinished
 from robid_core.run.options import RunOptions
 from robid_core.run.plan import Action, Decision
 
 
 def recording_decision(
-    decision: Decision, options: RunOptions, motions: Motions, found_unfinished: Collection[Motion]
+    decision: Decision,
+    options: RunOptions,
+    motions: MotionRecords,
+    found_unfinished: Collection[MotionRecord],
 ) -> Decision:
     """Return the decision on a stage that moves hardware.
 

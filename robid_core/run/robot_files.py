@@ -12,8 +12,8 @@ from robid_core.artifacts import Diagnosis, Fit, Model
 from robid_core.errors import ConfigurationError
 from robid_core.pipeline import StageNode
 from robid_core.robot import Robot
-from robid_core.robot.derived_file import derived_yaml
-from robid_core.robot.reading import PACKAGED_FILES
+from robid_core.robot.file.derived_file import derived_yaml
+from robid_core.robot.file.reading import PACKAGED_FILES
 from robid_core.run.folder import RunFolder
 from robid_core.run.identity import Surroundings
 from robid_core.stage import MODELLED

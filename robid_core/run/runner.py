@@ -24,7 +24,7 @@ from robid_core.run.identity import Surroundings
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file
 from robid_core.run.manifest import Manifest, StageRecord
-from robid_core.run.motion import Motions
+from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
 from robid_core.run.progress import Listener, Silence
@@ -86,7 +86,7 @@ class _Run:
         self.previous = Manifest.read(self.folder, store.files)
         self.manifest = new_manifest(self.shared, options)
         self.caller = Caller(self.shared, store, tasks, listener, options)
-        self.motions = Motions(store, self.folder.motions)
+        self.motions = MotionRecords(store, self.folder.motions)
         self.entries: dict[str, Entry] = {}
         self.outcomes: dict[str, str] = {}
         self.doubts: list[str] = []

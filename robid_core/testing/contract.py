@@ -30,8 +30,6 @@ from robid_core.artifacts import (
 from robid_core.drives import Drives
 from robid_core.errors import RobidError
 from robid_core.pipeline.checking import check
-from robid_core.pipeline.document import read_document
-from robid_core.pipeline.problems import ProblemList
 from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of
 from robid_core.stage import KINDS, Context, FrfEstimator, Stage
@@ -46,6 +44,9 @@ from robid_core.testing.estimators import (
 from robid_core.testing.inputs import example_artifacts, example_truth
 from robid_core.testing.lending import example_context, example_drives
 from robid_core.testing.robots import example_robot
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import ProblemList
 
 Examples = Callable[[Robot], Mapping[type[Artifact], Artifact]]
 
@@ -113,7 +114,7 @@ def check_settings(cls: type[Stage], **settings: Any) -> Stage:
     stage = cls(**settings)
     text = stage.model_dump_json(by_alias=True)  # JSON is YAML
     problems = ProblemList(name)
-    root = read_document(text, problems)
+    root = read_nodes(text, PIPELINE_FILE, problems)
     again = check(cls, root, (), problems) if root is not None else None
     if again is None:
         raise ContractBroken(f"{name}: its settings do not survive YAML: {problems.problems[0]}")

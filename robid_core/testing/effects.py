@@ -12,11 +12,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
-from robid_core.effect import Effect, ForceEffect, Place, SignalEffect, StructureEffect, TestValue
+from robid_core.arrays import FloatArray
+from robid_core.effect import Effect, ForceEffect, Place, SignalEffect, TestValue
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 from robid_core.robot import Robot
+from robid_core.robot.structure_effect import StructureEffect
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.laws import (
     OUTPUTS,

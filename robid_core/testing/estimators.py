@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray, Frf, Record
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Frf, Record
+from robid_core.estimation.response.covariance import confidence_radius
 from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of
 from robid_core.stage import Context, FrfEstimator
@@ -97,7 +99,7 @@ def check_covers_truth(stage: FrfEstimator, n_axis: int = 2) -> bool:
     """Check that the stated uncertainty covers the truth as often as it says, over seeded repetitions.
 
     The error e of an entry is complex Gaussian with variance s^2, estimated with v degrees of freedom, so
-    |e|^2 / s^2 follows F(2, 2 v), whose quantile is ``v ((1 - p)^(-1/v) - 1)``. One line and one entry of each
+    |e|^2 / s^2 follows F(2, 2 v) (`confidence_radius`). One line and one entry of each
     configuration count, so that the events are independent. The count must not fall below the 1e-4 quantile
     of a binomial at 93 % (2 % for what the approximations of an estimator cost), and the stated deviation must
     not be more than twice the scatter.
@@ -113,7 +115,7 @@ def check_covers_truth(stage: FrfEstimator, n_axis: int = 2) -> bool:
             return False
         ratio, dof = _squared_errors(frf, plant)
         ratios.append(ratio)
-        bounds.append(_quantile(dof))
+        bounds.append(confidence_radius(np.ones(len(dof)), dof, LEVEL) ** 2)
     ratio, bound = np.concatenate(ratios), np.concatenate(bounds)
     if len(ratio) < REPETITIONS * CONFIGURATIONS * 0.9:
         raise ContractBroken(f"{name}: more than a tenth of the lines of a good record are masked")
@@ -155,14 +157,6 @@ def _squared_errors(frf: Frf, plant: MassSpringPlant) -> tuple[FloatArray, Float
         ratios.append(error / variance[c, line, out, into])
         dofs.append(np.inf if frf.degrees_of_freedom is None else frf.degrees_of_freedom[c, line])
     return np.array(ratios), np.array(dofs)
-
-
-def _quantile(dof: FloatArray) -> FloatArray:
-    """Return the 95 % quantile of F(2, 2 v); of |e|^2 / s^2 with s known where v is infinite."""
-    exact = -np.log(1 - LEVEL)
-    finite = np.where(np.isinf(dof), 1.0, dof)
-    result: FloatArray = np.where(np.isinf(dof), exact, finite * ((1 - LEVEL) ** (-1 / finite) - 1))
-    return result
 
 
 @functools.cache

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.artifacts import (
     Artifact,
     Configurations,
@@ -15,7 +16,6 @@ from robid_core.artifacts import (
     Diagnosis,
     Excitation,
     Fit,
-    FloatArray,
     Frf,
     ParameterTable,
     Record,

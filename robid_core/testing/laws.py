@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.errors import PluginError
 from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, entries_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.effect import Equivalent, ForceEffect, Motion, Place, SignalEffect
 from robid_core.testing.broken import ContractBroken
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.effect import ForceEffect, Place, SignalEffect
 from robid_core.errors import ConfigurationError
 from robid_core.robot import Robot

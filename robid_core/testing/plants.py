@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.artifacts import ComplexArray, FloatArray, Record
+from robid_core.arrays import ComplexArray, FloatArray
+from robid_core.artifacts import Record
 from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration

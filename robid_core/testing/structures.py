@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from robid_core.artifacts import FloatArray
-from robid_core.effect import StructureEffect
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics import Simulation, SimulationDiverged, SimulationState
 from robid_core.robot import Robot
 from robid_core.robot.plant import continue_simulation, standing
+from robid_core.robot.structure_effect import StructureEffect
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.places import LABEL, example_robots, spots
 

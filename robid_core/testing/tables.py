@@ -8,15 +8,8 @@ import math
 from collections.abc import Sequence
 from typing import get_args
 
-from robid_core.effect import (
-    Channel,
-    Effect,
-    ForceEffect,
-    Parameter,
-    Side,
-    SignalEffect,
-    StructureEffect,
-)
+from robid_core.effect import Effect, ForceEffect, Parameter, Side, SignalChannel, SignalEffect
+from robid_core.robot.structure_effect import StructureEffect
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.laws import FORCE_INPUTS, OUTPUTS, SIGNAL_INPUTS
 from robid_core.testing.places import PLACE_NUMBERS, SPOTS
@@ -57,7 +50,7 @@ def _vocabulary(effect: type[Effect]) -> tuple[str, Sequence[str], Sequence[str]
     if issubclass(effect, ForceEffect):
         return "sides", get_args(Side), FORCE_INPUTS
     if issubclass(effect, SignalEffect):
-        return "channels", get_args(Channel), SIGNAL_INPUTS
+        return "channels", get_args(SignalChannel), SIGNAL_INPUTS
     return "places", SPOTS, ()
 
 

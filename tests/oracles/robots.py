@@ -14,7 +14,7 @@ import numpy.typing as npt
 from oracles.drives import Ripple
 
 from robid_core import Robot
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core import Robot
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 from robid_core.testing import example_robot
 
 FloatArray = npt.NDArray[np.float64]

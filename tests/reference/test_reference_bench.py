@@ -23,7 +23,7 @@ from ruamel.yaml import YAML
 from robid_core import Robot
 from robid_core.estimation.distortion.speed import speed_levels
 from robid_core.estimation.excitation.multisine import flat_torque_amplitude
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 from robid_excitation.multisine import Multisine
 
 FloatArray = npt.NDArray[np.float64]

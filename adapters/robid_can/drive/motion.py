@@ -12,11 +12,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Plant
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray, Plant
 
 
 @dataclass(frozen=True)

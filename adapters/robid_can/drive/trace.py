@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from robid_can import dictionary as od
 from robid_can.drive.objects import LENGTH_TOO_LOW, VALUE_TOO_HIGH, WRONG_STATE, ObjectStore, SdoAbort
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray
 
 
 def pack_trace(position: FloatArray, torque: FloatArray, scale: od.Scale) -> bytes:

@@ -15,9 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 
 ORDER = 2
 """Of the polynomial in the logarithm of the frequency that a gain follows. A static law of a Gaussian speed has a

@@ -16,9 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.distortion.equivalent_gain import (
     equivalent_gain,
     gain_per_line,
@@ -27,10 +27,6 @@ from robid_core.estimation.distortion.equivalent_gain import (
 )
 from robid_core.estimation.distortion.linear_motion import LinearMotion
 from robid_core.estimation.distortion.torque_residual import motion_basis, torque_residual
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 WIDTHS = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Speeds over which the odd functions change sign, in root mean squares of the speed: Coulomb to nearly viscous."""

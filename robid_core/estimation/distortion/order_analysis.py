@@ -22,13 +22,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.distortion.torque_residual import MotionBasis, motion_basis, torque_residual
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 Kind = Literal["cogging", "current", "resolver"]
 KINDS: tuple[Kind, ...] = ("cogging", "current", "resolver")

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import optimize, stats
 
+from robid_core.arrays import FloatArray
 from robid_core.estimation.distortion.order_analysis import (
     KINDS,
     Kind,
@@ -27,9 +27,6 @@ from robid_core.estimation.distortion.order_analysis import (
     unexplained,
 )
 from robid_core.estimation.distortion.ripple_significance import Rows, chance_of_pair, covariance
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 ROUNDS = 12  # of search and new weights; two or three are enough, one for each wave where orders are refined
 COLLINEAR = 1e-6  # share of a pair's length left by others below which it counts as their combination

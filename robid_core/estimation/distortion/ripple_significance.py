@@ -12,11 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from robid_core.arrays import ComplexArray, FloatArray
 
 STRETCH_S = 0.25  # longer than what a reversal leaves, an eighth of a slow sine's period
 FEWEST_STRETCHES = 8  # of an experiment

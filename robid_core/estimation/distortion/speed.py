@@ -7,10 +7,8 @@ equivalent gain of friction is ``E[df/dv]`` under a Gaussian speed (the multisin
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import FloatArray, IntArray
 
 
 def slow_sine_bin(speed_power: FloatArray, first_line: int) -> int:
@@ -70,26 +68,3 @@ def speed_levels(position: FloatArray, line: IntArray, sample_time_s: float) -> 
     power[sine] = 0.0
     rms: FloatArray = np.sqrt(power.sum(axis=0))
     return rms, amplitude
-
-
-def drift_leakage(position: FloatArray, line: IntArray) -> FloatArray:
-    """How much a drift of the position disturbs the lines: largest ratio of its leakage to what is there.
-
-    A motor angle that gains D in each period is a periodic one plus a ramp, and the ramp has the spectrum
-    ``D / (2 pi k)`` at bin k (DFT scaled by 1 / n_sample), the same in every period: the differences between
-    periods do not show it. Lines where it stays below the noise, which these differences do show, count zero.
-
-    Takes the position as `speed_levels`, with two periods or more (zeros otherwise); returns (n_axis,).
-    """
-    n_period, n_sample, n_axis = position.shape[-3:]
-    if n_period < 2:
-        return np.zeros(n_axis)
-    periods = position.reshape(-1, n_period, n_sample, n_axis)
-    gain = (periods[:, -1] - periods[:, 0]).mean(axis=1) / (n_period - 1)
-    leakage = np.sqrt(np.mean(gain**2, axis=0)) / (2 * np.pi * line[:, None])
-    spectrum = np.fft.rfft(periods, axis=2)[:, :, line] / n_sample
-    size = np.sqrt(np.mean(np.abs(spectrum.mean(axis=1)) ** 2, axis=0))
-    noise = np.sqrt(np.mean(spectrum.var(axis=1, ddof=1), axis=0) / n_period)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio: FloatArray = np.where(leakage > noise, leakage / size, 0.0).max(axis=0)
-    return ratio

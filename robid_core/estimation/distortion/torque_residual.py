@@ -24,15 +24,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid_core.errors import PoorExcitation
 from robid_core.estimation.response.spectra import CONDITION_LIMIT, factor_inputs
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,15 +13,11 @@ and the best linear approximation is that of multisines with few peaks, not that
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.fft import next_fast_len
 from scipy.optimize import minimize
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.excitation.multisine import experiment_factors
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 EXPONENTS = (4, 8, 16, 32, 64)
 ITERATIONS = 60  # of the quasi-Newton method for each exponent

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
+
 Criterion = Literal["condition", "log_det", "hadamard"]
 
 SMALLEST = 1e-15  # eigenvalues below this share of the largest are rounding: the matrix counts as singular
@@ -90,25 +90,3 @@ def cost(gram: FloatArray, criterion: Criterion, sharpness: float | None = None)
     if criterion == "hadamard":
         slope += np.diag(1.0 / length**2)
     return -float(np.log(eigenvalue).sum()), slope
-
-
-def predicted_standard_errors(gram: FloatArray, n_equation: float) -> FloatArray:
-    """Standard errors of least squares with white noise of the size that the rows were divided by.
-
-    Parameters
-    ----------
-    gram
-        M with columns in the parameters' own units.
-    n_equation
-        The n of M = W^T W / n: independent samples, each with an equation for every axis.
-
-    Returns
-    -------
-    Shape (n_parameter,); infinite where M is singular.
-    """
-    length = np.sqrt(np.diag(gram))
-    if not (length > 0).all() or not np.isfinite(condition_number(gram / np.outer(length, length))):
-        return np.full(len(gram), np.inf)
-    inverse = np.linalg.inv(gram / np.outer(length, length))
-    result: FloatArray = np.sqrt(np.diag(inverse) / n_equation) / length
-    return result

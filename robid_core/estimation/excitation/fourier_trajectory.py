@@ -11,13 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.estimation.excitation.criteria import Criterion, cost
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 FINE_GRID = 60  # instants per period and harmonic at which a motion is held against its limits
 
@@ -89,7 +86,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Problem:
+class TrajectoryProblem:
     """One configuration's search: the robot, its limits, what is to be told apart, and what is known already."""
 
     drives: RigidDrives
@@ -163,7 +160,7 @@ def usual_column_scale(
     return np.where(scale > 0, scale, 1.0)
 
 
-def kinematic_share(problem: Problem, coefficient: FloatArray) -> FloatArray:
+def kinematic_share(problem: TrajectoryProblem, coefficient: FloatArray) -> FloatArray:
     """Largest use that each axis makes of its limits of position, speed and acceleration, (n_axis,); 1 is all of it."""
     limits, centre, gear = problem.limits, problem.centre, problem.drives.gear
     position, speed, acceleration = problem.basis(FINE_GRID * problem.harmonics).motion(coefficient)
@@ -183,14 +180,14 @@ def _two_sided(value: FloatArray, lower: FloatArray, upper: FloatArray) -> Float
     return share
 
 
-def torque_share(problem: Problem, coefficient: FloatArray) -> float:
+def torque_share(problem: TrajectoryProblem, coefficient: FloatArray) -> float:
     """Largest use that any motor makes of its torque limit, by inverse dynamics with friction; 1 is all of it."""
     position, speed, acceleration = problem.basis(FINE_GRID * problem.harmonics).motion(coefficient)
     regressor = motor_torque_regressor(problem.drives, problem.centre + position, speed, acceleration)
     return float((np.abs(regressor @ problem.drives.parameters) / problem.limits.torque).max())
 
 
-def fitted(problem: Problem, coefficient: FloatArray, stretch: bool = False) -> FloatArray:
+def fitted(problem: TrajectoryProblem, coefficient: FloatArray, stretch: bool = False) -> FloatArray:
     """Coefficients scaled towards the configuration until all limits hold on the fine grid.
 
     Each axis by its own limits of position, speed and acceleration, then all of them by the torque. With `stretch`
@@ -211,6 +208,6 @@ def fitted(problem: Problem, coefficient: FloatArray, stretch: bool = False) -> 
     return inside * scaled
 
 
-def random_coefficients(problem: Problem, generator: np.random.Generator) -> FloatArray:
+def random_coefficients(problem: TrajectoryProblem, generator: np.random.Generator) -> FloatArray:
     """A random trajectory as large as the limits let it be, (n_axis, n_motion)."""
     return fitted(problem, generator.normal(size=problem.shape), stretch=True)

@@ -9,12 +9,9 @@ line comes twice and the count is exact.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 def odd_bins(band_hz: tuple[float, float], period_s: float) -> IntArray:

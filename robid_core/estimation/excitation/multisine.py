@@ -9,18 +9,14 @@ there and nowhere else. Which bins are excited: `grids`; phases searched for a l
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.errors import ConfigurationError
 from robid_core.estimation.excitation.grids import (
     logarithmic_odd_lines as logarithmic_odd_lines,
     odd_bins as odd_bins,
     spacing_hz as spacing_hz,
 )
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 
 def orthogonal_matrix(n_exp: int, n_axis: int | None = None, first: int = 0) -> ComplexArray:
@@ -85,8 +81,8 @@ def multisine(
     does not depend on the phases at all (ripple, harmonics of the slow sine).
 
     psi = 0 (common phases) is what n_axis + 1 experiments are for: with columns 1..n_axis of T what does not
-    depend on the phases is orthogonal to all inputs and rejected exactly, not on average
-    (`phase_independent_part`), at the price above.
+    depend on the phases is orthogonal to all inputs and rejected exactly, not on average, at the price above: it is
+    the mean over the experiments.
 
     Parameters
     ----------
@@ -110,27 +106,6 @@ def multisine(
     turn = np.exp(1j * experiment_phase.T)
     spectrum[:, line, :] = half * experiment_factors(n_exp, n_axis)[:, None, :] * turn[:, :, None]
     result: FloatArray = np.fft.irfft(spectrum * n_sample, n=n_sample, axis=1)
-    return result
-
-
-def phase_independent_part(spectra: ComplexArray) -> ComplexArray:
-    """What is the same in all experiments of a block: column 0 of T, free where n_axis + 1 share their phases.
-
-    With references ``diag(R_c) T``, T from columns 1..n_axis of n_axis + 1 experiments, any signal linear in
-    the references sums to zero over the experiments; the mean is what does not depend on the multisine's phases
-    (ripple under the slow sine, harmonics of friction under it), plus 1 / (n_axis + 1) of the noise power.
-
-    Parameters
-    ----------
-    spectra
-        Of any channel at any bins, shape (..., n_axis, n_exp); `columns.column_is_free` tells whether this applies,
-        and `columns.other_columns` gives the rest.
-
-    Returns
-    -------
-    Shape (..., n_axis). Over blocks its phase follows the phase of the slow sine.
-    """
-    result: ComplexArray = spectra.mean(axis=-1)
     return result
 
 

@@ -11,11 +11,9 @@ spread does, and averages as noise does.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
-from scipy.special import j0, jv
+from scipy.special import j0
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import FloatArray, IntArray
 
 
 def harmonics_on_lines(line: IntArray, sine_bin: int, n_harmonic: int | None = None) -> IntArray:
@@ -25,55 +23,12 @@ def harmonics_on_lines(line: IntArray, sine_bin: int, n_harmonic: int | None = N
     return found
 
 
-def friction_harmonics(n_harmonic: int) -> FloatArray:
-    """Amplitudes of the harmonics 1..n of friction under a sine of speed, shape (n_harmonic,).
-
-    Odd ones relative to the Coulomb torque, ``4 / (pi k)`` (a square wave); even ones relative to the part of the
-    viscous torque that is alike in both directions, d |v|, ``4 / (pi (k^2 - 1))`` (a rectified sine). Any smoother
-    friction (a slope around standstill) has less.
-    """
-    k = np.arange(1, n_harmonic + 1, dtype=np.float64)
-    even = 4 / (np.pi * np.where(k > 1, k**2 - 1, 1.0))
-    result: FloatArray = np.where(k % 2 == 1, 4 / (np.pi * k), even)
-    return result
-
-
 def ripple_band_hz(order: float, sine_speed: float) -> float:
     """Frequency up to which a ripple goes under a sine of speed: order times the largest speed over 2 pi.
 
     `order` counts the ripple's periods per turn of the motor; the speed is the motor's, in rad/s.
     """
     return order * sine_speed / (2 * np.pi)
-
-
-def ripple_carriers(order: float, sine_angle: float, n_harmonic: int, kept: float = 1.0) -> FloatArray:
-    """Amplitudes of a ripple at the harmonics 1..n of the slow sine, relative to its own, shape (n_harmonic,).
-
-    sin(n (c + a sin x)) has the harmonic ``2 J_k(n a) cos(n c) sin(k x)`` for odd k, and for even k ``2 J_k(n a)
-    sin(n c) cos(k x)``. Given is ``2 |J_k(n a)|``: the pose c where it is largest.
-
-    Parameters
-    ----------
-    order
-        Periods per turn of the motor, n.
-    sine_angle
-        Amplitude a of the motor angle, rad: amplitude of the speed over the sine's angular frequency.
-    n_harmonic
-        Harmonics.
-    kept
-        What a multisine leaves of the carriers (`carrier_share`).
-    """
-    result: FloatArray = 2 * np.abs(kept * jv(np.arange(1, n_harmonic + 1), order * sine_angle))
-    return result
-
-
-def carrier_share(order: float, angle: FloatArray) -> float:
-    """What a random-phase multisine of angle leaves of the ripple's carriers: ``prod_l J_0(n a_l)``.
-
-    `angle` holds the amplitudes a_l of the motor angle in rad, shape (n_freq,). For many small lines this is
-    ``exp(-(n sigma)^2 / 2)``, sigma the root mean square of the angle.
-    """
-    return float(np.prod(j0(order * angle)))
 
 
 def ripple_level(

@@ -8,13 +8,9 @@ Pintelon and Schoukens (2012), chapter 5; maximum-length sequences after Godfrey
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.errors import ConfigurationError
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 
 def band_bins(band_hz: tuple[float, float], period_s: float) -> IntArray:

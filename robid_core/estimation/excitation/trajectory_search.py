@@ -12,20 +12,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
+from robid_core.arrays import FloatArray
 from robid_core.estimation.excitation.criteria import cost
 from robid_core.estimation.excitation.fourier_trajectory import (
     Limits,
-    Problem,
+    TrajectoryProblem,
     fitted,
     gram_of,
     random_coefficients,
 )
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
-
-FloatArray = npt.NDArray[np.float64]
 
 GRID = 12  # instants per period and harmonic on which the search looks
 # In the search Coulomb friction turns over this share of the speed limit: a step has no slope to follow.
@@ -46,7 +44,7 @@ class Trajectory:
 
 
 def search(
-    problem: Problem,
+    problem: TrajectoryProblem,
     generator: np.random.Generator,
     draws: int,
     starts: int,
@@ -93,7 +91,10 @@ def _from(progress: Callable[[int], None], base: int, done: int) -> None:
 
 
 def improved(
-    problem: Problem, start: FloatArray, evaluations: int, progress: Callable[[int], None] = lambda done: None
+    problem: TrajectoryProblem,
+    start: FloatArray,
+    evaluations: int,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> tuple[FloatArray, int]:
     """A better trajectory downhill from `start`, within the limits, and the evaluations it took.
 
@@ -108,7 +109,7 @@ class _Descent:
     """Augmented Lagrangian of one start; unknowns are coefficients over their size at the start."""
 
     def __init__(
-        self, problem: Problem, start: FloatArray, budget: int, progress: Callable[[int], None]
+        self, problem: TrajectoryProblem, start: FloatArray, budget: int, progress: Callable[[int], None]
     ) -> None:
         turnover = np.maximum(problem.drives.friction_speed, TURNOVER * problem.limits.speed)
         turnover = np.where(np.isfinite(turnover), turnover, problem.drives.friction_speed)

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
 
 SETTLE_S = 0.4  # cut off at both ends of a plateau: three time constants of a speed loop at 8 rad/s
 SETTLE_RAD = (
@@ -231,11 +230,3 @@ def _whole_turns(first: int, last: int, angle: float) -> tuple[int, int]:
         return first, last
     surplus = last - first - round(turns * 2 * np.pi / angle)
     return first + surplus // 2, last - (surplus - surplus // 2)
-
-
-def plateau_means(values: FloatArray, found: tuple[Plateau, ...]) -> FloatArray:
-    """Mean of a channel over each plateau, of the plateau's own axis, shape (len(found),).
-
-    `values` are the samples of one experiment, shape (n_sample, n_axis), such as torque or speed.
-    """
-    return np.array([values[one.samples, one.axis].mean() for one in found])

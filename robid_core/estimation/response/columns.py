@@ -10,12 +10,9 @@ on any others, and each block has lost one degree of freedom, the one that measu
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray
 from robid_core.estimation.excitation.multisine import experiment_factors
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 TOLERANCE = 1e-5  # references come as commands: single precision at worst
 

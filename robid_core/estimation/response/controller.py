@@ -14,10 +14,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from robid_core.arrays import ComplexArray, FloatArray
 
 
 class Gains(Protocol):

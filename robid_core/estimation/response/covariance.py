@@ -11,11 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -257,9 +254,10 @@ def confidence_radius(
     variance
         Variance of each entry (real and imaginary part together).
     degrees_of_freedom
-        nu, complex, of a shape that broadcasts with `variance`.
+        nu, complex, of a shape that broadcasts with `variance`; infinite where the variance is known.
     """
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         factor = degrees_of_freedom * np.expm1(-np.log1p(-level) / degrees_of_freedom)
+        factor = np.where(np.isinf(degrees_of_freedom), -np.log1p(-level), factor)
         result: FloatArray = np.sqrt(variance * factor)
     return result

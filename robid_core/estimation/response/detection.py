@@ -10,12 +10,8 @@ silent there either: the level is that of ``Y - G U``, G interpolated between th
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 FEWEST = 6  # bins that a level is pooled over, where there are as many: its standard error is below 25 %
 NEIGHBOURS = 4  # lines of the polynomial that interpolates: cubic

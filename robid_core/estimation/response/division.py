@@ -1,8 +1,8 @@
 """Matrices divided by matrices, line by line: least squares and inverses for thousands of lines at once.
 
 ``X = B A^+`` is what every estimator of a response does with its spectra: outputs divided by inputs, directly or by
-way of the references. The work is done by `division_kernel`, eight lines at a time; `divide_by_svd` and
-`divide_jointly_by_svd` are its plain twins.
+way of the references. The work is done by `division_kernel`, eight lines at a time; its plain twins
+stand in its tests.
 """
 
 from __future__ import annotations
@@ -11,11 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 
 SMALLEST = 1e-9
 """Of the largest axis: one below that moved by rounding errors only, and is not scaled up to the others."""
@@ -109,38 +106,6 @@ def divide_jointly(u: ComplexArray, y: ComplexArray, r: ComplexArray, condition_
     squares = square.reshape(*shape, n)
     condition = _judge(squares, gram, _sizes(squares), norms, condition_limit, value)
     return Quotient(value.reshape(*shape, n, n), gram.reshape(*shape, n, n), condition)
-
-
-def divide_by_svd(a: ComplexArray, b: ComplexArray | None, condition_limit: float) -> Quotient:
-    """Divide as `divide` does, by one singular value decomposition a line; conditions are exact."""
-    size = _sizes(np.sum(np.abs(a) ** 2, axis=-1))[..., None, :, None]
-    left: ComplexArray
-    singular: FloatArray
-    right: ComplexArray
-    left, singular, right = np.linalg.svd(a / size, full_matrices=False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.where(singular[..., -1] > 0, singular[..., 0] / singular[..., -1], np.inf)
-        reciprocal = np.where((condition <= condition_limit)[..., None], 1.0 / singular, np.nan)
-    # A = size L S R, hence A^+ = R^H S^-1 L^H / size: `size` belongs to the rows of L.
-    unscaled = left * reciprocal[..., None, :] / size
-    inverse: ComplexArray = right.conj().swapaxes(-1, -2) @ unscaled.conj().swapaxes(-1, -2)
-    value = inverse if b is None else b @ inverse
-    return Quotient(value, unscaled @ unscaled.conj().swapaxes(-1, -2), condition)
-
-
-def divide_jointly_by_svd(
-    u: ComplexArray, y: ComplexArray, r: ComplexArray, condition_limit: float
-) -> Quotient:
-    """Divide as `divide_jointly` does, in plain numpy; conditions are exact."""
-    left, output, right = (np.concatenate(list(np.moveaxis(x, -4, 0)), axis=-1) for x in (u, y, r))
-    size = _sizes(np.sum(np.abs(left) ** 2, axis=-1))[..., None, :, None]
-    adjoint = right.conj().swapaxes(-1, -2)
-    inverse = adjoint @ np.linalg.inv(left @ adjoint)
-    condition = np.linalg.norm(left / size, 2, axis=(-2, -1)) * np.linalg.norm(
-        inverse * size.swapaxes(-1, -2), 2, axis=(-2, -1)
-    )
-    inverse = np.where((condition <= condition_limit)[..., None, None], inverse, np.nan)
-    return Quotient(output @ inverse, inverse.conj().swapaxes(-1, -2) @ inverse, condition)
 
 
 def _sizes(square: FloatArray) -> FloatArray:

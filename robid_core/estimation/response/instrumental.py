@@ -13,14 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import PoorExcitation
 from robid_core.estimation.response.covariance import period_products
 from robid_core.estimation.response.spectra import CONDITION_LIMIT, factor_inputs
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 Correlate = Callable[[ComplexArray], ComplexArray]
 

@@ -7,13 +7,10 @@ of matrices, or entry by entry relative to the first block. To first order in th
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.response.eigen import eigen, matrix_function
 from robid_core.estimation.response.spectra import CONDITION_LIMIT, factor_inputs
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def harmonic_mean(backward: ComplexArray, condition_limit: float = CONDITION_LIMIT) -> ComplexArray:

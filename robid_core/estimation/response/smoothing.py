@@ -8,13 +8,9 @@ of the values (A. Savitzky and M. Golay, 1964, for evenly spaced ones).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.errors import DataRejected
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 
 def polynomial_weights(

@@ -10,14 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.errors import DataRejected, PoorExcitation
 from robid_core.estimation.response.division import Quotient, divide, divide_jointly
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
 
 CONDITION_LIMIT = 1e6  # half of the digits of a double are gone; measured spectra have fewer
 

@@ -11,13 +11,10 @@ at most `FALSE_ALARM`.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtrc, fdtrc
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 FALSE_ALARM = 1e-3
 DIFFERENT = 0.5  # of the reference: a logged command may be a sample late, half a period differs by all of it
@@ -121,9 +118,8 @@ def refuse_unlike_periods(u: ComplexArray) -> None:
 def drift_share(position: FloatArray, spectra: ComplexArray, line: FloatArray) -> FloatArray:
     """How much a drift of the position disturbs the lines: largest ratio of its leakage to what is there.
 
-    As `estimation.distortion.speed.drift_leakage`, from spectra that are at hand: an angle that gains D in each
-    period is a periodic one plus a ramp, whose spectrum ``D / (2 pi k)`` at bin k is the same in every period. Lines
-    where it stays below the noise count zero.
+    An angle that gains D in each period is a periodic one plus a ramp, whose spectrum ``D / (2 pi k)`` at bin k is
+    the same in every period. Lines where it stays below the noise count zero.
 
     Parameters
     ----------

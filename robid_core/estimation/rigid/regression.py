@@ -12,13 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg, signal
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import DataRejected, NotIdentifiable
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # MATLAB's `decimate`: Chebyshev type I of order 8, 0.05 dB ripple, edge at 0.8 of the new Nyquist frequency.
 DECIMATION_ORDER, DECIMATION_RIPPLE_DB, DECIMATION_EDGE = 8, 0.05, 0.8

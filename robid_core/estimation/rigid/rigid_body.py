@@ -10,12 +10,9 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # Order of the ten parameters of a body: mass, mass times centre of mass, inertia about the joint frame's origin.
 PARAMETERS = (

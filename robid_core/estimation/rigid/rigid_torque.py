@@ -11,13 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
 from robid_core.estimation.rigid.rigid_body import RigidTree, inertial_parameters, inverse_dynamics_regressor
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 RANDOM_STATES = 40  # random states per axis: many more equations than the ten unknowns of a body
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
     FINER,
@@ -18,9 +19,6 @@ from robid_core.estimation.torque.spectra import (
     periodic_derivative,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

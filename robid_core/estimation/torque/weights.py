@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
+from robid_core.arrays import BoolArray, ComplexArray
 
 HALF_WINDOW = 8  # bins on either side
 SMALLEST = 1e-12  # of the largest variance; keeps a bin without noise from being singular

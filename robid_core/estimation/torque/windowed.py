@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 from scipy.signal.windows import tukey
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
     FINER,
@@ -26,9 +26,6 @@ from robid_core.estimation.torque.spectra import (
     periodic_derivative,
 )
 from robid_core.mechanics import MotorMotion, periodic_motion
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 TAPER = 0.06  # of the length, at either end
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse
 
-from robid_core.mechanics.chain import FloatArray, spatial_inertia
+from robid_core.arrays import FloatArray
+from robid_core.mechanics.chain import spatial_inertia
 from robid_core.mechanics.flexible import Structure, hollow_square
 from robid_core.mechanics.flexible.beam import element_matrices
 from robid_core.mechanics.flexible.modal import rigid_properties
@@ -114,7 +115,7 @@ def structure_of(link: Link, mass: float, centre_of_mass: FloatArray, inertia: F
 def write_links(folder: Path) -> None:
     """Write `<link>.npz` of every link, for the bodies that robots/six_axis has."""
     from robid_core.robot import Robot
-    from robid_core.robot.finite_elements import write_structure
+    from robid_core.robot.file.finite_elements import write_structure
 
     bodies = {body.joint: body for body in Robot.load("six_axis").description.bodies}
     for joint, (name, link) in zip(("axis_2", "axis_3", "axis_4"), LINKS.items(), strict=True):

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from robid_core import ConfigurationError, Robot
 from robid_core.mechanics import dynamics
-from robid_core.robot.description import FlexibleLink, RobotDescription
+from robid_core.robot.file.description import FlexibleLink, RobotDescription
 from robid_core.robot.urdf import robot_to_urdf, roll_pitch_yaw
 from robid_pin.urdf import chain_from_urdf
 

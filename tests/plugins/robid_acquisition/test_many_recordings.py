@@ -16,10 +16,11 @@ from pydantic import ValidationError
 
 from robid_acquisition.recorded import RecordedAcquisition
 from robid_core import ConfigurationError, Context, DataRejected, Frf, Record, Robot
-from robid_core.pipeline import Pipeline, PipelineProblems
+from robid_core.pipeline import Pipeline
 from robid_core.run import RunOptions, run_pipeline
 from robid_core.stage import map_in_process
 from robid_core.testing import MassSpringPlant, example_context, example_robot, plant_record
+from robid_core.yaml_file.problems import FileProblems
 from robid_frf.h1 import H1
 
 TEN_LINES = """\
@@ -318,7 +319,7 @@ def test_settings_that_contradict_each_other_are_refused(
 
 def test_files_that_are_not_there_are_told_when_the_pipeline_is_read(lab: Path) -> None:
     (lab / "pipeline.yaml").write_text(TEN_LINES.replace("lab/c{config}", "lab/pose{config}"))
-    with pytest.raises(PipelineProblems) as caught:
+    with pytest.raises(FileProblems) as caught:
         run_lab(lab)
     (line,) = str(caught.value).splitlines()
     assert "pipeline.yaml:8:5: stages.acquire.with: no file in" in line

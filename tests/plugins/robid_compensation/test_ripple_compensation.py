@@ -33,7 +33,7 @@ from robid_core import (
     Robot,
 )
 from robid_core.estimation.distortion.order_analysis import MotorData, torque_and_friction, unexplained
-from robid_core.robot.description import RobotDescription
+from robid_core.robot.file.description import RobotDescription
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage, example_record
 from robid_excitation.multisine import Multisine

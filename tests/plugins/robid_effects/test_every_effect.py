@@ -20,6 +20,7 @@ from robid_core import (
     ForceEffect,
     Robot,
     RobotMotion,
+    SignalEffect,
     StructureEffect,
     effect_columns,
     forces_along,
@@ -162,15 +163,18 @@ def test_without_it_the_robot_moves_otherwise(name: str, tmp_path: Path) -> None
     assert any(not np.array_equal(a, b) for a, b in motors)
 
 
-def swung(robot: Robot) -> RobotMotion:
-    """The motion of the axis, with everything behind it, sampled once a sample."""
+def swung(robot: Robot, step: float) -> RobotMotion:
+    """The motion of the axis, with everything behind it, sampled every `step`; the torque is held for a sample."""
     time = robot.sample_time_s * np.arange(60)
     reference = np.zeros((1, 60, 6))
     reference[0, :, 1] = 5.0 * np.sin(2 * np.pi * 20 * time)
     run = robot.simulate(reference, np.array([[0.1, 0.5, 0.2, 0.1, 0.3, 0.1]]), keep_coordinates=True)
     assert run.coordinates is not None
-    speed = np.gradient(run.coordinates, robot.sample_time_s, axis=1)
-    return RobotMotion(run.coordinates, speed, robot.sample_time_s, torque=run.torque)
+    finer = round(robot.sample_time_s / step)
+    instants = np.arange(60 * finer) / finer
+    position = np.stack([np.interp(instants, range(60), q) for q in run.coordinates[0].T], axis=-1)[None]
+    speed = np.gradient(position, step, axis=1)
+    return RobotMotion(position, speed, step, torque=np.repeat(run.torque, finer, axis=1))
 
 
 @EVERY
@@ -180,9 +184,10 @@ def test_every_parameter_of_a_law_has_a_column(name: str, tmp_path: Path) -> Non
     names = [f"effect.cause.{row.name}" for row in effect.parameters]
     if issubclass(effect, StructureEffect):
         with pytest.raises(ConfigurationError, match="no parameter of a law"):
-            effect_columns(robot, names, swung(robot))
+            effect_columns(robot, names, swung(robot, robot.sample_time_s))
         return
-    motion = swung(robot)
+    within = issubclass(effect, SignalEffect) and effect.channels[0] == "torque"  # laws that run every step
+    motion = swung(robot, robot.step_s if within else robot.sample_time_s)
     columns = effect_columns(robot, names, motion)
     assert {column.name for column in columns} == set(names)
     assert all(np.isfinite(column.values).all() for column in columns)

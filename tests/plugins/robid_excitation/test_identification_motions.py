@@ -12,9 +12,8 @@ import pytest
 
 from robid_acquisition.batch import SimulatedAcquisition
 from robid_core import Configurations, Context, Excitation, Fit, Record, Robot
-from robid_core.estimation.excitation.criteria import predicted_standard_errors
-from robid_core.estimation.excitation.fourier_trajectory import Problem, random_coefficients
-from robid_core.estimation.excitation.velocity_sweep import plateau_means, plateaus
+from robid_core.estimation.excitation.fourier_trajectory import TrajectoryProblem, random_coefficients
+from robid_core.estimation.excitation.velocity_sweep import plateaus
 from robid_core.estimation.rigid.rigid_torque import motor_inertia, motor_torque, motor_torque_regressor
 from robid_core.robot import RobotDescription
 from robid_core.stage import map_in_process
@@ -76,7 +75,7 @@ def measure(robot: Robot, standing: Configurations, tmp_path_factory: pytest.Tem
     return measured
 
 
-def predicted_errors(problem: Problem, excitation: Excitation, robot: Robot) -> np.ndarray:
+def predicted_errors(problem: TrajectoryProblem, excitation: Excitation, robot: Robot) -> np.ndarray:
     """Standard errors of the base parameters along a reference, by the regressor of the reference itself."""
     speed = excitation.reference[0, 0, 0]
     spectrum = np.fft.rfft(speed, axis=0)
@@ -90,7 +89,7 @@ def predicted_errors(problem: Problem, excitation: Excitation, robot: Robot) -> 
     ]
     rows = (w / NOISE).reshape(-1, w.shape[2])
     # Every tenth sample behind a filter that lets 0.8 of the new band pass: noise power 0.08 of what it was.
-    result: np.ndarray = np.sqrt(0.08) * predicted_standard_errors(rows.T @ rows / len(w), len(w) / 10)
+    result: np.ndarray = np.sqrt(0.08 * np.diag(np.linalg.inv(rows.T @ rows / 10)))
     return result
 
 
@@ -140,7 +139,7 @@ def test_friction_is_recovered_from_the_plateaus_of_a_sweep(
     for axis in range(2):
         found = plateaus(reference[0, 0, axis, 0], run.sample_time_s)
         assert len(found) == 12
-        mean = plateau_means(torque[0, 0, axis, 0], found)
+        mean = np.array([torque[0, 0, axis, 0, one.samples, one.axis].mean() for one in found])
         friction = 0.5 * (mean[::2] - mean[1::2])
         speed = np.array([one.speed for one in found[::2]])
         assert speed.min() > 3.9  # eight times the speed of the smooth sign: tanh is 1 to 4e-7

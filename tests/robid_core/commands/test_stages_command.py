@@ -11,9 +11,10 @@ from pydantic import Field
 
 from robid_core import FrfEstimator, Robot, Settings
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
-from robid_core.pipeline.document import read_document
-from robid_core.pipeline.problems import ProblemList
 from robid_core.registry import EFFECTS, STAGES, Plugin, Registry, registry
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import ProblemList
 
 
 class Inner(Settings):
@@ -56,7 +57,7 @@ def test_what_is_to_be_pasted_is_yaml_once_the_gaps_are_filled() -> None:
     lines = paste(plugin("x:y"), Everything)
     assert lines[:4] == ["frf:", "  use: frf.everything", "  with:", "    count: ...  # integer >= 1 < 9"]
     text = "\n".join(line.replace("# ", "", 1) if line.strip().startswith("#") else line for line in lines)
-    root = read_document(text.replace("...", "3"), ProblemList("x"))
+    root = read_nodes(text.replace("...", "3"), PIPELINE_FILE, ProblemList("x"))
     assert root is not None
     values = root.plain()["frf"]["with"]
     stage = Everything.model_validate_json(__import__("json").dumps(values), strict=True)

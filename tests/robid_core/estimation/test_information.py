@@ -6,9 +6,23 @@ import pytest
 from robid_core import NotIdentifiable
 from robid_core.estimation.information import (
     covariance_of_parameters,
-    information_of_jacobian,
     information_of_rank_one,
 )
+
+
+def information_of_jacobian(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Information matrix (4.4) from dense derivatives.
+
+    Parameters
+    ----------
+    jacobian
+        d vec(G) / d theta, shape (n_freq, n_entry, n_parameter).
+    covariance
+        Covariance of vec(G), shape (n_freq, n_entry, n_entry).
+    """
+    weighted = np.linalg.solve(covariance, jacobian)
+    information: np.ndarray = 2 * np.einsum("fep,feq->pq", jacobian.conj(), weighted).real
+    return 0.5 * (information + information.T)
 
 
 def complex_normal(rng: np.random.Generator, *shape: int) -> np.ndarray:

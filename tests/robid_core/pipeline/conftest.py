@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from robid_core.pipeline import Pipeline, PipelineProblems
+from robid_core.pipeline import Pipeline
 from robid_core.registry import Registry
+from robid_core.yaml_file.problems import FileProblems
 
 FAKES = "robid_fake_plugins"
 _STAGES = {
@@ -72,7 +73,7 @@ def problems(load: Load) -> Callable[..., list[str]]:
     """Return a function that reads wrong text and gives the messages, the file's folder taken off."""
 
     def read(text: str | bytes, *overrides: str, data_root: Path | None = None) -> list[str]:
-        with pytest.raises(PipelineProblems) as caught:
+        with pytest.raises(FileProblems) as caught:
             load(text, *overrides, data_root=data_root)
         lines = str(caught.value).splitlines()
         assert len(lines) == len(caught.value.problems)

@@ -5,9 +5,11 @@ from collections.abc import Callable
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from robid_core.pipeline import Pipeline, PipelineProblems
-from robid_core.pipeline.document import Node, read_document
-from robid_core.pipeline.problems import Path, ProblemList, nearest
+from robid_core.pipeline import Pipeline
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.nodes import Node
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import FileProblems, KeyPath, ProblemList, nearest
 
 TEXT = """\
 robid: 1
@@ -36,7 +38,7 @@ stages:
 """
 
 
-def keys(node: Node, path: Path = ()) -> list[tuple[Path, int, int]]:
+def keys(node: Node, path: KeyPath = ()) -> list[tuple[KeyPath, int, int]]:
     """Return (path, line, column) of every key that is the file format's or a plugin's; not the stages' names."""
     found = []
     for key, entry in node.entries().items():
@@ -47,7 +49,7 @@ def keys(node: Node, path: Path = ()) -> list[tuple[Path, int, int]]:
     return found
 
 
-ROOT = read_document(TEXT, ProblemList("x"))
+ROOT = read_nodes(TEXT, PIPELINE_FILE, ProblemList("x"))
 assert ROOT is not None
 KEYS = keys(ROOT)
 
@@ -80,7 +82,7 @@ def test_no_damage_to_a_file_is_a_traceback(load: Callable[..., Pipeline], data:
         text = text[:start] + piece + text[end:]
     try:
         load(text.encode())  # as bytes: the fixture would take leading line ends away
-    except PipelineProblems as error:
+    except FileProblems as error:
         places = [(problem.line, problem.column) for problem in error.problems]
         assert places == sorted(places)
         lines = text.splitlines()
@@ -109,7 +111,7 @@ def test_a_misspelt_key_is_one_problem_at_its_place(
     siblings = [str(p[-1]) for p, _, _ in KEYS if p[:-1] == path[:-1]]
     if wrong in siblings or not wrong:
         return
-    with pytest.raises(PipelineProblems) as caught:
+    with pytest.raises(FileProblems) as caught:
         load(misspelt(line, column, key, wrong))
     (problem,) = caught.value.problems
     assert (problem.line, problem.column) == (line, column)

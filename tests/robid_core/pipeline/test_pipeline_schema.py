@@ -5,10 +5,11 @@ from typing import Any
 import jsonschema  # type: ignore[import-untyped]
 import pytest
 
-from robid_core.pipeline.document import read_document
-from robid_core.pipeline.problems import ProblemList
 from robid_core.pipeline.schema import pipeline_schema
 from robid_core.registry import Registry
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import ProblemList
 
 GOOD = """\
 robid: 1
@@ -30,7 +31,7 @@ stages:
 
 
 def value(text: str) -> Any:
-    root = read_document(text, ProblemList("x"))
+    root = read_nodes(text, PIPELINE_FILE, ProblemList("x"))
     assert root is not None
     return root.plain()
 

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, strategies as st
 
 from robid_core import Artifact, Configurations, Design, Excitation, Fit, Frf, Record
-from robid_core.pipeline.wiring import Node, Open, Wires, cycles, dependents, in_order, wire
+from robid_core.pipeline.wiring import Open, StageSignature, Wires, cycles, dependents, in_order, wire
 
 
-def chain(*extra: Node) -> list[Node]:
+def chain(*extra: StageSignature) -> list[StageSignature]:
     return [
-        Node("where", Configurations, {}),
-        Node("excite", Excitation, {"configurations": Configurations}),
-        Node("acquire", Record, {"configurations": Configurations, "excitation": Excitation}),
-        Node("frf", Frf, {"record": Record}),
-        Node("fit", Fit, {"frf": Frf}),
-        Node("choose", Design, {"fit": Fit}),
+        StageSignature("where", Configurations, {}),
+        StageSignature("excite", Excitation, {"configurations": Configurations}),
+        StageSignature("acquire", Record, {"configurations": Configurations, "excitation": Excitation}),
+        StageSignature("frf", Frf, {"record": Record}),
+        StageSignature("fit", Fit, {"frf": Frf}),
+        StageSignature("choose", Design, {"fit": Fit}),
         *extra,
     ]
 
@@ -31,7 +31,10 @@ def test_an_exact_type_goes_before_a_subclass() -> None:
 
 
 def test_a_subclass_serves_where_nothing_is_exact() -> None:
-    nodes = [Node("choose", Design, {}), Node("excite", Excitation, {"configurations": Configurations})]
+    nodes = [
+        StageSignature("choose", Design, {}),
+        StageSignature("excite", Excitation, {"configurations": Configurations}),
+    ]
     wires, left = wire(nodes)
     assert not left
     assert wires["excite"] == {"configurations": "choose"}
@@ -39,7 +42,7 @@ def test_a_subclass_serves_where_nothing_is_exact() -> None:
 
 def test_a_source_that_depends_on_the_asker_is_not_meant() -> None:
     """`verify` measures again where `choose` says, which needs the fit: the first FRF cannot mean its record."""
-    verify = Node(
+    verify = StageSignature(
         "verify",
         Record,
         {"configurations": Configurations, "excitation": Excitation},
@@ -61,25 +64,25 @@ def test_the_order_of_the_file_does_not_matter() -> None:
 
 
 def test_two_equal_sources_stay_open() -> None:
-    again = Node("again", Record, {"configurations": Configurations, "excitation": Excitation})
+    again = StageSignature("again", Record, {"configurations": Configurations, "excitation": Excitation})
     _, left = wire(chain(again))
     assert left == [Open("frf", "record", Record, ("acquire", "again"))]
 
 
 def test_a_missing_source_stays_open_without_candidates() -> None:
-    _, left = wire([Node("fit", Fit, {"frf": Frf})])
+    _, left = wire([StageSignature("fit", Fit, {"frf": Frf})])
     assert left == [Open("fit", "frf", Frf, ())]
 
 
 def test_a_stage_never_feeds_itself() -> None:
-    _, left = wire([Node("clean", Record, {"record": Record})])
+    _, left = wire([StageSignature("clean", Record, {"record": Record})])
     assert left == [Open("clean", "record", Record, ())]
 
 
 def test_what_the_user_wires_is_taken_as_it_is() -> None:
-    again = Node("again", Record, {"configurations": Configurations, "excitation": Excitation})
+    again = StageSignature("again", Record, {"configurations": Configurations, "excitation": Excitation})
     nodes = [
-        Node("frf", Frf, {"record": Record}, given={"record": "again"}) if n.name == "frf" else n
+        StageSignature("frf", Frf, {"record": Record}, given={"record": "again"}) if n.name == "frf" else n
         for n in chain(again)
     ]
     wires, left = wire(nodes)
@@ -88,7 +91,7 @@ def test_what_the_user_wires_is_taken_as_it_is() -> None:
 
 
 def test_an_optional_input_takes_what_there_is_or_stays_away() -> None:
-    page = Node("page", None, {"fit": Fit, "design": Design}, frozenset({"fit", "design"}))
+    page = StageSignature("page", None, {"fit": Fit, "design": Design}, frozenset({"fit", "design"}))
     assert wire([page]) == ({"page": {}}, [])
     assert wire(chain(page))[0]["page"] == {"fit": "fit", "design": "choose"}
 
@@ -96,7 +99,9 @@ def test_an_optional_input_takes_what_there_is_or_stays_away() -> None:
 def test_an_optional_input_closes_no_cycle() -> None:
     """The fit would like a design as a hint, but the only design is made from it."""
     nodes = [
-        Node("fit", Fit, {"frf": Frf, "design": Design}, frozenset({"design"})) if n.name == "fit" else n
+        StageSignature("fit", Fit, {"frf": Frf, "design": Design}, frozenset({"design"}))
+        if n.name == "fit"
+        else n
         for n in chain()
     ]
     wires, left = wire(nodes)
@@ -111,9 +116,9 @@ def test_a_required_input_with_one_source_closes_a_cycle_that_is_told() -> None:
     assert cycles(wires) == [["excite", "acquire", "frf", "fit", "choose", "excite"]]
 
 
-def joint(*extra: Node, **of_fit: object) -> list[Node]:
+def joint(*extra: StageSignature, **of_fit: object) -> list[StageSignature]:
     """Two responses and a fit that takes all there are; records where there are any."""
-    fit = Node(
+    fit = StageSignature(
         "fit",
         Fit,
         {"frfs": Frf, "records": Record},
@@ -121,7 +126,7 @@ def joint(*extra: Node, **of_fit: object) -> list[Node]:
         many=frozenset({"frfs", "records"}),
         **of_fit,  # type: ignore[arg-type]
     )
-    return [fit, Node("light", Frf, {}), Node("heavy", Frf, {}), *extra]
+    return [fit, StageSignature("light", Frf, {}), StageSignature("heavy", Frf, {}), *extra]
 
 
 def test_an_input_that_takes_many_takes_all_there_are_in_the_order_of_the_file() -> None:
@@ -129,13 +134,13 @@ def test_an_input_that_takes_many_takes_all_there_are_in_the_order_of_the_file()
     assert not left
     assert wires["fit"] == {"frfs": ("light", "heavy")}
     assert in_order(wires) == ["light", "heavy", "fit"]
-    wires, left = wire(joint(Node("again", Record, {}), given={"frfs": ("heavy",)}))
+    wires, left = wire(joint(StageSignature("again", Record, {}), given={"frfs": ("heavy",)}))
     assert wires["fit"] == {"frfs": ("heavy",), "records": ("again",)}
 
 
 def test_an_input_that_takes_many_leaves_out_what_is_made_from_its_own_stage() -> None:
-    verify = Node("verify", Record, {"fit": Fit})
-    check = Node("check", Frf, {"record": Record})
+    verify = StageSignature("verify", Record, {"fit": Fit})
+    check = StageSignature("check", Frf, {"record": Record})
     wires, left = wire(joint(verify, check))
     assert not left
     assert wires["fit"] == {"frfs": ("light", "heavy")}
@@ -145,9 +150,9 @@ def test_an_input_that_takes_many_leaves_out_what_is_made_from_its_own_stage() -
 def test_what_needs_many_decides_what_a_single_one_can_mean() -> None:
     """`frf` may take the record of `verify` only if that does not come from the fit that takes `frf`."""
     nodes = joint(
-        Node("frf", Frf, {"record": Record}),
-        Node("verify", Record, {"fit": Fit}),
-        Node("acquire", Record, {}),
+        StageSignature("frf", Frf, {"record": Record}),
+        StageSignature("verify", Record, {"fit": Fit}),
+        StageSignature("acquire", Record, {}),
     )
     wires, left = wire(nodes)
     assert not left
@@ -164,9 +169,9 @@ def test_many_that_nobody_makes_stay_open() -> None:
 def test_two_that_could_feed_each_other_take_neither(order: tuple[int, ...]) -> None:
     many = {"records": Record}
     nodes = [
-        Node("acquire", Record, {}),
-        Node("one", Record, many, many=frozenset(many)),
-        Node("other", Record, many, many=frozenset(many)),
+        StageSignature("acquire", Record, {}),
+        StageSignature("one", Record, many, many=frozenset(many)),
+        StageSignature("other", Record, many, many=frozenset(many)),
     ]
     wires, left = wire([nodes[i] for i in order])
     assert not left
@@ -236,7 +241,7 @@ def test_dependents_are_what_can_be_reached(wires: Wires, start: int) -> None:
 @pytest.mark.parametrize("n", [256])
 def test_the_largest_pipeline_is_wired(n: int) -> None:
     """256 stages that could all feed one another: told as ambiguous, without recursion and in polynomial work."""
-    nodes = [Node(f"s{i}", Record, {"record": Record}) for i in range(n)]
+    nodes = [StageSignature(f"s{i}", Record, {"record": Record}) for i in range(n)]
     _, left = wire(nodes)
     assert len(left) == n
     long: Wires = {f"s{i}": {"x": f"s{(i + 1) % n}"} for i in range(n)}
@@ -245,5 +250,5 @@ def test_the_largest_pipeline_is_wired(n: int) -> None:
 
 
 def test_a_base_type_takes_anything() -> None:
-    wires, _ = wire([Node("any", None, {"x": Artifact}), Node("frf", Frf, {})])
+    wires, _ = wire([StageSignature("any", None, {"x": Artifact}), StageSignature("frf", Frf, {})])
     assert wires["any"] == {"x": "frf"}

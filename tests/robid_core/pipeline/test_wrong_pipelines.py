@@ -509,6 +509,22 @@ def test_a_pipeline_that_does_not_exist_is_one_line(tmp_path: object) -> None:
         Pipeline.load(f"{tmp_path}/none.yaml")
 
 
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (b"- a\n", "bad.yaml:1:1: Input should be a mapping"),
+        (b"", "bad.yaml:1:1: the file is empty; begin with `robid: 1`, or see `robid init`"),
+        (
+            b"\xef\xbb\xbfrobid: 1\n",
+            "bad.yaml:1:1: byte 0 is 0xef: a byte order mark; save the file as UTF-8",
+        ),
+    ],
+)
+def test_what_is_no_pipeline_file_at_all_is_told_once(problems: Read, data: bytes, told: str) -> None:
+    (line,) = problems(data)
+    assert line.startswith(told)
+
+
 def test_all_that_the_robot_cannot_have_is_told_at_once_and_beside_other_mistakes(problems: Read) -> None:
     text = changed("periods: 2", "perids: 2", choosy("axes: [a, axis_1, b], weights: {c: 1.0}"))
     lines = problems(text)

@@ -13,7 +13,7 @@ from robid_core import ConfigurationError, Robot
 from robid_core.mechanics.flexible import craig_bampton, hollow_square
 from robid_core.mechanics.flexible.closed_form import bending_frequencies_hz, cantilever_roots
 from robid_core.mechanics.tool import pose_of
-from robid_core.robot.finite_elements import read_structure, write_structure
+from robid_core.robot.file.finite_elements import read_structure, write_structure
 from robid_core.robots.six_axis_flex.links import write_links
 
 LENGTH, N = 0.9, 6
@@ -276,7 +276,7 @@ def test_ten_numbers_a_body_do_not_describe_a_flexible_link(folder: Path) -> Non
 def test_a_flexible_link_goes_into_no_urdf_and_comes_from_none(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from robid_core.robot import model_file
+    from robid_core.robot.file import model_file
 
     robot = robot_of(ARM, folder)
     with pytest.raises(ConfigurationError, match="URDF has no flexible links, joint 'shoulder' carries one"):

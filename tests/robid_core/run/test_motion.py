@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robid_core.errors import MotionRefused, PluginError, StoreError
-from robid_core.run.motion import Motions
+from robid_core.run.motion import MotionRecords
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def robot_world(world: Any) -> Any:
 
 
 def states(world: Any) -> list[str]:
-    return [motion.state for motion in Motions(world.store, world.folder / "store" / "motions").all()]
+    return [motion.state for motion in MotionRecords(world.store, world.folder / "store" / "motions").all()]
 
 
 def test_nothing_moves_unless_somebody_is_at_the_robot(robot_world: Any) -> None:

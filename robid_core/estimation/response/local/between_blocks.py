@@ -10,14 +10,11 @@ taken from it, by how much the stated covariance is to be multiplied.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, FloatArray
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.task import Task
 from robid_core.estimation.response.local.window import Windows
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 LEFT = 0.5
 """Share of the degrees of freedom that must be left without a block, or else its response is another estimator's."""

@@ -9,13 +9,9 @@ correlation is that of the residuals.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.estimation.response.local.covariance import by_origin, disturbance_levels
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
 
 
 def common_factors(

@@ -5,19 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid_core.estimation.response.local.common_regressors import common_factors
 from robid_core.estimation.response.local.covariance import with_floor
 from robid_core.estimation.response.local.joint import carry_product
 from robid_core.estimation.response.local.kernel import LineFits, solve_lines
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.window import Windows
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.estimation.response.local.rational import Solution
 from robid_core.estimation.response.local.result import polynomial
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
 
 EPSILON = np.finfo(np.float64).eps
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.response.local.between_blocks import jackknife_variance, widening
 from robid_core.estimation.response.local.choice import (
@@ -18,9 +18,6 @@ from robid_core.estimation.response.local.choice import (
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.result import LocalFit
 from robid_core.estimation.response.local.task import Task
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 CONDITION_LIMIT = 1e6
 

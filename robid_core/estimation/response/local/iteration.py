@@ -15,14 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.rational import Solution, solve
 from robid_core.estimation.response.local.regressors import WindowData, regressors
 from robid_core.estimation.response.local.result import polynomial, rational_response
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 SMALLEST = 0.03
 """Part of the largest |D| in a window below which weights grow no further."""

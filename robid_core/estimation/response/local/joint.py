@@ -7,10 +7,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-ComplexArray = npt.NDArray[np.complex128]
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import ComplexArray, FloatArray
 
 
 def condition_of(matrices: ComplexArray) -> FloatArray:

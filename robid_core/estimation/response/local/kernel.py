@@ -11,17 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.response.local.fit_kernel import fit_lines
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.normal_equations import filled, line_products, to_planes, zeros
 from robid_core.estimation.response.local.window import Windows
 from robid_core.mechanics.lanes import LANES
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

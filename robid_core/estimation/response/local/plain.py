@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid_core.estimation.response.local.iteration import Pass, iterate
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.rational import Solution, solve
@@ -15,11 +15,6 @@ from robid_core.estimation.response.local.regressors import WindowData, regresso
 from robid_core.estimation.response.local.result import polynomial
 from robid_core.estimation.response.local.uncertainty import Piece, covariance_factors
 from robid_core.estimation.response.local.window import Windows
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 WORKING_NUMBERS = 2_000_000
 """Complex numbers in the regressors of the windows that are solved together; bounds the memory, changes no result."""

@@ -11,13 +11,10 @@ numerator, and no more poles are taken than it has coefficients for.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray
 from robid_core.errors import ConfigurationError
 from robid_core.estimation.response.local.window import Windows
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def pole_frequencies(eigenvalues: ComplexArray) -> ComplexArray:

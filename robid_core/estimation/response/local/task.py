@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.estimation.response.local.compiled import CompiledFit, can_be_compiled, compiled_fit
 from robid_core.estimation.response.local.joint import condition_of, ratio
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.plain import PlainFit, plain_fit
 from robid_core.estimation.response.local.prior import denominators
 from robid_core.estimation.response.local.window import Windows, choose_windows
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

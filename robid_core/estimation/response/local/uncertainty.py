@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.estimation.response.local.covariance import (
     Course,
     course,
@@ -25,10 +25,6 @@ from robid_core.estimation.response.local.joint import carry_dense
 from robid_core.estimation.response.local.rational import Solution
 from robid_core.estimation.response.local.regressors import WindowData
 from robid_core.estimation.response.local.window import Windows
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid_core import FloatArray
-from robid_core.estimation.distortion.speed import drift_leakage, slow_sine_bin, speed_levels
+from robid_core.estimation.distortion.speed import slow_sine_bin, speed_levels
 
 N, STEP = 1000, 0.002  # a period of 2 s
 LINE = np.array([9, 15, 33, 61])
@@ -60,19 +60,3 @@ def test_noise_of_the_sensor_counts_only_up_to_twice_the_band() -> None:
 def test_the_slow_sine_has_to_stand_out(power: list[float], found: int) -> None:
     assert slow_sine_bin(np.array(power), 5) == found
     assert slow_sine_bin(np.array(power), 1) == 0  # no bin below the band
-
-
-def test_leakage_of_a_drift_is_what_the_transform_of_a_ramp_says() -> None:
-    motion = position(7.0, 2, 1.5, np.random.default_rng(4)).copy()
-    assert drift_leakage(motion, LINE).max() < 1e-10
-    motion[..., 1] += 0.01 * np.arange(3 * N).reshape(3, N) / N
-    ramp = np.abs(np.fft.rfft(0.01 * np.arange(N) / N)[LINE]) / N
-    line = 0.5 * 1.5 / (2 * np.pi * LINE / (N * STEP))
-    assert drift_leakage(motion, LINE)[1] == pytest.approx((ramp / line).max(), rel=0.01)
-    assert drift_leakage(motion[:, :1], LINE).tolist() == [0.0, 0.0]  # one period cannot tell
-
-
-def test_noise_is_no_drift() -> None:
-    generator = np.random.default_rng(5)
-    motion = position(7.0, 2, 0.01, generator) + 0.1 * generator.standard_normal((2, 3, N, 2))
-    assert drift_leakage(motion, LINE).tolist() == [0.0, 0.0]

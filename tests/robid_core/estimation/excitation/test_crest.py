@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robid_core import ComplexArray, FloatArray
+from robid_core import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.excitation import crest, grids, multisine as ms
 
 
 def searched(
     amplitude: FloatArray,
-    line: ms.IntArray,
+    line: IntArray,
     n_exp: int,
     common: bool = False,
     response: ComplexArray | None = None,

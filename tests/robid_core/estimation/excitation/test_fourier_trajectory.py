@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 from robid_core.estimation.excitation.criteria import Criterion, log_determinant
 from robid_core.estimation.excitation.fourier_trajectory import (
-    Problem,
+    TrajectoryProblem,
     fitted,
     gram_of,
     kinematic_share,
@@ -25,7 +25,7 @@ from robid_core.testing.robots import example_robot
 from robid_excitation.fourier import Fourier, problem_of
 
 
-def problem(criterion: Criterion = "log_det", **settings_: float) -> Problem:
+def problem(criterion: Criterion = "log_det", **settings_: float) -> TrajectoryProblem:
     """Two links in a vertical plane, configuration off the middle."""
     settings_ = {"period_s": 4.0, "harmonics": 4, **settings_}
     return problem_of(example_robot(2), np.array([0.4, -0.9]), Fourier(criterion=criterion, **settings_))

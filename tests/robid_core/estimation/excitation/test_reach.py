@@ -4,8 +4,39 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import j0, jv
 
 from robid_core.estimation.excitation import reach
+
+
+def ripple_carriers(order: float, sine_angle: float, n_harmonic: int, kept: float = 1.0) -> np.ndarray:
+    """Amplitudes of a ripple at the harmonics 1..n of the slow sine, relative to its own, shape (n_harmonic,).
+
+    sin(n (c + a sin x)) has the harmonic ``2 J_k(n a) cos(n c) sin(k x)`` for odd k, and for even k ``2 J_k(n a)
+    sin(n c) cos(k x)``. Given is ``2 |J_k(n a)|``: the pose c where it is largest.
+
+    Parameters
+    ----------
+    order
+        Periods per turn of the motor, n.
+    sine_angle
+        Amplitude a of the motor angle, rad: amplitude of the speed over the sine's angular frequency.
+    n_harmonic
+        Harmonics.
+    kept
+        What a multisine leaves of the carriers (`carrier_share`).
+    """
+    result = 2 * np.abs(kept * jv(np.arange(1, n_harmonic + 1), order * sine_angle))
+    return result
+
+
+def carrier_share(order: float, angle: np.ndarray) -> float:
+    """What a random-phase multisine of angle leaves of the ripple's carriers: ``prod_l J_0(n a_l)``.
+
+    `angle` holds the amplitudes a_l of the motor angle in rad, shape (n_freq,). For many small lines this is
+    ``exp(-(n sigma)^2 / 2)``, sigma the root mean square of the angle.
+    """
+    return float(np.prod(j0(order * angle)))
 
 
 def test_harmonics_of_an_even_sine_reach_no_odd_line() -> None:
@@ -15,29 +46,18 @@ def test_harmonics_of_an_even_sine_reach_no_odd_line() -> None:
     assert reach.harmonics_on_lines(line, 3, n_harmonic=9).tolist() == [9, 15, 21, 27]
 
 
-def test_friction_harmonics_are_those_of_a_square_wave_and_a_rectified_sine() -> None:
-    n = 100_000
-    speed = np.cos(2 * np.pi * (np.arange(n) + 0.5) / n)  # no sample at standstill
-    level = reach.friction_harmonics(9)
-    odd = np.abs(np.fft.rfft(np.sign(speed)))[1:10] * 2 / n
-    even = np.abs(np.fft.rfft(np.abs(speed)))[1:10] * 2 / n
-    # Aliases of harmonic k are those near n: 4 / (pi n) each, in pairs that differ by k / n of that.
-    assert odd[::2] == pytest.approx(level[::2], abs=1e-7)
-    assert even[1::2] == pytest.approx(level[1::2], abs=1e-7)
-
-
 def test_carriers_of_a_ripple_are_bessel_functions_exactly() -> None:
     order, angle, n, sine_bin = 12.0, 0.7, 1024, 2
     swing = angle * np.sin(2 * np.pi * sine_bin * np.arange(n) / n + 0.4)
-    predicted = reach.ripple_carriers(order, angle, 30)
+    predicted = ripple_carriers(order, angle, 30)
     for pose, first in ((0.0, 0), (np.pi / (2 * order), 1)):  # largest odd, and largest even harmonics
         harmonics = np.abs(np.fft.rfft(np.sin(order * (pose + swing))))[sine_bin::sine_bin] * 2 / n
         # Harmonics above 512 / 2, whose Bessel functions are far below rounding, are all that folds back.
         assert harmonics[first:30:2] == pytest.approx(predicted[first::2], abs=1e-13)
         assert harmonics[1 - first : 30 : 2].max() < 1e-13
     # The carriers with which a multisine of 0.05 rad rms leaves it.
-    kept = reach.carrier_share(order, np.array([0.05 * np.sqrt(2)]))
-    assert reach.ripple_carriers(order, angle, 30, kept) == pytest.approx(abs(kept) * predicted)
+    kept = carrier_share(order, np.array([0.05 * np.sqrt(2)]))
+    assert ripple_carriers(order, angle, 30, kept) == pytest.approx(abs(kept) * predicted)
 
 
 def test_a_ripple_ends_where_order_times_speed_over_a_turn_ends() -> None:
@@ -60,7 +80,7 @@ def test_a_ripple_ends_where_order_times_speed_over_a_turn_ends() -> None:
 def test_the_level_without_a_multisine_is_that_of_the_carriers() -> None:
     level = reach.ripple_level(6.0, 4, 0.9, np.zeros(0, dtype=np.int64), np.zeros(0), 512)
     # Root mean square over poses of 2 |J_k| |cos|.
-    assert level[4:100:4] == pytest.approx(reach.ripple_carriers(6.0, 0.9, 24) / np.sqrt(2), abs=1e-7)
+    assert level[4:100:4] == pytest.approx(ripple_carriers(6.0, 0.9, 24) / np.sqrt(2), abs=1e-7)
     off = np.delete(level, np.arange(0, len(level), 4))
     # A power of 1e-16 from rounding is an amplitude of 1e-8.
     assert off.max() < 1e-7
@@ -96,7 +116,7 @@ def test_an_odd_number_of_samples_is_a_period_too() -> None:
 def test_a_multisine_takes_from_the_carriers_as_a_gaussian_does() -> None:
     angle = np.full(200, 0.006)
     sigma = np.sqrt(np.sum(angle**2) / 2)
-    share = reach.carrier_share(12.0, angle)
+    share = carrier_share(12.0, angle)
     # log J_0(x) = - x^2 / 4 - x^4 / 64 - ...; the first terms make the Gaussian, the second 200 (0.072)^4 / 64 = 8e-5.
     assert share == pytest.approx(np.exp(-((12.0 * sigma) ** 2) / 2), rel=2e-4)
     assert share < 0.78

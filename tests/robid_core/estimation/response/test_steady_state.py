@@ -85,9 +85,28 @@ def test_halves_of_a_period_are_refused_by_the_torque() -> None:
         ss.refuse_unlike_periods(u * (-1) ** np.arange(4))
 
 
-def test_drift_is_told_as_from_the_samples() -> None:
-    from robid_core.estimation.distortion.speed import drift_leakage
+def drift_leakage(position: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """How much a drift of the position disturbs the lines: largest ratio of its leakage to what is there.
 
+    A motor angle that gains D in each period is a periodic one plus a ramp, and the ramp has the spectrum
+    ``D / (2 pi k)`` at bin k (DFT scaled by 1 / n_sample), the same in every period: the differences between
+    periods do not show it. Lines where it stays below the noise, which these differences do show, count zero.
+
+    Takes the position, (n_block, n_exp, n_period, n_sample, n_axis), with two periods or more; returns (n_axis,).
+    """
+    n_period, n_sample, n_axis = position.shape[-3:]
+    periods = position.reshape(-1, n_period, n_sample, n_axis)
+    gain = (periods[:, -1] - periods[:, 0]).mean(axis=1) / (n_period - 1)
+    leakage = np.sqrt(np.mean(gain**2, axis=0)) / (2 * np.pi * line[:, None])
+    spectrum = np.fft.rfft(periods, axis=2)[:, :, line] / n_sample
+    size = np.sqrt(np.mean(np.abs(spectrum.mean(axis=1)) ** 2, axis=0))
+    noise = np.sqrt(np.mean(spectrum.var(axis=1, ddof=1), axis=0) / n_period)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio: np.ndarray = np.where(leakage > noise, leakage / size, 0.0).max(axis=0)
+    return ratio
+
+
+def test_drift_is_told_as_from_the_samples() -> None:
     generator = np.random.default_rng(2)
     n_sample, line = 200, np.arange(3, 30, 2)
     coefficient = np.zeros((2, 3, 1, n_sample // 2 + 1, 2), dtype=complex)
@@ -99,6 +118,9 @@ def test_drift_is_told_as_from_the_samples() -> None:
     motion[..., 1] += 2e-4 * np.arange(4 * n_sample).reshape(4, n_sample)
     position = motion[None]  # (n_config, n_block, n_exp, n_period, n_sample, n_axis)
     transform = np.fft.rfft(position, axis=4)[:, :, :, :, line] / n_sample
+    # The transform of a ramp is 1 / (2 n sin(pi k / n)), and x / sin(x) below 1 + x^2 / 5 up to x = 0.5.
+    ramp = np.abs(np.fft.rfft(np.arange(n_sample) / n_sample)[line]) / n_sample
+    assert (np.abs(ramp * 2 * np.pi * line - 1) < (np.pi * line / n_sample) ** 2 / 5).all()
     share = ss.drift_share(
         position.mean(axis=4), np.moveaxis(transform, (2, 3), (-2, -1)), line.astype(float)
     )

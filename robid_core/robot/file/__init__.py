@@ -1,0 +1,1 @@
+"""What a robot file says: its parts, how it is read and written, names of its numbers; knows no Robot made of it."""

@@ -1,0 +1,105 @@
+"""One drive of a robot file: motor, gear, sensors and controller, an entry of `axes`.
+
+Everything is at the motor shaft with the sign of the joint's axis, except `gear` (stiffness and damping at the joint,
+thesis eq. 2.2) and `position_limits`. A prismatic axis has metres and newtons wherever a revolute one has radians and
+newton metres.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from robid_core.robot.file.part import NonNegative, Number, Part, Positive, refusal
+
+_LARGEST_RATIO = 1e9  # a screw of 1 um on a prismatic axis turns 6e6 rad/m
+
+
+def _a_ratio(ratio: float) -> float:
+    if not 1 / _LARGEST_RATIO <= abs(ratio) <= _LARGEST_RATIO:
+        said = "must not be 0" if ratio == 0 else f"{ratio:g} is beyond all gears"
+        raise refusal(f"gear_ratio {said}; give motor turns per joint turn, negative where the gear reverses")
+    return ratio
+
+
+def _in_order(limits: tuple[float, float]) -> tuple[float, float]:
+    lower, upper = limits
+    if lower >= upper:
+        raise refusal(f"the lower limit {lower:g} is not below the upper one {upper:g}; write [lower, upper]")
+    return limits
+
+
+class Spring(Part):
+    """A linear spring with a damper beside it."""
+
+    stiffness: Positive
+    """N m/rad (N/m across a prismatic axis), joint side."""
+    damping: NonNegative
+    """N m s/rad, joint side."""
+
+
+class Friction(Part):
+    """Coulomb and viscous friction of the motor, with a constant offset (thesis eq. 2.9 and 2.10)."""
+
+    coulomb: NonNegative = 0.0
+    """Coulomb level, N m."""
+    viscous: NonNegative = 0.0
+    """Viscous coefficient, N m s/rad."""
+    offset: Number = 0.0
+    """Constant torque that the motor works against, N m."""
+    speed: Positive = 0.5
+    """Speed scale v_s of tanh(v / v_s), rad/s: below it friction is not resolved."""
+
+
+class Sensors(Part):
+    """What the drive measures, and how badly."""
+
+    encoder_counts: NonNegative = 0.0
+    """Counts per motor turn (per metre on a prismatic axis with ratio 1); 0: not quantised."""
+    position_noise: NonNegative = 0.0
+    """Standard deviation of the measured motor angle, rad."""
+    torque_noise: NonNegative = 0.0
+    """Standard deviation of the measured torque, N m."""
+
+
+class ControllerEntry(Part):
+    """Cascade in the drive: e = feedforward * v_ref + position_gain * (q_ref - q) - v; PI on e."""
+
+    speed_gain: NonNegative
+    """Torque per speed error, N m s/rad."""
+    integral_gain: NonNegative = 0.0
+    """Torque per integrated speed error, N m/rad."""
+    position_gain: NonNegative = 0.0
+    """Speed asked per position error, 1/s; 0: speed control only, as in the thesis' experiments."""
+    speed_feedforward: Annotated[float, Field(ge=0, le=1)] = 1.0
+    """Share of the reference speed that is fed forward."""
+
+
+class Axis(Part):
+    """One drive: motor, gear, sensors and controller."""
+
+    joint: str | None = None
+    """The joint it moves; by default the joint of the same name."""
+    gear_ratio: Annotated[float, AfterValidator(_a_ratio)] = 1.0
+    """Motor turns per joint turn; negative where the gear reverses."""
+    rotor_inertia: Positive
+    """Inertia of rotor, brake and gear input, kg m^2."""
+    torque_constant: Positive = 1.0
+    """N m/A."""
+    torque_limit: Positive
+    """Largest torque, N m."""
+    speed_limit: Positive
+    """Largest speed, rad/s."""
+    acceleration_limit: Positive = 1.0e6
+    """Largest commanded acceleration, rad/s^2."""
+    position_limits: Annotated[tuple[Number, Number], AfterValidator(_in_order)] | None = None
+    """Joint-side limits [lower, upper], rad; null: none (those of a model file are not taken over)."""
+    gear: Spring | None = None
+    """Elasticity in the direction of transmission; null: rigid. A file may give a data_sheet instead."""
+    friction: Friction = Friction()
+    """Friction at the motor."""
+    sensors: Sensors = Sensors()
+    """Encoder and torque measurement."""
+    controller: ControllerEntry
+    """Gains of the drive's cascade."""
