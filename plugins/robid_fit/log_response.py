@@ -1,10 +1,10 @@
 """Stiffness and damping from measured frequency responses: the thesis' fit (3.1)-(3.2), with honest weights.
 
-The weight is the inverse of (covariance of the measured response + error of the model). The size of the
-model's error is estimated from the data: the smallest one with which the residual is what it should be, one per
-degree of freedom. Several starts around the nominal robot; standard errors from a jackknife over
+The weight is the inverse of (covariance of the measured response + error of the model), the latter one number for all
+robots, so that the misfit is a check. Several starts around the nominal robot; standard errors from a jackknife over
 configurations (see estimation.intervals), because what a linear model leaves out is common to a configuration
-and smooth over lines.
+and smooth over lines. Friction is a complex gain with three unknowns a motor (`friction_gain`); bodies are free on
+request, within what a drawing promises.
 """
 
 from __future__ import annotations
@@ -16,30 +16,39 @@ import numpy.typing as npt
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from robid_core import (
+    ConfigurationError,
     Context,
     DataRejected,
     Estimator,
     Fit,
+    FreeParameters,
     Frf,
-    NotIdentifiable,
     ParameterTable,
     ResponseComparison,
     Robot,
+    chosen_names,
+    pattern_problems,
 )
 from robid_core.estimation.information import covariance_of_parameters
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
 from robid_core.estimation.least_squares import Minimum, levenberg_marquardt
-from robid_fit.problem import LogResponseProblem, Unknowns, log_covariance
+from robid_fit.problem import LogResponseProblem
+from robid_fit.response_weights import covariance_of_logarithm
+from robid_fit.slow_motion import slow_motion_gain
+from robid_fit.torque_gain import common_scale_problem
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 ComplexArray = npt.NDArray[np.complex128]
 
-# Entries noisier than this carry a biased logarithm (E1(SNR)/2: 0.2 % at 6 dB, 11 % at 0 dB).
-LOWEST_SIGNAL_TO_NOISE = 4.0
 # Starts stop when a thousandth of the cost is left to gain: enough to tell basins apart; the best is refined.
 COARSE_TOLERANCE = 1e-3
-# A parameter with a larger relative standard error was not seen.
-LARGEST_RELATIVE_ERROR = 1.0
+COARSE_LINES = 3
+# Dampers of none are told as this share of their spring times a second, so that they have a logarithm.
+SMALLEST_DAMPING = 1e-9
+# Weights and slow motion are taken at the fit before; a third time moved no spring by a tenth of its error.
+RENEWALS = 2
+UNSEEN = ("controller", "sensor", "drive")
 
 
 class LogResponseFit(Estimator):
@@ -50,175 +59,163 @@ class LogResponseFit(Estimator):
         fit: {use: fit.log_response, with: {starts: 20}}
     """
 
+    free: tuple[str, ...] | None = None
+    """Patterns of the parameters that are estimated, bodies by `mass.*`, `inertia.*`; null: springs and dampers."""
+    fixed: tuple[str, ...] = ()
+    """Patterns of parameters that are held all the same."""
+    prior: dict[str, PositiveFloat] = {}
+    """Standard deviations by pattern, in natural scales (0.01: one percent); wide for springs, 0.01 for bodies."""
     starts: Annotated[int, Field(ge=1, le=10_000)] = 20
     """Start points: the nominal robot and random ones around it."""
     start_spread: PositiveFloat = 0.35
-    """Standard deviation of the starts' logarithms around the nominal values."""
-    largest_change: Annotated[float, Field(gt=1)] = 20.0
-    """Bounds: a parameter may differ from its nominal value by this factor."""
-    model_error: NonNegativeFloat | None = None
-    """Relative error of the model per entry; null: estimated from the data."""
+    """Standard deviation of the starts' logarithms around the nominal values; never wider than the prior."""
+    model_error: PositiveFloat = 2e-3
+    """Relative error of the model per entry, beside the covariance."""
     coupling_share: NonNegativeFloat = 0.1
     """Share of the diagonal's size below which an entry's model error does not fall."""
     max_iterations: PositiveInt = 60
     """Accepted steps of one start at most."""
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""
+        patterns = default_patterns(robot) if self.free is None else self.free
+        found = pattern_problems(
+            robot, patterns, self.fixed, self.prior, lambda name: _why_not_free(robot, name)
+        )
+        return found or common_scale_problem(robot, chosen_names(list(robot.layout), patterns, self.fixed))
+
     def run(self, frf: Frf, robot: Robot, context: Context) -> Fit:
-        """Estimate all springs and dampers of the robot."""
-        used = _usable_lines(frf)
-        start = np.log(Unknowns.of_robot(robot).start)
-        level = 0.05 if self.model_error is None else self.model_error
-        coarse = frf.select("n_freq", slice(None, None, 3))
-        problem = self._problem(robot, coarse, _usable_lines(coarse), level)
-        points = self._start_points(start, context.generator)
+        """Estimate the free parameters of the robot."""
+        for place, message in self.problems_with(robot).items():
+            raise ConfigurationError(f"{place[0]}: {message}")
+        patterns = default_patterns(robot) if self.free is None else self.free
+        free = FreeParameters.of_robot(
+            _damped(robot), chosen_names(list(robot.layout), patterns, self.fixed), self.prior
+        )
+        best, agree = self._best_start(free, frf.select("n_freq", slice(None, None, COARSE_LINES)), context)
+        problem = self._problem(free, frf, frf.response)
+        for _ in range(RENEWALS):
+            factor = slow_motion_gain(problem.robot_at(best), frf, problem.motor_damping(best))
+            problem = self._problem(free, frf, problem.model(best), factor)
+            end = self._minimise(problem, best)
+            best = end.point
+        return self._result(robot, problem, end, agree)
+
+    def _best_start(self, free: FreeParameters, frf: Frf, context: Context) -> tuple[FloatArray, int]:
+        """Unknowns at the end of the best start, and how many starts ended there; bodies are held."""
+        held = free.without(lambda name: free.robot.parameter_kind(name) == "inertia")
+        problem = self._problem(held, frf, frf.response)
+        points = self._start_points(problem, context.generator)
         ends = [
-            self._minimise(problem, point, start, COARSE_TOLERANCE)
+            self._minimise(problem, point, COARSE_TOLERANCE)
             for point in context.track(points, len(points), "starts")
         ]
         best = min(ends, key=lambda end: end.cost)
+        coordinates, own = problem.parts(best.point)
+        whole = np.zeros(len(free.names))
+        whole[np.isin(free.names, held.names)] = coordinates
         agree = sum(end.cost < best.cost * 1.05 + 1e-9 for end in ends)
-        best, level, problem = self._refine(robot, frf, used, best, start, level)
-        return self._result(problem, best, start, len(points), agree, level)
+        return np.concatenate((whole, own)), agree
 
     def _problem(
-        self, robot: Robot, frf: Frf, used: npt.NDArray[np.bool_], level: float
+        self, free: FreeParameters, frf: Frf, response: ComplexArray, factor: ComplexArray | float = 1.0
     ) -> LogResponseProblem:
-        return LogResponseProblem(robot, frf, self._weights(frf, used, level), used)
+        """Set up what is minimised; errors are relative to a response."""
+        used = _usable_lines(frf)
+        covariance = covariance_of_logarithm(frf, used, response, self.model_error, self.coupling_share)
+        return LogResponseProblem(free, frf, covariance, used, factor)
 
-    def _weights(self, frf: Frf, used: npt.NDArray[np.bool_], level: float) -> ComplexArray:
-        """Covariance of log vec(G) on every used line, entries lost in noise taken out."""
-        n_config, n_freq, n_axis, _ = frf.response.shape
-        n_entry = n_axis * n_axis
-        result = np.zeros((n_config, n_freq, n_entry, n_entry), dtype=complex)
-        index = np.arange(n_entry)
-        for c in range(n_config):
-            lines = used[c]
-            measured = frf.response[c, lines]
-            noise = (
-                frf.covariance(c)[lines]
-                if frf.has_covariance
-                else np.zeros((lines.sum(), n_entry, n_entry), complex)
-            )
-            weights = log_covariance(measured, noise, max(level, 1e-4), self.coupling_share)
-            lost = np.einsum("fee->fe", weights).real > 1 / LOWEST_SIGNAL_TO_NOISE
-            weights[:, index, index] += np.where(lost, 1e6, 0.0)
-            result[c, lines] = weights
-        return result
+    def _start_points(self, problem: LogResponseProblem, generator: np.random.Generator) -> list[FloatArray]:
+        spread = np.minimum(self.start_spread, problem.prior)
+        drawn = generator.standard_normal((self.starts - 1, len(problem.start)))
+        return [problem.start, *(problem.start + spread * row for row in drawn)]
 
-    def _start_points(self, start: FloatArray, generator: np.random.Generator) -> list[FloatArray]:
-        spread = self.start_spread * generator.standard_normal((self.starts - 1, len(start)))
-        return [start, *(start + row for row in spread)]
-
-    def _minimise(
-        self, problem: LogResponseProblem, point: FloatArray, start: FloatArray, tolerance: float = 1e-9
-    ) -> Minimum:
-        reach = np.log(self.largest_change)
+    def _minimise(self, problem: LogResponseProblem, point: FloatArray, tolerance: float = 1e-9) -> Minimum:
         return levenberg_marquardt(
             problem.equations,
             problem.cost,
             point,
-            start - reach,
-            start + reach,
+            problem.lower,
+            problem.upper,
             self.max_iterations,
             tolerance,
         )
 
-    def _refine(
-        self,
-        robot: Robot,
-        frf: Frf,
-        used: npt.NDArray[np.bool_],
-        best: Minimum,
-        start: FloatArray,
-        level: float,
-    ) -> tuple[Minimum, float, LogResponseProblem]:
-        """Refit on all lines, the model's error adjusted until the misfit is one per degree of freedom."""
-        problem = self._problem(robot, frf, used, level)
-        best = self._minimise(problem, best.point, start)
-        if self.model_error is not None:
-            return best, level, problem
-        for _ in range(3):
-            level = self._level_for(robot, frf, used, problem.model(best.point))
-            problem = self._problem(robot, frf, used, level)
-            best = self._minimise(problem, best.point, start)
-        return best, level, problem
-
-    def _level_for(self, robot: Robot, frf: Frf, used: npt.NDArray[np.bool_], model: ComplexArray) -> float:
-        """Model error with which the standardised residual is one per degree of freedom, by bisection."""
-        low, high = 1e-3, 0.5
-        freedom = used.sum() * frf.response.shape[2] ** 2
-        for _ in range(9):
-            middle = float(np.sqrt(low * high))
-            residual = self._problem(robot, frf, used, middle).whitened(model)
-            misfit = (np.abs(residual) ** 2).sum() / freedom
-            low, high = (middle, high) if misfit > 1 else (low, middle)
-        return float(np.sqrt(low * high))
-
-    def _result(
-        self,
-        problem: LogResponseProblem,
-        best: Minimum,
-        start: FloatArray,
-        n_starts: int,
-        agree: int,
-        level: float,
-    ) -> Fit:
-        unknowns, frf = problem.unknowns, problem.frf
+    def _result(self, robot: Robot, problem: LogResponseProblem, best: Minimum, agree: int) -> Fit:
+        free, names, frf, n = problem.free, problem.names, problem.frf, len(problem.free.names)
         cost, gradients, matrices = problem.by_configuration(best.point)
-        freedom = 2 * problem.used.sum() * frf.response.shape[2] ** 2 - len(start)
-        estimate = np.exp(best.point)
-        status = f"{best.message}; model error {100 * level:.2g} % per entry"
-        try:
-            covariance = covariance_of_parameters(matrices.sum(axis=0), unknowns.names)
-            if len(gradients) >= 2:
-                shifts = jackknife_shifts(matrices.sum(axis=0), gradients, matrices)
-                covariance = covariance_with_model_error(covariance, shifts)
-            error = np.sqrt(np.diag(covariance))
-        except NotIdentifiable as blind:
-            covariance, error = np.full((len(start), len(start)), np.nan), np.full(len(start), np.nan)
-            status += f"; {blind}"
-        unseen = ~(error < LARGEST_RELATIVE_ERROR)
-        stiff = np.array([group == "stiffness" for group in unknowns.groups])
-        if (unseen & stiff).any() and "see" not in status:
-            names = ", ".join(n for n, u in zip(unknowns.names, unseen & stiff, strict=True) if u)
-            status += f"; not identifiable from these configurations: {names}"
-        against = "" if self.model_error is None else f"covariance and a model error of {100 * level:.2g} %"
-        reach = np.log(self.largest_change)
-        own = unknowns.names[: 2 * unknowns.n_spring]  # the others are nuisances
-        scale = estimate[: len(own)]
-        model = problem.robot.model(
-            dict(zip(own, scale.tolist(), strict=True)),
-            own,
-            covariance[: len(own), : len(own)] * np.outer(scale, scale),
-        )
+        freedom = 2 * problem.used.sum() * frf.response.shape[2] ** 2 - len(names)
+        status = best.message
+        seen = np.diag(matrices.sum(axis=0)) > 0
+        seen[n:] = True  # nuisances that nothing shows keep their prior, and harm nothing
+        total = matrices.sum(axis=0) + np.diag(1 / problem.prior**2)
+        covariance = covariance_of_parameters(total, names)
+        if len(gradients) >= 2:
+            shifts = jackknife_shifts(total, gradients, matrices)
+            covariance = covariance_with_model_error(covariance, shifts)
+        known = np.minimum(
+            problem.prior / np.sqrt(np.diag(covariance)), 1.0
+        )  # no data take away what was known
+        covariance = covariance * np.outer(known, known)
+        slope = problem.slope(best.point)
+        spread = slope @ covariance @ slope.T
+        kinds = tuple(robot.parameter_kind(name) for name in free.names)
+        n_nuisance = len(names) - n
+        estimate = problem.values(best.point)
         table = ParameterTable(
-            names=unknowns.names,
-            units=unknowns.units,
-            groups=unknowns.groups,
-            start=unknowns.start,
+            names=names,
+            units=tuple(robot.parameter_unit(name) for name in free.names) + ("1",) * n_nuisance,
+            groups=kinds + ("nuisance",) * n_nuisance,
+            start=problem.values(problem.start),
             estimate=estimate,
-            standard_error=np.where(unseen, np.nan, error * estimate),
-            reported=stiff,
-            at_bound=np.abs(best.point - start) >= reach * (1 - 1e-9),
+            standard_error=np.where(seen, np.sqrt(np.diag(spread)), np.nan),
+            reported=np.array([kind in ("stiffness", "effect") for kind in kinds] + [False] * n_nuisance),
+            at_bound=(best.point <= problem.lower * (1 - 1e-9)) | (best.point >= problem.upper * (1 - 1e-9)),
+            prior=np.sqrt(((slope * problem.prior) ** 2).sum(axis=1)),
         )
         return Fit(
             method="log response, weights from covariance and model error",
             status=status,
             converged=best.converged,
             misfit=2 * cost / float(freedom),
-            n_starts=n_starts,
+            n_starts=self.starts,
             n_agree=agree,
             parameters=table,
             covariance=covariance,
-            free_names=unknowns.names,
-            response=_comparison(problem, best.point, start),
-            misfit_against=against,
-            model_error=level,
-            model=model,
+            free_names=names,
+            response=_comparison(problem, best.point),
+            misfit_against=f"covariance and a model error of {100 * self.model_error:.2g} %",
+            model_error=self.model_error,
+            model=robot.model(
+                dict(zip(free.names, estimate[:n].tolist(), strict=True)), free.names, spread[:n, :n]
+            ),
         )
 
 
-def _comparison(problem: LogResponseProblem, point: FloatArray, start: FloatArray) -> ResponseComparison:
+def default_patterns(robot: Robot) -> tuple[str, ...]:
+    """Springs and dampers, as far as the robot has them."""
+    heads = {name.partition(".")[0] for name in robot.layout}
+    nouns = ("gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping")
+    return tuple(f"{noun}.*" for noun in nouns if noun in heads)
+
+
+def _why_not_free(robot: Robot, name: str) -> str:
+    """Say why this fit cannot free a parameter; empty where it can."""
+    if robot.parameter_kind(name) in UNSEEN:
+        return "the response does not depend on it; hold it"
+    if robot.parameter_kind(name) == "friction":
+        return "three unknowns of each motor stand in its place; leave it out"
+    return ""
+
+
+def _damped(robot: Robot) -> Robot:
+    """Return a robot in which every damper has a logarithm."""
+    stiffness, damping = robot.spring_arrays()
+    pairs = zip(robot.damping_names, stiffness.tolist(), damping.tolist(), strict=False)
+    return robot.with_parameters({name: max(d, SMALLEST_DAMPING * k) for name, k, d in pairs})
+
+
+def _comparison(problem: LogResponseProblem, point: FloatArray) -> ResponseComparison:
     frf = problem.frf
     deviation = np.sqrt(frf.variance()) if frf.has_covariance else np.full(frf.response.shape, np.nan)
     return ResponseComparison(
@@ -226,12 +223,12 @@ def _comparison(problem: LogResponseProblem, point: FloatArray, start: FloatArra
         frequency_hz=frf.frequency_hz,
         measured=frf.response,
         modelled=problem.model(point),
-        start=problem.model(start),
+        start=problem.model(problem.start),
         deviation=deviation,
     )
 
 
-def _usable_lines(frf: Frf) -> npt.NDArray[np.bool_]:
+def _usable_lines(frf: Frf) -> BoolArray:
     """Lines that are valid and finite, shape (n_config, n_freq); DataRejected where a configuration has none."""
     if frf.response.shape[2] != frf.response.shape[3]:
         raise DataRejected(

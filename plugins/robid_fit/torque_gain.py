@@ -1,6 +1,11 @@
-"""Whether a parameter scales a motor's torque: told by its effect's law, so of strangers' effects as well."""
+"""Gains of torques among what is free: with springs and inertia they have a common scale that no motion shows.
+
+Whether a parameter scales a motor's torque is told by its effect's law, so of strangers' effects as well.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,3 +24,16 @@ def is_torque_gain(robot: Robot, name: str) -> bool:
         change = bound.effect.regressor(SIGNAL, ANGLE, 0.1 * ANGLE, bound.parameters, bound.place).get(row)
         return change is not None and np.ptp(change / SIGNAL) < 1e-9 and bool(np.any(change))
     return False
+
+
+def common_scale_problem(robot: Robot, chosen: Sequence[str]) -> dict[tuple[str | int, ...], str]:
+    """Say, by its place in the settings, that a gain is free with springs and inertia; empty where none is."""
+    kinds = {robot.parameter_kind(name) for name in chosen}
+    gain = next((name for name in sorted(chosen) if is_torque_gain(robot, name)), None)
+    if gain is None or not {"stiffness", "inertia"} <= kinds:
+        return {}
+    message = (
+        f"{gain}: torques, inertia and springs have a common scale that no motion shows, and all would slide together; "
+        f"hold the gain (fixed: [{gain}]), or the inertia"
+    )
+    return {("free",): message}

@@ -35,7 +35,7 @@ from robid_core.residual import (
     solve,
 )
 from robid_fit.torque_data import block_of, functions_of_speed, spectra_of, variants_of
-from robid_fit.torque_gain import is_torque_gain
+from robid_fit.torque_gain import common_scale_problem
 from robid_fit.torque_model import model_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -107,24 +107,10 @@ class TorqueResidualFit(Estimator):
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""
         patterns = default_patterns(robot) if self.free is None else self.free
-        found = pattern_problems(robot, patterns, self.fixed, self.prior)
-        if found:
-            return found
-        names = list(robot.layout)
-        chosen = set(chosen_names(names, patterns, self.fixed))
-        for i, pattern in enumerate(patterns):
-            for name in chosen_names(names, [pattern]):
-                if name in chosen and (why := _why_not_free(robot, name)):
-                    found.setdefault(("free", i), f"'{pattern}' means {name}: {why}")
-        kinds = {robot.parameter_kind(name) for name in chosen}
-        gain = next((name for name in sorted(chosen) if is_torque_gain(robot, name)), None)
-        if gain is not None and {"stiffness", "inertia"} <= kinds:
-            found.setdefault(
-                ("free",),
-                f"{gain}: torques, inertia and springs have a common scale that no motion shows, and all would slide "
-                f"together; hold the gain (fixed: [{gain}]), or the inertia",
-            )
-        return found
+        found = pattern_problems(
+            robot, patterns, self.fixed, self.prior, lambda name: _why_not_free(robot, name)
+        )
+        return found or common_scale_problem(robot, chosen_names(list(robot.layout), patterns, self.fixed))
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""

@@ -135,6 +135,7 @@ class Averaging(FrfEstimator):
             valid=valid,
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
+            travel_covariance=record.travel_covariance(spectra.discard),
             damping_deviation=record.damping_deviation,
             covers=Frf.OWN_MEAN if record.model_based else estimate.covers,
         )

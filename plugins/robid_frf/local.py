@@ -114,6 +114,7 @@ class LocalMethod(FrfEstimator):
             valid=valid,
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
+            travel_covariance=record.travel_covariance(spectra.discard),
             damping_deviation=record.damping_deviation,
         )
 

@@ -152,6 +152,7 @@ class Spectral(FrfEstimator):
             valid=valid,
             speed_rms=speed,
             slow_sine_speed=slow_sine,
+            travel_covariance=None if record.line is None else record.travel_covariance(discard),
             damping_deviation=record.damping_deviation_at(frequency),
             covers=Frf.OWN_MEAN if record.model_based else _covers(estimated, names, cut, valid),
         )

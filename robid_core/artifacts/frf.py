@@ -23,7 +23,8 @@ class Frf(Artifact):
     both together. `degrees_of_freedom` counts the complex residuals behind `output_covariance`,
     `pooling` says how they were collected. Lines where `valid` is false hold no number worth using.
     `speed_rms` and `slow_sine_speed` say under which motion of the motors the response was measured: a
-    nonlinear robot has another response under another motion.
+    nonlinear robot has another response under another motion. `travel_covariance` is that of the motors' angles about
+    their mean in an experiment: the response is a mean over the poses that the motion visits.
 
     `covers` says what the stated regions are about: OWN_MEAN, what the estimator would give on average over many
     repetitions, or BEST_LINEAR_APPROXIMATION, where the estimator's bias is part of the region or known to be
@@ -65,6 +66,7 @@ class Frf(Artifact):
     valid: BoolArray | None = array("n_config n_freq", optional=True)
     speed_rms: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
     slow_sine_speed: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
+    travel_covariance: FloatArray | None = array("n_config n_axis n_axis", "rad^2", optional=True)
     damping_deviation: FloatArray | None = array("n_config n_freq n_axis", "N m s/rad", optional=True)
     covers: str = OWN_MEAN
 
@@ -195,5 +197,6 @@ class Frf(Artifact):
             valid=valid,
             speed_rms=speed_rms,
             slow_sine_speed=slow_sine_speed,
+            travel_covariance=record.travel_covariance(discard),
             damping_deviation=record.damping_deviation,
         )

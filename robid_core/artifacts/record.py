@@ -168,6 +168,17 @@ class Record(Artifact):
         levels = [speed_levels(one, self._lines(), step) for one in position]
         return np.stack([rms for rms, _ in levels]), np.stack([sine for _, sine in levels])
 
+    def travel_covariance(self, discard: int = 0) -> FloatArray:
+        """Covariance of the motors' angles about their mean in each experiment, (n_config, n_axis, n_axis), rad^2.
+
+        Mean over the experiments of a configuration; most of it is the slow sine's.
+        """
+        position = self.run.values(MOTOR_POSITION)[:, :, :, discard:].mean(axis=3)
+        about = position - position.mean(axis=3, keepdims=True)
+        about = about.reshape(len(position), -1, position.shape[-1])
+        result: FloatArray = about.swapaxes(1, 2) @ about / about.shape[1]
+        return result
+
     def period_spectra(self, channel: str, discard: int = 0, line: IntArray | None = None) -> ComplexArray:
         """DFT of each period of a channel, scaled by 1/n_sample, at the excited lines or at the bins `line`.
 

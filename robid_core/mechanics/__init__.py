@@ -31,7 +31,12 @@ from robid_core.mechanics.prescribed import (
     periodic_motion,
     prescribe,
 )
-from robid_core.mechanics.response import ResponseGradient, response, response_with_gradient
+from robid_core.mechanics.response import (
+    ResponseGradient,
+    response,
+    response_with_gradient,
+    with_motor_impedance,
+)
 from robid_core.mechanics.simulate import (
     Controller,
     Simulation,
@@ -84,4 +89,5 @@ __all__ = [
     "solve_equilibrium",
     "warm_up",
     "where",
+    "with_motor_impedance",
 ]

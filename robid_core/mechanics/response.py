@@ -80,6 +80,34 @@ def response_with_gradient(
     return _condensed(model, omega, hold_sample_time, gradient=True)
 
 
+def with_motor_impedance(
+    plain: ResponseGradient, impedance: ComplexArray, omega: FloatArray, hold_sample_time: float | None = None
+) -> ResponseGradient:
+    """Response and vectors with something more at the motors, whatever its course over frequency.
+
+    With ``P = B^T Z^-1 B`` and Y the diagonal of impedances, ``B^T (Z + B Y B^T)^-1 = (I + P Y)^-1 B^T Z^-1``: nothing
+    is factorised again. The folded images, where the inertia rules, are left as they are.
+
+    Parameters
+    ----------
+    plain
+        From `response_with_gradient`.
+    impedance
+        Torque per motor angle, N m/rad, shape (..., n_freq, n_axis).
+    omega, hold_sample_time
+        As for `plain`.
+    """
+    scale = 1j * omega * np.sqrt(hold_factor(omega, hold_sample_time)[0])
+    between = plain.motor_vectors / scale[:, None, None]
+    turned = np.linalg.inv(np.eye(impedance.shape[-1]) + between * impedance[..., None, :])
+    motors = turned @ plain.motor_vectors
+    return ResponseGradient(
+        plain.response + scale[:, None, None] * (motors - plain.motor_vectors),
+        plain.spring_vectors @ np.swapaxes(turned, -1, -2),
+        motors,
+    )
+
+
 def hold_factor(omega: FloatArray, sample_time: float | None) -> tuple[ComplexArray, ComplexArray]:
     """H0 and the factor of the images of a pure inertia (see `response`), each of the shape of omega."""
     if sample_time is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fnmatch
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from robid_core.errors import ConfigurationError
 from robid_core.parameters.choice import chosen_names, matching, prior_of
@@ -14,9 +14,15 @@ from robid_core.yaml_file.problems import KeyPath
 
 
 def pattern_problems(
-    robot: Robot, free: Sequence[str], fixed: Sequence[str] = (), prior: Mapping[str, float] | None = None
+    robot: Robot,
+    free: Sequence[str],
+    fixed: Sequence[str] = (),
+    prior: Mapping[str, float] | None = None,
+    why_not_free: Callable[[str], str] = lambda name: "",
 ) -> dict[KeyPath, str]:
     """Say what is wrong with patterns of parameters; empty where nothing is.
+
+    `why_not_free` says for a name why the fit that asks cannot free it, or nothing where it can.
 
     Returns
     -------
@@ -43,6 +49,12 @@ def pattern_problems(
     for body, held in held_moments(chosen).items():
         freed = [name for name in chosen if name.startswith(f"{body}.")]
         found.setdefault(_cause(places, {"fixed": held, "free": freed}), all_or_none(body))
+    if found:
+        return found
+    for i, pattern in enumerate(free):
+        for name in matching(pattern, names):
+            if name in chosen and (why := why_not_free(name)):
+                found.setdefault(("free", i), f"'{pattern}' means {name}: {why}")
     return found
 
 

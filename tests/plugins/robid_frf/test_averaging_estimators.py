@@ -173,6 +173,12 @@ def test_motion_of_the_motors_is_reported_with_and_without_a_slow_sine() -> None
     amplitude = 0.5 / omega[:, None] * np.sqrt((np.abs(truth) ** 2).sum(axis=-1))
     assert frf.speed_rms[0] == pytest.approx(np.sqrt(0.5 * (amplitude**2).sum(axis=0)), rel=1e-9)
 
+    # The slow sines have one phase; what the lines add is the mean of squares of the angle, not of the speed.
+    quick = np.sqrt(0.5 * ((amplitude / omega[:, None]) ** 2).sum(axis=0))
+    variance = np.diag(frf.travel_covariance[0])
+    assert variance == pytest.approx(0.5 * np.array([2.0, 1.0]) ** 2 + quick**2, rel=1e-9)
+    assert frf.travel_covariance[0, 0, 1] == pytest.approx(0.5 * 2.0 * 1.0, rel=0.05)
+
     def still(values: FloatArray) -> None:
         values -= sine(np.array([2.0, 1.0]), np.full(2, 0.3), 2, N_SAMPLE)
 

@@ -17,6 +17,7 @@ from robid_core.mechanics import (
     response_with_gradient,
     second_order_model,
     solve_equilibrium,
+    with_motor_impedance,
 )
 from robid_core.mechanics.elimination import plan_of
 from robid_core.mechanics.reference import response_by_solving
@@ -239,3 +240,27 @@ def test_held_torque_and_sampled_position_follow_the_exact_discretisation(
 def test_frequencies_at_or_below_zero_are_refused(three_axis: Any) -> None:
     with pytest.raises(ConfigurationError, match="frequencies must be finite and above zero"):
         response(_model(three_axis), np.array([0.0, 1.0]))
+
+
+@pytest.mark.parametrize("hold", [None, _SAMPLE_TIME])
+def test_an_impedance_at_the_motors_is_what_more_damping_and_inertia_would_be(
+    three_axis: Any, hold: float | None
+) -> None:
+    """Dampers go into the matrices exactly; inertia too, but for the images of the held case, which it leaves alone."""
+    n_axis = three_axis.mechanism.n_axis
+    plain, damped = (_model(three_axis, motor_damping=np.full(n_axis, size)) for size in (0.01, 0.03))
+    base = response_with_gradient(plain, _OMEGA, hold)
+    impedance = np.broadcast_to(0.02j * _OMEGA[:, None], (3, len(_OMEGA), n_axis))
+    made, known = (
+        with_motor_impedance(base, impedance, _OMEGA, hold),
+        response_with_gradient(damped, _OMEGA, hold),
+    )
+    for field in ("response", "spring_vectors", "motor_vectors"):
+        got, expected = getattr(made, field), getattr(known, field)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10 * abs(expected).max())
+    mass, motors = plain.mass.copy(), np.arange(n_axis)
+    mass[:, motors, motors] *= 1.01
+    more = (mass - plain.mass)[:, motors, motors]
+    heavier = with_motor_impedance(base, -(_OMEGA**2)[:, None] * more[:, None], _OMEGA, hold)
+    expected = response_with_gradient(replace(plain, mass=mass), _OMEGA, hold).motor_vectors
+    np.testing.assert_allclose(heavier.motor_vectors, expected, rtol=0, atol=1e-10 * abs(expected).max())

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from robid_core import ConfigurationError, Robot
+from robid_core import ConfigurationError, Robot, chosen_names
 from robid_core.mechanics.flexible import craig_bampton, hollow_square
 from robid_core.mechanics.flexible.closed_form import bending_frequencies_hz, cantilever_roots
 from robid_core.mechanics.tool import pose_of
@@ -146,13 +146,15 @@ def test_modes_have_names_units_and_a_group_of_their_own(folder: Path) -> None:
 
 def test_a_fit_and_a_design_leave_the_modes_alone(folder: Path) -> None:
     from robid_design.information import information_matrices
-    from robid_fit.problem import Unknowns
+    from robid_fit.log_response import default_patterns
 
     elastic = "rotor_inertia: 5.0e-4, gear: {stiffness: 2.0e+4, damping: 3}"
     robot = robot_of(ARM.replace("rotor_inertia: 5.0e-4", elastic), folder)
-    unknowns = Unknowns.of_robot(robot)
-    assert len(unknowns.start) == len(unknowns.names) == 2 * 3 + 2
-    assert not [name for name in unknowns.names if name.startswith("modal")]
+    assert set(chosen_names(list(robot.layout), default_patterns(robot))) == {
+        *robot.stiffness_names,
+        *robot.damping_names,
+    }
+    assert len(robot.stiffness_names) == 3
     frequency = np.array([5.0, 12.0])
     found = information_matrices(
         robot,
