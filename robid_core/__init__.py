@@ -30,6 +30,7 @@ _HOME = {
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
+    "robid_core.robot.side_by_side": ("prescribe_many",),
     "robid_core.effect": (
         "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect", "StructureEffect",
         "TestValue",
@@ -147,6 +148,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,
+    )
+    from robid_core.robot.side_by_side import (
+        prescribe_many as prescribe_many,
     )
     from robid_core.settings_types import (
         DataPath as DataPath,
