@@ -154,21 +154,29 @@ def prescribe(
     deal(len(lanes.position), n_thread, share)
     del entries  # machine code of the laws, no longer called
     ended = state_of_lanes(lanes, mechanism, forces, n_lane)
-    runs = []
-    for first in range(0, n_lane, n_exp):
-        own = slice(first, first + n_exp)
-        coordinates = (
-            outputs.coordinates[own][..., np.argsort(motors_last(mechanism))] if keep_coordinates else None
-        )
-        state = SimulationState(*(getattr(ended, field.name)[own] for field in fields(SimulationState)))
-        saturated = np.zeros((n_exp, n_axis))
-        run = Simulation(outputs.position[own], outputs.torque[own], saturated, coordinates, state)
-        if (outputs.diverged[own] >= 0).any():
-            raise divergence(
-                "prescribe", mechanism, forces, run, outputs.diverged[own], outputs.force[own], sample_time
-            )
-        runs.append(run)
-    return runs
+    return [
+        _result(models[0], outputs, ended, slice(i, i + n_exp), sample_time) for i in range(0, n_lane, n_exp)
+    ]
+
+
+def _result(
+    model: MechanicalModel, outputs: Outputs, ended: SimulationState, own: slice, sample_time: float
+) -> Simulation:
+    """Results of one robot, which are those of its lanes; raises SimulationDiverged where one left all bounds."""
+    mechanism, coordinates = model.mechanism, None
+    if len(outputs.coordinates):
+        coordinates = outputs.coordinates[own][..., np.argsort(motors_last(mechanism))]
+    run = Simulation(
+        outputs.position[own],
+        outputs.torque[own],
+        np.zeros_like(outputs.torque[own, 0]),
+        coordinates,
+        SimulationState(*(getattr(ended, field.name)[own] for field in fields(SimulationState))),
+    )
+    diverged = outputs.diverged[own]
+    if (diverged >= 0).any():
+        raise divergence("prescribe", mechanism, model.forces, run, diverged, outputs.force[own], sample_time)
+    return run
 
 
 def _common_structure(models: Sequence[MechanicalModel]) -> tuple[Mechanism, tuple[ForceTerm, ...]]:

@@ -91,7 +91,7 @@ def main() -> None:
             options.rounds,
         )
         rows.append(
-            (f"prescribed motion over closed loop, {n} experiments", race, "prescribed", "closed loop", 1)
+            (f"prescribed motion over closed loop, experiments: {n}", race, "prescribed", "closed loop", 1)
         )
     nonlinear = six
     for use, axis, side, _ in LAWS:
