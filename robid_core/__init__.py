@@ -32,6 +32,7 @@ _HOME = {
     "robid_core.robot.recorded": ("simulate_record",),
     "robid_core.robot.structure_effect": ("StructureEffect",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
+    "robid_core.robot.side_by_side": ("prescribe_many",),
     "robid_core.effect": (
         "Effect", "Equivalent", "ForceEffect", "Motion", "Parameter", "Place", "SignalEffect",
         "TestValue",
@@ -151,6 +152,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,
+    )
+    from robid_core.robot.side_by_side import (
+        prescribe_many as prescribe_many,
     )
     from robid_core.robot.structure_effect import (
         StructureEffect as StructureEffect,

@@ -24,6 +24,7 @@ from robid_core.mechanics.functions import (
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import where
 from robid_core.mechanics.linearize import LinearModel, SecondOrderModel, linear_model, second_order_model
+from robid_core.mechanics.mechanical_model import MechanicalModel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.prescribed import (
     MotorMotion,
@@ -57,6 +58,7 @@ __all__ = [
     "Equilibrium",
     "ForceTerm",
     "LinearModel",
+    "MechanicalModel",
     "Mechanism",
     "MotorMotion",
     "ResponseGradient",

@@ -7,16 +7,12 @@ import numpy as np
 from robid_core.mechanics.integrator import act_on_signal, hold_torque
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import where
+from robid_core.mechanics.mechanical_model import PlantArrays
 from robid_core.mechanics.recursion import chain_views, work_views
-from robid_core.mechanics.simulation_arrays import (
-    ControlArrays,
-    LaneState,
-    PlantArrays,
-    StepWork,
-    TermArrays,
-)
+from robid_core.mechanics.simulation_arrays import ControlArrays, LaneState, StepWork
+from robid_core.mechanics.term_arrays import TermArrays
 from robid_core.mechanics.terms import POSITION, TORQUE_MEASUREMENT
-from robid_core.mechanics.views import lane_view, view_of
+from robid_core.mechanics.views import lane_view, parameter_view, view_of
 
 DIVERGED = 1e6  # rad, rad/s, m or m/s: no motor is there, a numerical explosion soon is
 
@@ -105,9 +101,9 @@ def note_diverged(signals, position, speed, force, first_lane, sample):  # type:
 @kernel
 def run_blocks(arrays, work, control, state, signals, single, first_block, last_block):  # type: ignore[no-untyped-def]
     """Run blocks first_block to last_block - 1 over all samples; `single` is None where a block is one lane."""
-    chain = chain_views(arrays.chain)
-    plant = plant_views(arrays.plant)
-    terms = term_views(arrays.terms)
+    chain = chain_views(arrays.chain, 0, None)
+    plant = plant_views(arrays.plant, 0, None)
+    terms = term_views(arrays.terms, 0, None)
     chain_work, step_work = work_views(work.chain, single), step_views(work.step, single)
     clock = ControlArrays(view_of(control.gains), control.sample_time, control.n_step, control.runge_kutta)
     n_axis, width = control.gains.shape[0], state.position.shape[2]
@@ -148,21 +144,24 @@ def run_blocks(arrays, work, control, state, signals, single, first_block, last_
 
 
 @kernel
-def plant_views(plant):  # type: ignore[no-untyped-def]
-    """Views of the arrays of a plant."""
+def plant_views(plant, numbers, own):  # type: ignore[no-untyped-def]
+    """Views of the arrays of a plant, of one set of numbers; `own` as of `parameter_view`."""
     return PlantArrays(
-        view_of(plant.joint_column), view_of(plant.joint_value), view_of(plant.spring_start),
-        view_of(plant.spring_column), view_of(plant.spring_value), view_of(plant.constant), view_of(plant.fill),
-        view_of(plant.transmission), view_of(plant.gear_spring), view_of(plant.rigid), view_of(plant.rotor_inertia),
+        view_of(plant.joint_column), parameter_view(plant.joint_value[numbers], own), view_of(plant.spring_start),
+        view_of(plant.spring_column), parameter_view(plant.spring_value[numbers], own),
+        parameter_view(plant.constant[numbers], own), view_of(plant.coupled), view_of(plant.fill),
+        view_of(plant.gear_column), parameter_view(plant.gear_value[numbers], own),
+        parameter_view(plant.gear_spring[numbers], own), view_of(plant.rigid_column),
+        parameter_view(plant.rigid_value[numbers], own), parameter_view(plant.rotor_inertia[numbers], own),
     )  # fmt: skip
 
 
 @kernel
-def term_views(terms):  # type: ignore[no-untyped-def]
-    """Views of the arrays of laws."""
+def term_views(terms, numbers, own):  # type: ignore[no-untyped-def]
+    """Views of the arrays of laws, of one set of numbers; `own` as of `parameter_view`."""
     return TermArrays(
-        view_of(terms.force), view_of(terms.signal), view_of(terms.column), view_of(terms.value),
-        view_of(terms.argument), view_of(terms.weight), view_of(terms.loads),
+        view_of(terms.force), view_of(terms.signal), view_of(terms.column), parameter_view(terms.value[numbers], own),
+        view_of(terms.argument[numbers]), parameter_view(terms.weight[numbers], own), view_of(terms.loads),
     )  # fmt: skip
 
 

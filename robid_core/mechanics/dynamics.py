@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from robid_core.mechanics.chain import Chain, FloatArray
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.layout import chain_arrays, chain_work
+from robid_core.mechanics.layout import ChainArrays, chain_arrays, chain_work
 from robid_core.mechanics.recursion import chain_views, evaluate, work_views
 from robid_core.mechanics.views import lanes_of
 
@@ -44,15 +45,20 @@ def dynamics(chain: Chain, position: FloatArray, speed: FloatArray | None = None
     rows, rates = q.reshape(-1, n), v.reshape(-1, n)
     mass, bias = np.zeros((len(rows), n, n)), np.zeros((len(rows), n))
     stiffness = np.zeros((len(rows), n, n))
-    dynamics_rows(chain_arrays(chain), chain_work(n, LANES), rows, rates, mass, bias, stiffness)
+    dynamics_rows(_arrays_of(chain), chain_work(n, LANES), rows, rates, mass, bias, stiffness)
     return Dynamics(mass.reshape(*q.shape, n), bias.reshape(q.shape), stiffness.reshape(*q.shape, n))
+
+
+@functools.lru_cache(maxsize=32)
+def _arrays_of(chain: Chain) -> ChainArrays:
+    return chain_arrays([chain], np.zeros((1, 1), dtype=np.int64))
 
 
 @kernel
 def dynamics_rows(chain, work, position, speed, masses, biases, stiffnesses):  # type: ignore[no-untyped-def]
     """Evaluate every row of position and speed into full symmetric matrices."""
     n_row, n = position.shape
-    views, memory = chain_views(chain), work_views(work, LANES)
+    views, memory = chain_views(chain, 0, None), work_views(work, LANES)
     q, v = np.zeros((n, LANES)), np.zeros((n, LANES))
     for first in range(0, n_row, LANES):
         for i in range(n):

@@ -6,7 +6,8 @@ f_l of effects. *Linearly implicit midpoint* (a Rosenbrock method of order two):
 midpoint, springs, dampers and the slopes of the laws implicit, one evaluation a step. It is stable for springs and
 friction slopes far beyond the step's resolution. *Runge-Kutta* of order four, all explicit, is its check.
 
-The functions work on views (`views`); the meaning of each array stands in `simulation_arrays` and `layout`.
+The functions work on views (`views`); the meaning of each array stands in `layout`, `mechanical_model`,
+`term_arrays` and `simulation_arrays`.
 """
 
 from __future__ import annotations
@@ -112,16 +113,16 @@ def pass_torque(  # type: ignore[no-untyped-def]
     if terms.loads[0]:
         for a in range(n_axis):
             deflection, rate = 0.0 * middle[0], 0.0 * middle[0]
-            for i in range(middle.shape[0]):
-                if plant.transmission[a, i] != 0.0:
-                    deflection = deflection + plant.transmission[a, i] * middle[i]
-                    rate = rate + plant.transmission[a, i] * middle_speed[i]
+            for e in range(plant.gear_column.shape[1]):
+                i = plant.gear_column[a, e]
+                deflection = deflection + plant.gear_value[a, e] * middle[i]
+                rate = rate + plant.gear_value[a, e] * middle_speed[i]
             passed = plant.gear_spring[a, 0] * deflection + plant.gear_spring[a, 1] * rate
-            for b in range(n_axis):
-                if plant.rigid[a, b] != 0.0:
-                    passed = passed + plant.rigid[a, b] * (
-                        torque[b] - plant.rotor_inertia[b] * acceleration[motor + b]
-                    )
+            for e in range(plant.rigid_column.shape[1]):
+                b = plant.rigid_column[a, e]
+                passed = passed + plant.rigid_value[a, e] * (
+                    torque[b] - plant.rotor_inertia[b] * acceleration[motor + b]
+                )
             load[a] = passed
 
 
@@ -180,6 +181,14 @@ def advance_laws(terms, work, law_state, position, step):  # type: ignore[no-unt
 
 
 @fused_kernel
+def add_constant(plant, system):  # type: ignore[no-untyped-def]
+    """Add springs and dampers, as the implicit step has them, between coordinates behind the motors."""
+    for e in range(plant.coupled.shape[0]):
+        i, j = plant.coupled[e, 0], plant.coupled[e, 1]
+        system[i, j] = system[i, j] + plant.constant[i, j]
+
+
+@fused_kernel
 def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-untyped-def]
     """Arm and constants into `system`, right-hand side into `right`; rows of motors hold their constants already."""
     system, right = work.system, work.right
@@ -193,8 +202,7 @@ def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-unty
         evaluate(chain, memory, work.middle, work.middle_speed, False)
         for i in range(n_joint):
             right[i] = stage[i] - right[i]
-            for j in range(i + 1):
-                system[i, j] = system[i, j] + plant.constant[i, j]
+        add_constant(plant, system)
         for i in range(n_joint, n):
             right[i] = stage[i]
         return
@@ -209,7 +217,8 @@ def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-unty
         right[i] = stage[i]
     for i in range(motor):
         for j in range(i + 1):
-            system[i, j] = plant.constant[i, j]
+            system[i, j] = 0.0
+    add_constant(plant, system)
     for i in range(n_joint):
         for e in range(width):
             row = plant.joint_column[i, e]

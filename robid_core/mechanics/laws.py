@@ -36,6 +36,7 @@ from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.terms import Law
 
 Kind = Literal["force", "signal"]
+Way = Literal["single", "lanes", "lane_after_lane"]
 
 N_INPUT = 3  # rows of what goes into a law: position, velocity, load, or signal, angle, speed
 N_OUTPUT = 3  # rows of what comes out: force, slope in position, slope in velocity, or the signal
@@ -47,31 +48,33 @@ ENTRY = numba.types.void(*[numba.types.intp] * 4, numba.types.float64)
 class Entries:
     """A compiled law: void entry(place, state, next_state, arguments, step), all addresses but the step.
 
-    `place` has rows of inputs and outputs, `state` and `next_state` a row a state, each as wide as the lanes.
+    `place` has rows of inputs and outputs, `state` and `next_state` a row a state, each as wide as the lanes;
+    `arguments` are numbers, or rows as wide as the lanes.
     """
 
     single: int
     """Address of the entry for one experiment."""
     lanes: int
-    """Address of the entry for all lanes."""
+    """Address of the entry for all lanes; their arguments stand side by side where they were asked for so."""
     vectorized: bool
     """Whether the law runs on all lanes at once."""
     keep: tuple[Any, ...]
     """What must live as long as the addresses are used."""
 
 
-_compiled: dict[tuple[int, str, int], tuple[Law, Entries]] = {}
+_compiled: dict[tuple[int, str, int, int | None], tuple[Law, Entries]] = {}
 
 
-def entries_of(law: Law, kind: Kind, n_state: int, label: str) -> Entries:
+def entries_of(law: Law, kind: Kind, n_state: int, label: str, n_argument: int | None = None) -> Entries:
     """Compile a law, or find it compiled.
 
-    Raises PluginError, in the name of `label`, where the law does not compile at all.
+    `n_argument` is the number of its arguments where each lane has its own; None: all lanes share them. Raises
+    PluginError, in the name of `label`, where the law does not compile at all.
     """
-    key = (id(law), kind, n_state)
+    key = (id(law), kind, n_state, n_argument)
     if key not in _compiled:
         try:
-            _compiled[key] = (law, _compile(law, kind, n_state))
+            _compiled[key] = (law, _compile(law, kind, n_state, n_argument))
         except NumbaError as error:
             reason = next((line for line in str(error).splitlines() if line.strip()), "")
             raise PluginError(
@@ -81,14 +84,17 @@ def entries_of(law: Law, kind: Kind, n_state: int, label: str) -> Entries:
     return _compiled[key][1]
 
 
-def _compile(law: Law, kind: Kind, n_state: int) -> Entries:
+def _compile(law: Law, kind: Kind, n_state: int, n_argument: int | None) -> Entries:
     if not is_jitted(law):
         law = numba.njit(law)
     for function in reached(law):  # what numba keeps of these may be older than what they call
         if not function.py_func.__module__.startswith("robid_core."):
             function._cache = NullCache()
     name = _importable(law)
-    sources = {way: _source(name, way, kind, n_state) for way in ("single", "lanes", "lane_after_lane")}
+    ways: tuple[Way, ...] = ("single", "lanes", "lane_after_lane")
+    sources = {
+        way: _source(name, way, kind, n_state, None if way == "single" else n_argument) for way in ways
+    }
     digest = law_hash(law)
     try:
         single, lanes, vectorized = _entry(law, name, sources["single"], digest), None, True
@@ -195,40 +201,49 @@ def _importable(law: Law) -> tuple[str, str] | None:
     return (module, name) if module != "__main__" and getattr(found, name, None) is law else None
 
 
-def _source(name: tuple[str, str] | None, way: str, kind: Kind, n_state: int) -> str:
-    """Text of the module that holds one entry."""
+def _source(name: tuple[str, str] | None, way: Way, kind: Kind, n_state: int, n_argument: int | None) -> str:
+    """Text of the module that holds one entry; with `n_argument`, each lane has arguments of its own."""
     outputs = "io[3], io[4], io[5]" if kind == "force" else "io[3]"
     view = "lanes_at" if way == "lanes" else "numbers_at"
     lines = [
         "import numpy as np",
-        f"from robid_core.mechanics.views import {view}",
+        "from robid_core.mechanics.views import lanes_at, numbers_at",
         *([f"from {name[0]} import {name[1]} as law"] if name else []),
         "",
         "",
         "def entry(place, state, next_state, arguments, step):",
     ]
     if way != "lane_after_lane":
+        given = "numbers_at" if n_argument is None else "lanes_at"
         lines += [
             f"    io = {view}(place)",
             f"    {outputs} = law(",
-            f"        io[0], io[1], io[2], {view}(state), {view}(next_state), numbers_at(arguments), step",
+            f"        io[0], io[1], io[2], {view}(state), {view}(next_state), {given}(arguments), step",
             "    )",
         ]
-        if way == "lanes":
-            lines[1] = "from robid_core.mechanics.views import lanes_at, numbers_at"
     else:
         rows = ", ".join(f"io[{row} * {LANES} + lane]" for row in range(N_INPUT))
         outputs = ", ".join(
             f"io[{N_INPUT + row} * {LANES} + lane]" for row in range(N_OUTPUT if kind == "force" else 1)
         )
+        gathered = [
+            f"        for k in range({n_argument}):",
+            f"            numbers[k] = given[k * {LANES} + lane]",
+        ]
         lines += [
             "    io, before, after = numbers_at(place), numbers_at(state), numbers_at(next_state)",
             f"    own, following = np.empty({n_state}), np.empty({n_state})",
+            *(
+                []
+                if n_argument is None
+                else [f"    given, numbers = numbers_at(arguments), np.empty({n_argument})"]
+            ),
             f"    for lane in range({LANES}):",
             f"        for k in range({n_state}):",
             f"            own[k] = following[k] = before[k * {LANES} + lane]",
+            *([] if n_argument is None else gathered),
             f"        {outputs} = law(",
-            f"            {rows}, own, following, numbers_at(arguments), step",
+            f"            {rows}, own, following, {'numbers_at(arguments)' if n_argument is None else 'numbers'}, step",
             "        )",
             f"        for k in range({n_state}):",
             f"            after[k * {LANES} + lane] = following[k]",

@@ -1,9 +1,15 @@
-"""How a chain lies in memory for the compiled loops: joint axes along local x, y or z; the last axis of work: lanes."""
+"""How chains lie in memory for the compiled loops: joint axes along local x, y or z; the last axis of work: lanes.
+
+Lanes may be of robots that differ in numbers. Arrays of floats have a leading axis for sets of numbers, of which each
+block of lanes takes one, and where the lanes of a block are of several robots a last axis for the lanes. Arrays of
+whole numbers tell the structure, which all robots share.
+"""
 
 from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +18,13 @@ from robid_core.mechanics.chain import MODAL, PRISMATIC, REVOLUTE, Chain, FloatA
 
 
 class ChainArrays(NamedTuple):
-    """A chain as the kernels read it."""
+    """Chains as the kernels read them: structure, and numbers as `in_lanes` lays them."""
 
-    tree: IntArray  # (n, 6) parent; 0, 1, 2: revolute about local x, y, z, 3: prismatic along z, 4: modal; is rotation
+    tree: IntArray  # (n, 8) parent; 0, 1, 2: revolute about local x, y, z, 3: prismatic along z, 4: modal; is rotation
     # not 1; root of the flexible body whose mode this is, or -1; does a joint other than the next come back to
     # its frame;
-    # is there a mass, or does a joint other than the next hang on it
+    # is there a mass, or does a joint other than the next hang on it; 1 + 2 + 4: translation along x, y, z is not 0;
+    # is there a mass
     body: FloatArray  # (n, 26) rotation by rows 0-8, translation 9, mass 12, mass times centre 13, inertia
     # about the joint frame's origin xx yy zz xy xz yz 16, slide 22 and turn 25 of a modal joint
     ancestor: IntArray  # (n, n) [j, i] is 1 where joint i moves body j, else 0
@@ -43,9 +50,48 @@ class ChainWork(NamedTuple):
     cosine: FloatArray  # (n,)
 
 
-@functools.lru_cache(maxsize=32)
-def chain_arrays(chain: Chain) -> ChainArrays:
-    """Turn every joint frame so that its axis is a local one, and list who moves whom."""
+OF_STRUCTURE, OF_NUMBERS = (0, 1, 3, 4), (2, 5, 6, 7)
+"""Columns of `ChainArrays.tree`: alike in all robots, and those that ask whether a number is not zero."""
+
+
+def in_lanes(numbers: Sequence[FloatArray], robots: IntArray) -> FloatArray:
+    """Lay numbers of several robots side by side.
+
+    Parameters
+    ----------
+    numbers
+        Of each robot, any shape, the same for all.
+    robots
+        Whose numbers each set has, shape (n_set, 1), or whose each lane of it has, shape (n_set, LANES).
+
+    Returns
+    -------
+    Shape (n_set, ...), or (n_set, ..., LANES) at the start of a cache line.
+    """
+    if robots.shape[1] == 1:
+        return np.ascontiguousarray(np.stack(numbers)[robots[:, 0]])
+    side_by_side = np.moveaxis(np.stack(numbers)[robots], 1, -1)
+    (lanes,) = aligned_arrays(side_by_side.shape)
+    lanes[:] = side_by_side
+    return lanes
+
+
+def chain_arrays(chains: Sequence[Chain], robots: IntArray) -> ChainArrays:
+    """Lay chains of one structure side by side; `robots` as of `in_lanes`."""
+    alone = [numbers_of_chain(chain) for chain in chains]
+    tree = alone[0].tree.copy()
+    for other in alone[1:]:
+        tree[:, OF_NUMBERS] |= other.tree[:, OF_NUMBERS]
+    body, modal, mass, gravity = (
+        in_lanes([getattr(one, name) for one in alone], robots)
+        for name in ("body", "modal", "modal_mass", "gravity")
+    )
+    return ChainArrays(tree, body, alone[0].ancestor, modal, mass, gravity)
+
+
+@functools.lru_cache(maxsize=128)
+def numbers_of_chain(chain: Chain) -> ChainArrays:
+    """Turn every joint frame so that its axis is a local one, and list who moves whom; no sets, no lanes."""
     n = chain.n_coordinate
     local, turns = zip(*map(_local_axis, chain.axis, chain.joint_type), strict=True)
     turn = np.array(turns)
@@ -80,9 +126,10 @@ def chain_arrays(chain: Chain) -> ChainArrays:
     branching = np.isin(joint, chain.parent[chain.parent != joint - 1])
     revisited = branching | np.isin(joint, chain.flexible_root)
     kept = branching | (chain.mass > 0)
-    tree = np.column_stack((chain.parent, local, turned, chain.flexible_root, revisited, kept)).astype(
-        np.int64
-    )
+    translated = (body[:, 9:12] != 0) @ [1, 2, 4]
+    tree = np.column_stack(
+        (chain.parent, local, turned, chain.flexible_root, revisited, kept, translated, chain.mass != 0)
+    ).astype(np.int64)
     root_unturn = np.where((chain.flexible_root >= 0)[:, None, None], unturn[chain.flexible_root], np.eye(3))
     root_turn = root_unturn.transpose(0, 2, 1)
     change = root_unturn @ chain.modal_inertia @ root_turn
@@ -138,12 +185,16 @@ def _local_axis(axis: FloatArray, joint_type: int) -> tuple[int, FloatArray]:
     return kind, np.column_stack((x, np.cross(z, x), z))
 
 
-def padded_rows(matrix: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Columns and values of the nonzero entries of each row, filled up with zeros at column 0."""
-    width = int((matrix != 0).sum(axis=1).max(initial=1))
-    column = np.zeros((len(matrix), width), dtype=np.int64)
-    value = np.zeros((len(matrix), width))
-    for i, row in enumerate(matrix):
-        there = np.flatnonzero(row)
-        column[i, : len(there)], value[i, : len(there)] = there, row[there]
+def padded_rows(matrices: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Columns (n_row, width) and values (n_robot, n_row, width) of the entries that are not zero in some matrix.
+
+    Rows are filled up with zeros at column 0; `matrices` has shape (n_robot, n_row, n_column).
+    """
+    there = (matrices != 0).any(axis=0)
+    width = int(there.sum(axis=1).max(initial=1))
+    column = np.zeros((len(there), width), dtype=np.int64)
+    value = np.zeros((len(matrices), len(there), width))
+    for i, row in enumerate(there):
+        found = np.flatnonzero(row)
+        column[i, : len(found)], value[:, i, : len(found)] = found, matrices[:, i, found]
     return column, value

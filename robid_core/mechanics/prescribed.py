@@ -13,7 +13,7 @@ times the angle, not quite ``-w^2``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import FloatArray, IntArray
 from robid_core.mechanics.lanes import LANES
+from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.prescribed_kernel import run_prescribed
 from robid_core.mechanics.simulate import (
@@ -33,14 +34,7 @@ from robid_core.mechanics.simulate import (
     lanes_of_state,
     state_of_lanes,
 )
-from robid_core.mechanics.simulation_arrays import (
-    motors_last,
-    plant_arrays,
-    robot_arrays,
-    spring_weights,
-    term_arrays,
-    work_memory,
-)
+from robid_core.mechanics.simulation_arrays import robot_arrays, work_memory
 from robid_core.mechanics.terms import ForceTerm
 
 
@@ -49,16 +43,17 @@ class MotorMotion:
     """How the motors move, in the integrator's steps."""
 
     angle: FloatArray
-    """At the first instant, rad, shape (n_lane, n_axis)."""
+    """At the first instant, rad, shape (n_exp, n_axis)."""
     speed: FloatArray
-    """At the first instant, rad/s, shape (n_lane, n_axis)."""
+    """At the first instant, rad/s, shape (n_exp, n_axis)."""
     acceleration: FloatArray
-    """During each step, rad/s^2, shape (n_lane, n_step, n_axis)."""
+    """During each step, rad/s^2, shape (n_exp, n_step, n_axis)."""
 
 
 class Outputs(NamedTuple):
     """Arrays that the loop fills."""
 
+    position: FloatArray
     torque: FloatArray
     coordinates: FloatArray
     diverged: IntArray
@@ -66,92 +61,156 @@ class Outputs(NamedTuple):
 
 
 def prescribe(
-    mechanism: Mechanism,
-    stiffness: FloatArray,
-    damping: FloatArray,
-    state: SimulationState,
+    models: Sequence[MechanicalModel],
+    states: Sequence[SimulationState],
     motion: MotorMotion,
     *,
-    forces: Sequence[ForceTerm] = (),
     sample_time: float = 1e-3,
     step: float = 2.5e-4,
+    keep_coordinates: bool = False,
     n_thread: int = 1,
-) -> Simulation:
-    """Motor torques that a motion takes, from given states of everything behind the motors.
+) -> list[Simulation]:
+    """Motor torques that a motion takes of each of several robots, from given states of everything behind the motors.
 
-    The result's position is that of the motors at the sampling instants, its coordinates are all there are.
+    Each robot makes all experiments of the motion, n_exp lanes; what a lane gives depends on no other lane. The
+    positions that come out are those of the motors at the sampling instants.
 
     Parameters
     ----------
-    mechanism, stiffness, damping
-        The robot; spring constants N m/rad and N m s/rad, shape (n_spring,).
-    state
-        Where each lane starts; angles and speeds of the motors are those of the motion.
+    models
+        Robots of one structure.
+    states
+        Where each of them starts, of the laws that act on it; angles and speeds of the motors are those of the motion.
     motion
         Of the motors, a whole number of samples long.
-    forces
-        Laws that act; the state must be of the same ones.
     sample_time, step
         Of torque and integration, s; the sample time is a whole number of steps.
+    keep_coordinates
+        Whether to return all coordinates.
     n_thread
         Lanes are dealt to that many threads; results do not depend on it.
 
+    Returns
+    -------
+    A simulation of each robot.
+
     Raises
     ------
+    ConfigurationError
+        Where the robots are not of one structure, or shapes do not fit.
     SimulationDiverged
-        Where a lane leaves all bounds.
+        Where a lane leaves all bounds; the simulations of the robots before are lost.
     """
-    mechanism.check_springs(stiffness=stiffness, damping=damping)
     n_step = round(sample_time / step)
     if n_step < 1 or abs(n_step * step - sample_time) > 1e-9 * sample_time:
         raise ConfigurationError(f"prescribe: {sample_time} s is not a whole number of steps of {step} s")
+    mechanism, forces = _common_structure(models)
     n_axis, n = mechanism.n_axis, mechanism.n_coordinate
     acceleration = np.ascontiguousarray(motion.acceleration, dtype=np.float64)
     shape = acceleration.shape
     if acceleration.ndim != 3 or shape[2] != n_axis or shape[1] % n_step or not shape[1]:
         raise ConfigurationError(
-            f"prescribe: accelerations of shape {shape}; give (n_lane, n_step, {n_axis}) with {n_step} steps a sample"
+            f"prescribe: accelerations of shape {shape}; give (n_exp, n_step, {n_axis}) with {n_step} steps a sample"
         )
     if not np.isfinite(acceleration).all():
         raise ConfigurationError("prescribe: the motion holds NaN or infinite values; fill gaps before")
-    n_lane, n_sample = shape[0], shape[1] // n_step
-    start = replace(
-        state,
-        position=np.concatenate((motion.angle, state.position[:, n_axis:]), axis=1),
-        speed=np.concatenate((motion.speed, state.speed[:, n_axis:]), axis=1),
-        law_state=state.law_state[:, : sum(term.n_state for term in forces)],
-    )
+    n_exp, n_sample = shape[0], shape[1] // n_step
+    n_lane = len(models) * n_exp
     width = LANES if n_lane >= FEWEST_LANES else 1
-    lanes = lanes_of_state(start, mechanism, forces, n_lane, width)
-    weight = spring_weights(mechanism, stiffness, step)
-    plant = plant_arrays(mechanism, stiffness, damping, forces, step, weight)
-    terms, entries = term_arrays(mechanism, forces, (), width == 1, step, weight)
-    arrays = robot_arrays(mechanism, plant, terms)
+    lanes = lanes_of_state(_starts(models, states, motion, n_exp), mechanism, forces, n_lane, width)
+    lane = np.minimum(np.arange(len(lanes.position) * width), n_lane - 1)
+    robots, numbers = np.unique((lane // n_exp).reshape(-1, width), axis=0, return_inverse=True)
+    if (robots == robots[:, :1]).all():
+        robots = robots[:, :1]
+    arrays, entries = robot_arrays(models, (), robots, width, step)
     outputs = Outputs(
         np.zeros((n_lane, n_sample, n_axis)),
-        np.zeros((n_lane, n_sample, n)),
+        np.zeros((n_lane, n_sample, n_axis)),
+        np.zeros((n_lane, n_sample, n) if keep_coordinates else (0, 0, 0)),
         np.full(n_lane, -1, dtype=np.int64),
         np.zeros((n_lane, len(forces))),
     )
+    order, experiment = numbers.astype(np.int64), np.arange(n_lane) % n_exp
 
     def share(first: int, last: int) -> None:
         work = work_memory(mechanism, len(forces), lanes.law_state.shape[1], width)
-        single = None if width == 1 else width
-        run_prescribed(arrays, work, lanes, acceleration, n_step, sample_time, outputs, single, first, last)
+        single, own = (None if size == 1 else size for size in (width, robots.shape[1]))
+        run_prescribed(
+            arrays,
+            order,
+            work,
+            lanes,
+            acceleration,
+            experiment,
+            n_step,
+            sample_time,
+            outputs,
+            single,
+            own,
+            first,
+            last,
+        )
 
     deal(len(lanes.position), n_thread, share)
     del entries  # machine code of the laws, no longer called
-    coordinates = outputs.coordinates[..., np.argsort(motors_last(mechanism))]
-    result = Simulation(
-        coordinates[..., :n_axis].copy(),
-        outputs.torque,
-        np.zeros((n_lane, n_axis)),
+    ended = state_of_lanes(lanes, mechanism, forces, n_lane)
+    return [
+        _result(models[0], outputs, ended, slice(i, i + n_exp), sample_time) for i in range(0, n_lane, n_exp)
+    ]
+
+
+def _result(
+    model: MechanicalModel, outputs: Outputs, ended: SimulationState, own: slice, sample_time: float
+) -> Simulation:
+    """Results of one robot, which are those of its lanes; raises SimulationDiverged where one left all bounds."""
+    mechanism, coordinates = model.mechanism, None
+    if len(outputs.coordinates):
+        coordinates = outputs.coordinates[own][..., np.argsort(motors_last(mechanism))]
+    run = Simulation(
+        outputs.position[own],
+        outputs.torque[own],
+        np.zeros_like(outputs.torque[own, 0]),
         coordinates,
-        state_of_lanes(lanes, mechanism, forces, n_lane),
+        SimulationState(*(getattr(ended, field.name)[own] for field in fields(SimulationState))),
     )
-    if (outputs.diverged >= 0).any():
-        raise divergence("prescribe", mechanism, forces, result, outputs.diverged, outputs.force, sample_time)
-    return result
+    diverged = outputs.diverged[own]
+    if (diverged >= 0).any():
+        raise divergence("prescribe", mechanism, model.forces, run, diverged, outputs.force[own], sample_time)
+    return run
+
+
+def _common_structure(models: Sequence[MechanicalModel]) -> tuple[Mechanism, tuple[ForceTerm, ...]]:
+    """Mechanism and laws of the first of several robots, which all have in common but for their numbers."""
+    if not models:
+        raise ConfigurationError("prescribe: no robot; give at least one")
+    for model in models:
+        model.mechanism.check_springs(stiffness=model.stiffness, damping=model.damping)
+    if any(model.structure != models[0].structure for model in models[1:]):
+        raise ConfigurationError(
+            "prescribe: the robots differ in joints, gears or laws; only robots that differ in numbers run side by side"
+        )
+    return models[0].mechanism, models[0].forces
+
+
+def _starts(
+    models: Sequence[MechanicalModel], states: Sequence[SimulationState], motion: MotorMotion, n_exp: int
+) -> SimulationState:
+    """States of all lanes, robot by robot; the motors are where the motion begins."""
+    for state in states:
+        if len(state.position) != n_exp:
+            raise ConfigurationError(
+                f"prescribe: {n_exp} experiments and a state of {len(state.position)}; give one state an experiment"
+            )
+    n_axis, n_state = motion.angle.shape[1], sum(term.n_state for term in models[0].forces)
+    whole = {
+        field.name: np.concatenate([getattr(state, field.name) for state in states])
+        for field in fields(SimulationState)
+        if field.name != "law_state"
+    }
+    for name, motors in (("position", motion.angle), ("speed", motion.speed)):
+        whole[name][:, :n_axis] = np.tile(motors, (len(states), 1))
+    laws = np.concatenate([state.law_state[:, :n_state] for state in states])
+    return SimulationState(**whole, law_state=laws)
 
 
 def periodic_motion(angle: FloatArray, sample_time: float, step: float, highest_hz: float) -> MotorMotion:

@@ -15,15 +15,16 @@ from robid_core.mechanics.functions import sine_and_cosine, sines_and_cosines
 from robid_core.mechanics.kernel import fused_kernel
 from robid_core.mechanics.lanes import like
 from robid_core.mechanics.layout import ChainArrays, ChainWork
-from robid_core.mechanics.views import lane_view, view_of
+from robid_core.mechanics.views import lane_view, parameter_view, view_of
 
 
 @fused_kernel
-def chain_views(chain):  # type: ignore[no-untyped-def]
-    """Views of the arrays of a chain."""
+def chain_views(chain, numbers, own):  # type: ignore[no-untyped-def]
+    """Views of the arrays of a chain, of one set of numbers; `own` as of `parameter_view`."""
     return ChainArrays(
-        view_of(chain.tree), view_of(chain.body), view_of(chain.ancestor), view_of(chain.modal),
-        view_of(chain.modal_mass), view_of(chain.gravity),
+        view_of(chain.tree), parameter_view(chain.body[numbers], own), view_of(chain.ancestor),
+        parameter_view(chain.modal[numbers], own), parameter_view(chain.modal_mass[numbers], own),
+        parameter_view(chain.gravity[numbers], own),
     )  # fmt: skip
 
 
@@ -205,11 +206,12 @@ def evaluate(chain, work, position, speed, stiff):  # type: ignore[no-untyped-de
             ax, ay, az = record[parent, 18], record[parent, 19], record[parent, 20]
             bx, by, bz = record[parent, 21], record[parent, 22], record[parent, 23]
         e0, e1, e2 = body[j, 9], body[j, 10], body[j, 11]
-        if e0 != 0.0:
+        moved = tree[j, 6]
+        if moved & 1:
             px, py, pz = px + e0 * xx, py + e0 * xy, pz + e0 * xz
-        if e1 != 0.0:
+        if moved & 2:
             px, py, pz = px + e1 * yx, py + e1 * yy, pz + e1 * yz
-        if e2 != 0.0:
+        if moved & 4:
             px, py, pz = px + e2 * zx, py + e2 * zy, pz + e2 * zz
         if tree[j, 2]:  # axes of the joint frame at coordinate zero
             r0, r1, r2 = body[j, 0], body[j, 3], body[j, 6]
@@ -282,7 +284,7 @@ def evaluate(chain, work, position, speed, stiff):  # type: ignore[no-untyped-de
         if tree[j, 3] >= 0:
             bend(chain, record, momentum, j, position[j], d)
         m = body[j, 12]
-        if m == 0.0:
+        if tree[j, 7] == 0:
             if tree[j, 5]:
                 for k in range(24, 40):
                     record[j, k] = 0.0

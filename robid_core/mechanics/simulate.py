@@ -18,17 +18,14 @@ from robid_core.mechanics.chain import FloatArray, IntArray
 from robid_core.mechanics.closed_loop import run_blocks
 from robid_core.mechanics.equilibrium import solve_equilibrium
 from robid_core.mechanics.lanes import LANES
+from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.simulation_arrays import (
     Arrays,
     ControlArrays,
     LaneState,
     Signals,
-    motors_last,
-    plant_arrays,
     robot_arrays,
-    spring_weights,
-    term_arrays,
     work_memory,
 )
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
@@ -225,11 +222,12 @@ def simulate(
     lanes = lanes_of_state(state, mechanism, (*forces, *signals), n_lane, width)
     gains = np.column_stack([_axes(controller, field.name, n_axis) for field in fields(controller)])
     control = ControlArrays(np.ascontiguousarray(gains), float(sample_time), n_step, method == "runge_kutta")
-    implicit_step = 0.0 if control.runge_kutta else step
-    weight = spring_weights(mechanism, stiffness, implicit_step)
-    plant = plant_arrays(mechanism, stiffness, damping, forces, implicit_step, weight)
-    terms, entries = term_arrays(mechanism, forces, signals, width == 1, implicit_step, weight)
-    _run(mechanism, robot_arrays(mechanism, plant, terms), control, lanes, channels, width, n_thread)
+    model, alone = (
+        MechanicalModel(mechanism, stiffness, damping, tuple(forces)),
+        np.zeros((1, 1), np.int64),
+    )
+    arrays, entries = robot_arrays([model], signals, alone, width, 0.0 if control.runge_kutta else step)
+    _run(mechanism, arrays, control, lanes, channels, width, n_thread)
     del entries  # machine code of the laws, no longer called
     result = Simulation(
         channels.position,

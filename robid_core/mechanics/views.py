@@ -90,6 +90,18 @@ def _lane_view(array, single):  # type: ignore[no-untyped-def]
     return lambda array, single: lanes_of(array)
 
 
+def parameter_view(array: Any, own: Any) -> Any:
+    """View of numbers that all lanes share where `own` is None; else the last axis of the array holds the lanes."""
+    raise NotImplementedError("inside compiled code only")
+
+
+@overload(parameter_view)
+def _parameter_view(array, own):  # type: ignore[no-untyped-def]
+    if own in (types.none, types.misc.NoneType("none")):
+        return lambda array, own: view_of(array)
+    return lambda array, own: lanes_of(array)
+
+
 def _place(context: Any, builder: Any, kind: View, value: Any, indices: list[Any]) -> Any:
     view = cgutils.create_struct_proxy(kind)(context, builder, value)
     sizes = cgutils.unpack_tuple(builder, view.shape, kind.ndim)

@@ -8,7 +8,7 @@ inverse response of the linear model and g what holds its weight, N what a presc
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Self, TypeVar
 
@@ -32,6 +32,7 @@ IntArray = npt.NDArray[np.int64]
 M = TypeVar("M", bound=MotionSpectra)
 
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
+LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +80,11 @@ class TorqueBlock(ABC, Generic[M]):
     # What kinds of records differ in
 
     @abstractmethod
-    def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
-        """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis).
+    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+        """Spectra of the torque that this motion takes of each robot, smooth between samples.
 
-        `final` tells that the robot is that of the present point, not one beside it.
+        Shape (n_config, n_exp, n_bin, n_axis) each. `final` tells that there is one robot, that of the present point,
+        not one beside it.
         """
 
     @abstractmethod
@@ -184,7 +186,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:
         """Prescribe the measured motion to the model."""
-        self.remainder = self._remainder(self.robot_at(free, coordinates), final=True)
+        (self.remainder,) = self._remainders([self.robot_at(free, coordinates)], final=True)
         self.about = coordinates.copy()
 
     def differentiate(self, free: FreeParameters, coordinates: FloatArray) -> None:
@@ -193,43 +195,52 @@ class TorqueBlock(ABC, Generic[M]):
         Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
         others are bent. Of everything where the arm moves far; of bodies only once, since they hardly change.
         """
-        robot, motion = self.robot_at(free, coordinates), self.motion
-        here = impedance(robot, self.angle, motion, "zero_order_hold")
-        evaluated = {column.index for column in self.signal_columns}
-        kept, far = {column.index: column for column in self.simulated}, self.moves_far
-        columns = []
-        for i, name in enumerate(free.names):
-            kind = free.robot.parameter_kind(name)
-            elastic = kind in ("stiffness", "damping")
-            linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
-            if i in evaluated or (linear_is_enough and not far):
-                continue
-            if kind == "inertia" and i in kept:
-                columns.append(kept[i])
-                continue
-            moved = coordinates.copy()
-            moved[i] += DIFFERENCE
-            other = self.robot_at(free, moved)
-            change = impedance(other, self.angle, motion, "zero_order_hold") - here
-            linear = np.matmul(change[:, None], motion.acceleration_spectrum[..., None])[..., 0]
-            linear += self._weight_torque(other) - self._weight_torque(robot)
-            slope = self._remainder(other, final=False) - self.remainder
-            columns.append(SimulatedColumn(i, slope / DIFFERENCE, linear / DIFFERENCE))
-        self.simulated = tuple(columns)
+        robot = self.robot_at(free, coordinates)
+        kinds = [free.robot.parameter_kind(name) for name in free.names]
+        columns = {column.index: column for column in self.simulated if kinds[column.index] == "inertia"}
+        known = {*columns, *(column.index for column in self.signal_columns)}
+        numbers = [i for i, kind in enumerate(kinds) if self._needs_motion(kind, robot) and i not in known]
+        here = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        n_lane = self.motion.torque_spectrum.shape[0] * self.motion.torque_spectrum.shape[1]
+        if not numbers:
+            self.simulated = tuple(columns.values())
+            return
+        # Motions that repeat go on from where the last one ended: what rings must ring alike on both sides.
+        about = self.remainder if self.initial_state_unknown else self._remainders([robot], final=False)[0]
+        size = max(1, LANES_AT_ONCE // n_lane)
+        for first in range(0, len(numbers), size):
+            batch, others = numbers[first : first + size], []
+            for i in batch:
+                moved = coordinates.copy()
+                moved[i] += DIFFERENCE
+                others.append(self.robot_at(free, moved))
+            for i, other, remainder in zip(batch, others, self._remainders(others, final=False), strict=True):
+                change = impedance(other, self.angle, self.motion, "zero_order_hold") - here
+                linear = np.matmul(change[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
+                linear += self._weight_torque(other) - self._weight_torque(robot)
+                slope = remainder - about
+                columns[i] = SimulatedColumn(i, slope / DIFFERENCE, linear / DIFFERENCE)
+        self.simulated = tuple(columns[i] for i in sorted(columns))
 
-    def _remainder(self, robot: Robot, final: bool) -> ComplexArray:
+    def _needs_motion(self, kind: str, robot: Robot) -> bool:
+        """Whether the linear model does not know the derivative for a parameter of that kind."""
+        elastic = kind in ("stiffness", "damping")
+        linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
+        return self.moves_far or not linear_is_enough
+
+    def _remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.
 
         Prescribed motion less the linear model, both of a smooth motion between the samples, so that what a held torque
-        does there cancels.
+        does there cancels. Arguments as of `simulated_torques`.
         """
-        motion = self.motion
-        torque = self.simulated_torque(robot, final)
-        torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
-        smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
-        torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
-        torque -= self._weight_torque(robot)
-        return torque
+        motion, found = self.motion, self.simulated_torques(robots, final)
+        for robot, torque in zip(robots, found, strict=True):
+            torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
+            smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
+            torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
+            torque -= self._weight_torque(robot)
+        return found
 
     def _weight_torque(self, robot: Robot) -> ComplexArray:
         """Spectra of what holds the arm where it is linearised, shape (n_config, 1, n_bin, n_axis)."""

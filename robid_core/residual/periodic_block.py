@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
+from robid_core.robot.side_by_side import prescribe_many
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -47,22 +49,23 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """Return the block with some of its bins, before any motion was prescribed."""
         return replace(super().thinned(keep), friction_deviation=self.friction_deviation[..., keep, :])
 
-    def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
-        """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis)."""
+    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+        """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         motion = self.motion
         n_config, n_exp, n_sample, n_axis = motion.angle.shape
-        whole = periodic_motion(
-            motion.angle.reshape(-1, n_sample, n_axis), motion.sample_time_s, robot.step_s, MOTION_BAND_HZ
-        )
+        angle = motion.angle.reshape(-1, n_sample, n_axis)
+        whole = periodic_motion(angle, motion.sample_time_s, robots[0].step_s, MOTION_BAND_HZ)
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
-        start = linear_state(robot, self.angle, motion, whole) if self.state is None else self.state
         several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
-        run = robot.prescribe(several, start)
+        known = self.state
+        starts = [
+            linear_state(robot, self.angle, motion, whole) if known is None else known for robot in robots
+        ]
+        runs = prescribe_many(robots, several, starts)
         if final:
-            self.state = run.state
-        spectrum = np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample
-        shaped: ComplexArray = spectrum.reshape(n_config, n_exp, len(motion.bin), n_axis)
-        return shaped
+            self.state = runs[0].state
+        spectra = [np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample for run in runs]
+        return [spectrum.reshape(n_config, n_exp, len(motion.bin), n_axis) for spectrum in spectra]
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
         """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.

@@ -7,6 +7,7 @@ is projected out of each experiment: unknowns of its own that need no prior.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,13 +17,14 @@ from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
-from robid_core.mechanics import MotorMotion
+from robid_core.mechanics import MotorMotion, SimulationState
 from robid_core.parameters import FreeParameters
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
+from robid_core.robot.side_by_side import prescribe_many
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -82,20 +84,25 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         super().renew_signals(free, coordinates)
         self.prescribed = None if self.signal_columns else self.prescribed
 
-    def simulated_torque(self, robot: Robot, final: bool) -> ComplexArray:
-        """Spectra of the torque that this motion takes, smooth between samples, (n_config, n_exp, n_bin, n_axis)."""
+    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+        """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         if self.prescribed is None:
-            self.prescribed = self.motion.motor_motion(robot.step_s)
-        motion, n = self.prescribed, robot.n_axis
-        state = robot.standing(robot.joint_angle(motion.angle)).moving(robot.mechanism, motion.speed)
+            self.prescribed = self.motion.motor_motion(robots[0].step_s)
+        motion = self.prescribed
+        runs = prescribe_many(robots, motion, [self._state(robot, motion) for robot in robots])
+        return [self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape)) for run in runs]
+
+    def _state(self, robot: Robot, motion: MotorMotion) -> SimulationState:
+        """State at the first sample, with the deviations that are known by now."""
+        n, state = robot.n_axis, robot.standing(robot.joint_angle(motion.angle))
+        state = state.moving(robot.mechanism, motion.speed)
         if self.deviation is not None:
             angle, rate = np.split(self.deviation.reshape(len(state.position), -1), 2, axis=1)
             position, speed = state.position.copy(), state.speed.copy()
             position[:, n:] += angle
             speed[:, n:] += rate
             state = replace(state, position=position, speed=speed)
-        run = robot.prescribe(motion, state)
-        return self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape))
+        return state
 
     @property
     def initial_state_unknown(self) -> bool:

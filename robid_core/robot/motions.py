@@ -85,7 +85,7 @@ class Motions:
         return standing(self._robot, self._robot.motor_angle(angle))
 
     def prescribe(
-        self, motion: MotorMotion, state: SimulationState | None = None, n_thread: int = 1
+        self, motion: MotorMotion, state: SimulationState | None = None, **options: Any
     ) -> Simulation:
         """Motor torques that a motion of the motors takes, springs, bodies and forces of this robot behind them.
 
@@ -95,24 +95,13 @@ class Motions:
             Of the motors, in steps of `step_s`.
         state
             Where everything else begins; by default at rest about the first angles, moving along.
-        n_thread
-            As of `mechanics.prescribe`, which says more.
+        options
+            Of `mechanics.prescribe`, which says more: keep_coordinates, n_thread.
         """
-        from robid_core.mechanics import prescribe
+        from robid_core.robot.side_by_side import prescribe_many
 
-        robot = self._robot
-        if state is None:
-            state = self.standing(robot.joint_angle(motion.angle)).moving(robot.mechanism, motion.speed)
-        return prescribe(
-            robot.mechanism,
-            *robot.spring_arrays(),
-            state,
-            motion,
-            forces=robot.forces,
-            sample_time=robot.sample_time_s,
-            step=robot.step_s,
-            n_thread=n_thread,
-        )
+        (run,) = prescribe_many([self._robot], motion, None if state is None else [state], **options)
+        return run
 
     def plant(self) -> RobotPlant:
         """Return this robot as the plant behind simulated drives."""

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,11 @@ from robid_core.errors import PluginError
 from robid_core.mechanics import (
     Controller,
     ForceTerm,
+    MechanicalModel,
+    MotorMotion,
     SignalTerm,
     coulomb_viscous_law,
+    prescribe,
     rest_state,
     simulate,
 )
@@ -90,6 +94,24 @@ def test_a_law_with_branches_runs_lane_after_lane_and_gives_the_same(two_mass: A
     np.testing.assert_array_equal(theirs.state.law_state, np.full((n_lane, 1), 80 * 4.0))  # every step once
 
 
+def test_a_law_with_branches_has_arguments_of_its_own_in_each_lane(two_mass: Any) -> None:
+    n_robot, (term,) = 5, _friction(branching_law, two_mass, n_state=1)
+    laws = [replace(term, arguments=np.array([0.2, 0.01 * k, 0.3 + 0.1 * k, 0.0])) for k in range(n_robot)]
+    assert not entries_of(branching_law, "force", 1, "", 4).vectorized
+    models = [
+        MechanicalModel(two_mass.mechanism, two_mass.stiffness, two_mass.damping, (law,)) for law in laws
+    ]
+    acceleration = 100 * np.random.default_rng(1).normal(size=(1, 80, 1))
+    motion = MotorMotion(np.zeros((1, 1)), np.zeros((1, 1)), acceleration)
+    states = [rest_state(two_mass.mechanism, two_mass.stiffness, np.zeros((1, 1)), (law,)) for law in laws]
+    together = prescribe(models, states, motion)
+    for model, state, run in zip(models, states, together, strict=True):
+        (alone,) = prescribe([model], [state], motion)
+        np.testing.assert_array_equal(run.torque, alone.torque)
+        np.testing.assert_array_equal(run.state.law_state, 80.0)
+    assert len({run.torque.tobytes() for run in together}) == n_robot
+
+
 def test_nothing_is_compiled_again_for_another_set_of_laws(two_mass: Any) -> None:
     for n_lane in (1, 4):
         _run(two_mass, n_lane)
@@ -104,8 +126,6 @@ def test_nothing_is_compiled_again_for_another_set_of_laws(two_mass: Any) -> Non
 def test_a_lag_of_the_torque_is_the_exact_lag(two_mass: Any, n_lane: int) -> None:
     # With a rotor alone the speed is the integral of the acting torque: lagging it is a first-order filter, in closed
     # form for a torque held between samples.
-    from dataclasses import replace
-
     arm, rotor, tau = replace(two_mass, stiffness=np.array([1e-9])), 2e-3, 3e-3
     torque = np.random.default_rng(3).normal(size=(n_lane, 60, 1))
     lag = (SignalTerm(lag_law, np.array([tau]), 0, "torque", 1, np.array([0.4]), "lag"),)

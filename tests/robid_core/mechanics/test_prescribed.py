@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError, NotTrustworthy, Robot
+from robid_core.mechanics import MechanicalModel
 from robid_core.mechanics.prescribed import (
     MotorMotion,
     mean_over_held,
@@ -61,10 +62,12 @@ def prescribed_again(robot: Robot, angle: np.ndarray, coordinates: np.ndarray) -
     """Prescribe what the motors did in a simulation that began at rest at these joint angles."""
     motion = integrated(coordinates[..., : robot.n_axis], STEP)
     state = standing(robot, robot.motor_angle(angle))
-    arrays = robot.spring_arrays()
-    return prescribe(
-        robot.mechanism, *arrays, state, motion, forces=robot.forces, sample_time=STEP, step=STEP
-    )
+    (run,) = prescribe([model_of(robot)], [state], motion, sample_time=STEP, step=STEP, keep_coordinates=True)
+    return run
+
+
+def model_of(robot: Robot) -> MechanicalModel:
+    return MechanicalModel(robot.mechanism, *robot.spring_arrays(), robot.forces)
 
 
 @pytest.mark.parametrize("n_lane", [1, 3])
@@ -84,6 +87,8 @@ def test_a_simulated_motion_gives_back_its_torques(
     # inertia of 3e-3 kg m^2 at the motor; bodies move the angles by rounding only.
     np.testing.assert_allclose(back.torque, run.torque[:, :-1], rtol=0, atol=1e-6)
     np.testing.assert_allclose(back.coordinates, run.coordinates[:, :-1], rtol=0, atol=1e-9)
+    assert back.coordinates is not None
+    np.testing.assert_array_equal(back.position, back.coordinates[..., :n_axis])
 
 
 def test_rigid_gears_and_coupled_wrists_give_back_their_torques(tmp_path: Path) -> None:
@@ -110,31 +115,23 @@ def test_lanes_and_threads_change_no_bit(tmp_path: Path) -> None:
     motor = robot.motor_angle(angle)
     motion = MotorMotion(motor, np.zeros((11, 6)), acceleration)
     state = standing(robot, motor)
-    call = (robot.mechanism, *robot.spring_arrays())
-    one, two = (prescribe(*call, state, motion, forces=robot.forces, n_thread=n) for n in (1, 2))
+    one, two = (robot.prescribe(motion, state, n_thread=n) for n in (1, 2))
     np.testing.assert_array_equal(one.torque, two.torque)
     assert one.torque.shape == (11, 20, 6)
     for lane in (0, 7, 10):
         alone = MotorMotion(motor[[lane]], np.zeros((1, 6)), acceleration[[lane]])
-        single = prescribe(*call, standing(robot, motor[[lane]]), alone, forces=robot.forces)
+        single = robot.prescribe(alone, standing(robot, motor[[lane]]))
         np.testing.assert_array_equal(single.torque[0], one.torque[lane])
 
 
 def test_a_run_goes_on_from_the_state_it_ended_in(tmp_path: Path) -> None:
     robot = robot_of(tmp_path, EVERYTHING)
     acceleration = 300 * np.random.default_rng(5).standard_normal((3, 160, 6))
-    motor, call = robot.motor_angle(ANGLE), (robot.mechanism, *robot.spring_arrays())
-    whole = prescribe(
-        *call, standing(robot, motor), MotorMotion(motor, np.zeros((3, 6)), acceleration), forces=robot.forces
-    )
-    first = prescribe(
-        *call,
-        standing(robot, motor),
-        MotorMotion(motor, np.zeros((3, 6)), acceleration[:, :80]),
-        forces=robot.forces,
-    )
+    motor, still = robot.motor_angle(ANGLE), np.zeros((3, 6))
+    whole = robot.prescribe(MotorMotion(motor, still, acceleration), standing(robot, motor))
+    first = robot.prescribe(MotorMotion(motor, still, acceleration[:, :80]), standing(robot, motor))
     rest = MotorMotion(first.state.position[:, :6], first.state.speed[:, :6], acceleration[:, 80:])
-    second = prescribe(*call, first.state, rest, forces=robot.forces)
+    second = robot.prescribe(rest, first.state)
     np.testing.assert_array_equal(second.torque, whole.torque[:, 20:])
 
 
@@ -158,7 +155,7 @@ def test_a_closed_loop_in_steady_state_gives_back_its_held_torques_below_a_tenth
     motion = periodic_motion(motor, 1e-3, STEP, 400.0)
     twice = MotorMotion(motion.angle, motion.speed, np.tile(motion.acceleration, (1, 25, 1)))  # rings out
     state = still.moving(robot.mechanism, motion.speed)
-    back = prescribe(robot.mechanism, *robot.spring_arrays(), state, twice, forces=robot.forces)
+    back = robot.prescribe(twice, state)
     ours, theirs = (np.fft.rfft(x, axis=1)[:, 1:100] for x in (back.torque[:, last], torque))
     ours = ours / mean_over_held(np.arange(1, 100), 1e-3, STEP)[:, None]
     # Between the samples the motion is taken as band-limited; a held torque moves the motor with images too, at line f
@@ -170,14 +167,14 @@ def test_a_closed_loop_in_steady_state_gives_back_its_held_torques_below_a_tenth
 def test_what_is_no_motion_is_refused() -> None:
     robot = Robot.load("six_axis")
     motor = robot.motor_angle(ANGLE)
-    call = (robot.mechanism, *robot.spring_arrays(), standing(robot, motor))
+    state = standing(robot, motor)
     for acceleration, why in (
         (np.zeros((3, 81, 6)), "4 steps a sample"),
         (np.zeros((3, 80, 5)), "give"),
         (np.full((3, 80, 6), np.nan), "NaN"),
     ):
         with pytest.raises(ConfigurationError, match=why):
-            prescribe(*call, MotorMotion(motor, np.zeros((3, 6)), acceleration), forces=robot.forces)
+            robot.prescribe(MotorMotion(motor, np.zeros((3, 6)), acceleration), state)
     wild = MotorMotion(motor, np.zeros((3, 6)), np.full((3, 4000, 6), 1e7))
     with pytest.raises(NotTrustworthy, match="prescribe: lane 0 left all bounds"):
-        prescribe(*call, wild, forces=robot.forces)
+        robot.prescribe(wild, state)

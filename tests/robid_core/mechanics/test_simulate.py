@@ -22,8 +22,8 @@ from robid_core.mechanics import (
     simulate,
 )
 from robid_core.mechanics.closed_loop import run_blocks
+from robid_core.mechanics.mechanical_model import spring_weights
 from robid_core.mechanics.reference import acceleration_by_solving
-from robid_core.mechanics.simulation_arrays import spring_weights
 
 _T = 1e-3
 

@@ -68,3 +68,42 @@ def test_a_prescribed_motion_and_friction_give_the_torque_back(block: PeriodicBl
     assert best[1].max() < 1e-4
     # Heavy motors: at light ones the steps of integration leave more than the jumps of friction do.
     assert (best[1] < 0.95 * moved[1])[:3].all()
+
+
+def test_derivatives_that_run_together_are_those_of_runs_one_by_one(
+    ideal: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of springs beside a nonlinear one, of its law, and of a law with a state; against central differences, too."""
+    quiet = ideal.with_parameters({f"friction.{axis}.coulomb": 0.0 for axis in ideal.axis_names})
+    robot = quiet.with_effect("hard", "transmission.stiffening", "axis_2", "gear")
+    robot = robot.with_effect("hook", "transmission.bouc_wen", "axis_3", "gear")
+    names = ("gear_stiffness.axis_2", "gear_damping.axis_4", "effect.hard.cubic", "effect.hook.torque")
+    free = FreeParameters.of_robot(robot, names)
+    time, n_sample = T * np.arange(500), 500
+    wave = 0.02 * np.sin(2 * np.pi * 10 * time[:, None] + np.arange(6)) / robot.drives.gear.diagonal()
+    angle = wave + robot.motor_angle([0.3, 0.4, -0.3, 0.5, 0.6, 0.2])
+    motion = periodic_motion_of(
+        np.tile(angle, (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, n_sample, 6)), T, np.array([5]), 60.0
+    )
+    block, found = PeriodicBlock.of_record(robot, motion, (0.5,)), []
+    block.renew(free, np.zeros(4))
+    started = block.state
+    for at_once in (32, 1):
+        monkeypatch.setattr("robid_core.residual.block.LANES_AT_ONCE", at_once)
+        block.differentiate(free, np.zeros(4))
+        found.append(block.simulated)
+    for together, alone in zip(*found, strict=True):
+        np.testing.assert_array_equal(together.remainder, alone.remainder)
+        np.testing.assert_array_equal(together.linear, alone.linear)
+    assert [column.index for column in found[0]] == [0, 1, 2, 3]
+    for column in found[0]:
+        ends = []
+        for step in (-2e-3, 2e-3):
+            moved = step * np.eye(4)[column.index]
+            block.state = started
+            block.renew(free, moved)
+            ends.append(block.predicted(block.robot_at(free, moved), moved, np.zeros((3, 6))))
+        expected = (ends[1] - ends[0]) / 4e-3
+        # One step to one side errs by half of it, 5e-4, times the second derivative over the first: 1 for a power of
+        # the number, more for hysteresis with sharp corners. What rings from the start is 200 times that large.
+        assert abs(column.remainder + column.linear - expected).max() < 2e-2 * abs(expected).max()

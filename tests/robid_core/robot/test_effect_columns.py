@@ -42,7 +42,7 @@ def test_columns_at_a_motor_are_differences_of_prescribed_motions(
     robot = six.with_effect("rub", use, "axis_2", "motor", values)
     stepwise = Robot(robot.description.model_copy(update={"sample_time_s": STEP}))
     motion = periodic_motion(waves(500, 1e-3), 1e-3, STEP, 400.0)
-    run = stepwise.prescribe(motion)
+    run = stepwise.prescribe(motion, keep_coordinates=True)
     assert run.coordinates is not None
     before, after = run.coordinates[:, :-1], run.coordinates[:, 1:]
     names = [name for name in robot.layout if name.startswith("effect.rub.")]
@@ -70,7 +70,8 @@ def test_columns_at_a_motor_are_differences_of_prescribed_motions(
 def test_in_frequency_a_column_is_that_of_a_held_torque(six: Robot) -> None:
     robot = six.with_effect("rub", "friction.stribeck", "axis_2", "motor", {"speed": 5.0})
     n_sample, angle = 1000, waves(1000, 1e-3)
-    run = robot.prescribe(_whole(periodic_motion(angle, 1e-3, robot.step_s, 250.0), 3))
+    motion = _whole(periodic_motion(angle, 1e-3, robot.step_s, 250.0), 3)
+    run = robot.prescribe(motion, keep_coordinates=True)
     assert run.coordinates is not None
     rows = (2, 1, 1, 1, n_sample, 6)
     recorded = periodic_motion_of(angle.reshape(rows), np.zeros(rows), 1e-3, np.array([1, 7, 13]), 100.0)

@@ -82,7 +82,7 @@ def test_a_law_at_a_motor_takes_the_torque_that_prescribed_motion_takes_more(
     phase = generator.uniform(0, 2 * np.pi, (3, 1, 6))
     acceleration = 600 * np.cos(2 * np.pi * 10 * time[:, None] + phase)
     motion = MotorMotion(six.motor_angle(ANGLE), np.zeros((3, 6)), acceleration)
-    with_law, without = robot.prescribe(motion), six.prescribe(motion)
+    with_law, without = robot.prescribe(motion), six.prescribe(motion, keep_coordinates=True)
     assert without.coordinates is not None
     more = (with_law.torque - without.torque)[:, :-1]
     assert not more[..., [0, 2, 3, 4, 5]].any()
