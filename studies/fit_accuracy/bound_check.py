@@ -1,0 +1,105 @@
+"""Is the bound right? The scatter of 50 fits of one motion, whose measurement noise is drawn anew, against the bound.
+
+The plant is the foreign one: with robid's own simulator the noise is so small that errors of the numerics count, too.
+It is simulated once without noise; each draw adds noise to angles and torques and rounds angles to the encoder's
+counts, as the bound has it. The bound counts what priors leave of the inertial numbers, so these are told anew in each
+draw, scattered about the truth as their priors promise; with one told set the scatter would be smaller than the bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from robid_core import Channel, FreeParameters, Record, Robot, chosen_names
+from studies.fit_accuracy.accuracy import FOREIGN_PERIOD_S, plant_of
+from studies.fit_accuracy.comparison import compared
+from studies.fit_accuracy.measurement import measured
+from studies.fit_accuracy.plants import INERTIA, Plant
+from studies.fit_accuracy.scenarios import SCENARIOS
+from studies.fit_accuracy.simulators import Foreign
+from studies.fit_accuracy.springs import columns, names
+from studies.fit_accuracy.tables import Question, Row
+
+FloatArray = npt.NDArray[np.float64]
+
+SCENARIO = "one_experiment"  # eight poses: the fit takes five seconds
+PLANT = 1
+INERTIA_PRIOR = 0.01  # the fit's own, in natural scales
+
+
+@lru_cache(maxsize=1)
+def noiseless() -> tuple[Plant, Record]:
+    """Plant and its record without any noise, simulated once in a process."""
+    plant, measuring = plant_of("foreign", SCENARIO, PLANT)
+    experiments = replace(SCENARIOS[SCENARIO].experiments, period_s=FOREIGN_PERIOD_S)
+    quiet = {
+        f"sensors.{axis}.{what}": 0.0
+        for axis in plant.robot.axis_names
+        for what in ("position_noise", "encoder_counts")
+    }
+    silent = replace(plant, robot=plant.robot.with_parameters(quiet))
+    return plant, measured(silent, experiments, measuring, Foreign(noise=0.0))
+
+
+def with_noise(record: Record, robot: Robot, torque_noise: FloatArray, seed: int) -> Record:
+    """Add noise of the sensors to a record: white in angle and torque, angles rounded to counts.
+
+    `torque_noise` in N m, shape (n_axis,).
+    """
+    generator = np.random.default_rng([seed, 3])
+    drives = robot.description.axes.values()
+    position, torque = (record.run.values(name) for name in ("motor_position", "motor_torque"))
+    deviation = np.array([axis.sensors.position_noise for axis in drives])
+    count = 2 * np.pi / np.array([axis.sensors.encoder_counts for axis in drives])
+    angle = position + deviation * generator.standard_normal(position.shape)
+    values = {
+        "motor_position": np.rint(angle / count) * count,
+        "motor_torque": torque + torque_noise * generator.standard_normal(torque.shape),
+    }
+    channels = {name: Channel("motor", record.run.channels[name].unit, new) for name, new in values.items()}
+    return record.replace(runs=(record.run.replace(channels=channels),))
+
+
+def told_anew(nominal: Robot, seed: int) -> Robot:
+    """Draw the inertial numbers that are told, about the true ones, as their priors promise."""
+    free = FreeParameters.of_robot(nominal, chosen_names(list(nominal.layout), INERTIA))
+    deviation = INERTIA_PRIOR * np.random.default_rng([seed, 4]).standard_normal(len(free.names))
+    return free.robot_at(deviation)
+
+
+def row(draw: int) -> Row:
+    """Fit one draw; the true inertial numbers are those of the nominal robot."""
+    plant, clean = noiseless()
+    noise = Foreign().torque_noise(plant.robot)
+    record = with_noise(clean, plant.robot, noise, draw)
+    told = replace(plant, nominal=told_anew(plant.nominal, draw))
+    return compared(told, record, noise, draw)
+
+
+def report(rows: list[Row]) -> list[str]:
+    """Scatter and mean error of each spring over the bound, with 95 % intervals for so many draws."""
+    if len(rows) < 3:
+        return [f"bound: {len(rows)} draws say nothing"]
+    error, bound = columns(rows, "error"), columns(rows, "bound").mean(axis=0)
+    n = len(rows)
+    scatter, mean = error.std(axis=0, ddof=1) / bound, error.mean(axis=0) / bound * np.sqrt(n)
+    low, high = np.sqrt(chi2.ppf((0.025, 0.975), n - 1) / (n - 1))
+    lines = [
+        f"bound, {n} draws: scatter over bound, {low:.2f} to {high:.2f} for 95 % of right ones; "
+        "mean error in its standard errors"
+    ]
+    lines += [
+        f"  {name:26}{s:6.2f}{' ' if low <= s <= high else '!'}{m:7.1f}"
+        for name, s, m in zip(names(rows), scatter, mean, strict=True)
+    ]
+    whole = np.sqrt((scatter**2).mean())
+    lines.append(f"  {'all, rms':26}{whole:6.2f}")
+    return lines
+
+
+QUESTION = Question({}, "draw", row, report)
