@@ -29,7 +29,6 @@ FloatArray = npt.NDArray[np.float64]
 
 SCENARIO = "one_experiment"  # eight poses: the fit takes five seconds
 PLANT = 1
-INERTIA_PRIOR = 0.01  # the fit's own, in natural scales
 
 
 @lru_cache(maxsize=1)
@@ -68,8 +67,7 @@ def with_noise(record: Record, robot: Robot, torque_noise: FloatArray, seed: int
 def told_anew(nominal: Robot, seed: int) -> Robot:
     """Draw the inertial numbers that are told, about the true ones, as their priors promise."""
     free = FreeParameters.of_robot(nominal, chosen_names(list(nominal.layout), INERTIA))
-    deviation = INERTIA_PRIOR * np.random.default_rng([seed, 4]).standard_normal(len(free.names))
-    return free.robot_at(deviation)
+    return free.robot_at(free.prior * np.random.default_rng([seed, 4]).standard_normal(len(free.names)))
 
 
 def row(draw: int) -> Row:

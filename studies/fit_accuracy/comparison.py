@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -65,9 +66,9 @@ def compared(
         for axis, n in zip(plant.nominal.axis_names, torque_noise, strict=True)
     }
     nominal = plant.nominal.with_parameters(told)
-    with TemporaryDirectory() as folder:
-        if payload_kg:
-            settings["robots"] = {VARIANTS[1]: _robot_file(plant.loaded(payload_kg).nominal, Path(folder))}
+    with told_robots(plant, payload_kg) as robots:
+        if robots:
+            settings["robots"] = robots
         started = time.perf_counter()
         fit = fitted(chain, record, nominal, seed, **settings)
         seconds = time.perf_counter() - started
@@ -86,12 +87,18 @@ def compared(
     return row
 
 
-def _robot_file(robot: Robot, folder: Path) -> str:
-    """Write the file of a robot that has effects more than a packaged one; return its path."""
+@contextmanager
+def told_robots(plant: Plant, payload_kg: float) -> Iterator[dict[str, str]]:
+    """Write the file of the robot with the payload; give its path by variant, nothing where there is no payload."""
+    if not payload_kg:
+        yield {}
+        return
+    robot = plant.loaded(payload_kg).nominal
     lines = ["robid_robot: 1", f"name: {VARIANTS[1]}", f"base: {robot.name}", "effects:"]
     for label, entry in robot.description.effects.items():
         told = ", ".join(f"{key}: {value!r}" for key, value in entry.with_.items())
         lines.append(f"  {label}: {{use: {entry.use}, on: {entry.on}, with: {{{told}}}}}")
-    path = folder / f"{VARIANTS[1]}.yaml"
-    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    return str(path)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"{VARIANTS[1]}.yaml"
+        path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+        yield {VARIANTS[1]: str(path)}

@@ -1,4 +1,4 @@
-"""Tables that are filled row by row: what stands there is not made again, and each row tells the commit of its code."""
+"""Tables that are filled row by row: what stands there is not made again, and each row tells the product's commit."""
 
 from __future__ import annotations
 
@@ -109,12 +109,14 @@ def fill(
 
 
 def commit() -> str:
-    """Commit of the working tree, with a plus where it was changed since."""
-    told = subprocess.run(
-        ["git", "describe", "--always", "--dirty=+", "--exclude=*"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=True,
+    """Last commit that changed the product, with a plus where its files are changed since."""
+    product = ("robid_core", "plugins")
+    last = _git("log", "-1", "--format=%h", "--", *product)
+    return last + ("+" if _git("status", "--porcelain", "--", *product) else "")
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(
+        ["git", *arguments], cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True
     )
-    return told.stdout.strip()
+    return done.stdout.strip()
