@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from studies.fit_accuracy.comparison import compared
+from studies.fit_accuracy.experiments import Experiments
 from studies.fit_accuracy.measurement import measured
 from studies.fit_accuracy.plants import Plant, drawn
 from studies.fit_accuracy.scenarios import SCENARIOS
@@ -28,19 +29,22 @@ def plant_of(simulator: str, scenario: str, seed: int) -> tuple[Plant, int]:
     return plant, int(np.random.default_rng(number).integers(2**31))
 
 
+def experiments_of(simulator: str, scenario: str) -> Experiments:
+    """Experiments of a scenario; periods are shorter on the foreign simulator."""
+    experiments = SCENARIOS[scenario].experiments
+    return replace(experiments, period_s=FOREIGN_PERIOD_S) if simulator == "foreign" else experiments
+
+
 def row(scenario: str, seed: int, simulator: str) -> Row:
     """Measure a plant, fit it, compare."""
-    chosen, machine = SCENARIOS[scenario], SIMULATORS[simulator]
+    machine, experiments = SIMULATORS[simulator], experiments_of(simulator, scenario)
     plant, measuring = plant_of(simulator, scenario, seed)
-    experiments = chosen.experiments
-    if simulator == "foreign":
-        experiments = replace(experiments, period_s=FOREIGN_PERIOD_S)
     started = time.perf_counter()
     record = measured(plant, experiments, measuring, machine)
     seconds = time.perf_counter() - started
     noise = machine.torque_noise(plant.robot)
     return {"simulation_s": f"{seconds:.0f}"} | compared(
-        plant, record, noise, seed, chosen.chain, experiments.payload_kg
+        plant, record, noise, seed, SCENARIOS[scenario].chain, experiments.payload_kg
     )
 
 

@@ -6,15 +6,12 @@ Plants and records are those of the scenario `inertia`, six experiments a pose; 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from studies.fit_accuracy.accuracy import FOREIGN_PERIOD_S, plant_of
+from studies.fit_accuracy.accuracy import experiments_of, plant_of
 from studies.fit_accuracy.comparison import compared
 from studies.fit_accuracy.measurement import measured
 from studies.fit_accuracy.plants import INERTIA
-from studies.fit_accuracy.scenarios import SCENARIOS
 from studies.fit_accuracy.simulators import SIMULATORS
 from studies.fit_accuracy.springs import columns
 from studies.fit_accuracy.tables import Question, Row
@@ -26,11 +23,9 @@ SCENARIO = "inertia"
 
 def row(simulator: str, seed: int) -> Row:
     """Measure a plant as the scenario does, and fit it with its inertia held."""
-    machine, experiments = SIMULATORS[simulator], SCENARIOS[SCENARIO].experiments
+    machine = SIMULATORS[simulator]
     plant, measuring = plant_of(simulator, SCENARIO, seed)
-    if simulator == "foreign":
-        experiments = replace(experiments, period_s=FOREIGN_PERIOD_S)
-    record = measured(plant, experiments, measuring, machine)
+    record = measured(plant, experiments_of(simulator, SCENARIO), measuring, machine)
     return compared(plant, record, machine.torque_noise(plant.robot), seed, fixed=INERTIA)
 
 

@@ -16,11 +16,10 @@ import numpy.typing as npt
 from scipy.stats import chi2
 
 from robid_core import Channel, FreeParameters, Record, Robot, chosen_names
-from studies.fit_accuracy.accuracy import FOREIGN_PERIOD_S, plant_of
+from studies.fit_accuracy.accuracy import experiments_of, plant_of
 from studies.fit_accuracy.comparison import compared
 from studies.fit_accuracy.measurement import measured
 from studies.fit_accuracy.plants import INERTIA, Plant
-from studies.fit_accuracy.scenarios import SCENARIOS
 from studies.fit_accuracy.simulators import Foreign
 from studies.fit_accuracy.springs import columns, names
 from studies.fit_accuracy.tables import Question, Row
@@ -35,14 +34,13 @@ PLANT = 1
 def noiseless() -> tuple[Plant, Record]:
     """Plant and its record without any noise, simulated once in a process."""
     plant, measuring = plant_of("foreign", SCENARIO, PLANT)
-    experiments = replace(SCENARIOS[SCENARIO].experiments, period_s=FOREIGN_PERIOD_S)
     quiet = {
         f"sensors.{axis}.{what}": 0.0
         for axis in plant.robot.axis_names
         for what in ("position_noise", "encoder_counts")
     }
     silent = replace(plant, robot=plant.robot.with_parameters(quiet))
-    return plant, measured(silent, experiments, measuring, Foreign(noise=0.0))
+    return plant, measured(silent, experiments_of("foreign", SCENARIO), measuring, Foreign(noise=0.0))
 
 
 def with_noise(record: Record, robot: Robot, torque_noise: FloatArray, seed: int) -> Record:
