@@ -21,7 +21,7 @@ from studies.fit_accuracy.comparison import compared
 from studies.fit_accuracy.measurement import measured
 from studies.fit_accuracy.plants import INERTIA, Plant
 from studies.fit_accuracy.simulators import Foreign
-from studies.fit_accuracy.springs import columns, names
+from studies.fit_accuracy.springs import QUANTILE, columns, names
 from studies.fit_accuracy.tables import Question, Row
 
 FloatArray = npt.NDArray[np.float64]
@@ -78,23 +78,32 @@ def row(draw: int) -> Row:
 
 
 def report(rows: list[Row]) -> list[str]:
-    """Scatter and mean error of each spring over the bound, with 95 % intervals for so many draws."""
+    """Scatter and mean error of each spring over the bound, errors over what is stated, and coverage."""
     if len(rows) < 3:
         return [f"bound: {len(rows)} draws say nothing"]
-    error, bound = columns(rows, "error"), columns(rows, "bound").mean(axis=0)
-    n = len(rows)
-    scatter, mean = error.std(axis=0, ddof=1) / bound, error.mean(axis=0) / bound * np.sqrt(n)
+    n, (error, stated, bound) = len(rows), (columns(rows, what) for what in ("error", "stated", "bound"))
+    scatter = error.std(axis=0, ddof=1) / bound.mean(axis=0)
+    mean = error.mean(axis=0) / bound.mean(axis=0) * np.sqrt(n)
     low, high = np.sqrt(chi2.ppf((0.025, 0.975), n - 1) / (n - 1))
+    within = np.abs(error / stated) <= QUANTILE
     lines = [
-        f"bound, {n} draws: scatter over bound, {low:.2f} to {high:.2f} for 95 % of right ones; "
-        "mean error in its standard errors"
+        f"{n} draws of noise: scatter over bound, {low:.2f} to {high:.2f} in 95 % of cases if the bound is right",
+        f"{'spring':28}{'scatter':>8}{'mean z':>8}{'rms z':>7}{'covered':>9}",
     ]
     lines += [
-        f"  {name:26}{s:6.2f}{' ' if low <= s <= high else '!'}{m:7.1f}"
-        for name, s, m in zip(names(rows), scatter, mean, strict=True)
+        f"{name:28}{s:7.2f}{' ' if low <= s <= high else '!'}{m:8.1f}{z:7.2f}{100 * share:8.1f}%"
+        for name, s, m, z, share in zip(
+            names(rows),
+            scatter,
+            mean,
+            np.sqrt(((error / stated) ** 2).mean(axis=0)),
+            within.mean(axis=0),
+            strict=True,
+        )
     ]
-    whole = np.sqrt((scatter**2).mean())
-    lines.append(f"  {'all, rms':26}{whole:6.2f}")
+    outside = int(((scatter < low) | (scatter > high)).sum())
+    whole, z = np.sqrt((scatter**2).mean()), np.sqrt(((error / stated) ** 2).mean())
+    lines.append(f"{f'all, {outside} outside':28}{whole:7.2f} {'':8}{z:7.2f}{100 * within.mean():8.1f}%")
     return lines
 
 

@@ -97,9 +97,12 @@ def test_scatter_as_large_as_the_bound_passes_and_a_wrong_bound_is_marked() -> N
     errors[:, 1] += 1e-4 - errors[:, 1].mean()
     lines = bound_check.report(rows_of(errors, bound, bound))
     assert "0.80 to 1.20" in lines[0]
-    assert lines[1].split()[:2] == ["spring_0", "1.00"]
-    assert lines[2].split() == ["spring_1", "1.00", "3.5"]  # 1e-4 over 2e-4 / sqrt(50)
-    assert lines[3].split()[1] == "1.60!"
+    assert lines[2].split()[:2] == ["spring_0", "1.00"]
+    assert lines[3].split()[:3] == ["spring_1", "1.00", "3.5"]  # 1e-4 over 2e-4 / sqrt(50)
+    assert lines[4].split()[1] == "1.60!"
+    assert lines[5].startswith("all, 1 outside")
+    rms = np.sqrt(((errors / bound) ** 2).mean(axis=0))
+    assert [line.split()[3] for line in lines[2:5]] == [f"{z:.2f}" for z in rms]
 
 
 def test_least_amplitude_and_time_are_those_whose_error_is_small_enough() -> None:
