@@ -38,7 +38,8 @@ def bound(problem: TorqueProblem, true: Robot, torque_noise: FloatArray, names: 
     }
     bare = true.with_parameters(levels)
     free = FreeParameters.of_robot(bare, problem.free.names)
-    blocks = tuple(replace(block, robot=bare) for block in problem.blocks)
+    values = bare.parameters()  # a payload that the block's robot has besides stays
+    blocks = tuple(replace(block, robot=block.robot.with_parameters(values)) for block in problem.blocks)
     there = TorqueProblem(free, blocks, problem.friction_names)
     point = np.zeros(there.n_unknown)
     weights = [whitener(_noise(block, torque_noise)) for block in blocks]

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numba as nb
@@ -131,12 +132,29 @@ class Hidden:
         return cls(zero, one, one, zero, one, zero, one, 0.0)
 
 
+def described(robot: Robot, step: float) -> str:
+    """MuJoCo's description of a robot; payloads are bodies of their own, fixed to the ones that carry them."""
+    payloads = {
+        label: entry for label, entry in robot.description.effects.items() if entry.use == "load.payload"
+    }
+    root = ElementTree.fromstring(mjcf(robot.without_effect(*payloads), "RK4", step))
+    for label, entry in payloads.items():
+        size = entry.with_
+        moment = size["mass"] * size["radius_of_gyration"] ** 2
+        place = " ".join(repr(size[key]) for key in "xyz")
+        carrier = next(body for body in root.iter("body") if body.get("name") == f"body.{entry.on}")
+        body = ElementTree.SubElement(carrier, "body", {"name": f"payload.{label}", "pos": place})
+        inertial = {"pos": "0 0 0", "mass": repr(size["mass"]), "diaginertia": " ".join([repr(moment)] * 3)}
+        ElementTree.SubElement(body, "inertial", inertial)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 class ForeignPlant:
     """MuJoCo's model of a robot with linear springs and motor friction, in closed loop."""
 
     def __init__(self, robot: Robot, hidden: Hidden, steps: int = STEPS) -> None:
         self.robot, self.hidden, self.steps = robot, hidden, steps
-        self.model = mujoco.MjModel.from_xml_string(mjcf(robot, "RK4", robot.sample_time_s / steps))
+        self.model = mujoco.MjModel.from_xml_string(described(robot, robot.sample_time_s / steps))
         self.data = mujoco.MjData(self.model)
         friction = [of_axes(robot, "friction", key) for key in ("coulomb", "viscous", "offset", "speed")]
         loop = [

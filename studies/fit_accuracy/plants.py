@@ -1,4 +1,4 @@
-"""Plants of the study: the packaged six-axis robot with springs 25-40 % off, and what else a scenario hides."""
+"""Plants of the study: a robot with springs 25-40 % off, and what else a scenario hides."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 
 OTHERS = 0.3  # dampers and friction are off by as much at most
 INERTIA = ("mass.*", "centre_of_mass.*", "inertia.*", "rotor_inertia.*")
+PAYLOAD = {"x": 0.03, "y": -0.02, "z": 0.1, "radius_of_gyration": 0.06}  # m, of what a tool carries
 
 
 @dataclass(frozen=True)
@@ -56,18 +57,33 @@ class Plant:
         """In the order of the nominal robot's springs."""
         return np.array([self.robot.parameter(name) for name in self.nominal.stiffness_names])
 
+    def loaded(self, mass: float) -> Plant:
+        """Return the plant with a payload at the tool, which is told: kg."""
+        nominal, robot = (
+            one.with_effect(
+                "payload", "load.payload", on=one.axis_names[-1], values={"mass": mass, **PAYLOAD}
+            )
+            for one in (self.nominal, self.robot)
+        )
+        return replace(self, nominal=nominal, robot=robot)
 
-def drawn(seed: tuple[int, ...], hidden: Hidden, told: str = "six_axis") -> Plant:
-    """Draw a plant; springs are 25 to 40 % off, upwards or downwards."""
+
+def drawn(seed: tuple[int, ...], hidden: Hidden, told: str = "six_axis", as_told: bool = False) -> Plant:
+    """Draw a plant.
+
+    Parameters
+    ----------
+    seed
+        Of the generator.
+    hidden
+        What is not told.
+    told
+        The nominal robot, by name or path.
+    as_told
+        Springs, dampers and friction are the nominal ones; otherwise springs are 25 to 40 % off, upwards or downwards.
+    """
     nominal, generator = Robot.load(told), np.random.default_rng(seed)
-    moved = {}
-    for name, value in nominal.parameters().items():
-        kind = nominal.parameter_kind(name)
-        if kind == "stiffness":
-            moved[name] = value * (1 + generator.choice([-1, 1]) * generator.uniform(0.25, 0.4))
-        elif kind == "damping" or (kind == "friction" and not name.endswith((".speed", ".offset"))):
-            moved[name] = value * (1 + generator.uniform(-OTHERS, OTHERS))
-    robot, n = nominal.with_parameters(moved), nominal.n_axis
+    robot, n = nominal if as_told else _moved(nominal, generator), nominal.n_axis
     if hidden.inertia:
         names = chosen_names(list(nominal.layout), INERTIA)
         free = FreeParameters.of_robot(robot, names)
@@ -85,3 +101,15 @@ def drawn(seed: tuple[int, ...], hidden: Hidden, told: str = "six_axis") -> Plan
         resolver_ripple=np.full(n, hidden.resolver_ripple),
         resolver_order=generator.choice([1.0, 2.0, 4.0], n),
     )
+
+
+def _moved(nominal: Robot, generator: np.random.Generator) -> Robot:
+    """Return a robot with other springs, dampers and friction."""
+    moved = {}
+    for name, value in nominal.parameters().items():
+        kind = nominal.parameter_kind(name)
+        if kind == "stiffness":
+            moved[name] = value * (1 + generator.choice([-1, 1]) * generator.uniform(0.25, 0.4))
+        elif kind == "damping" or (kind == "friction" and not name.endswith((".speed", ".offset"))):
+            moved[name] = value * (1 + generator.uniform(-OTHERS, OTHERS))
+    return nominal.with_parameters(moved)
