@@ -18,12 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Frf, Robot
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from robid_core import ComplexArray, FloatArray, Frf, Robot
 
 KNEE = 5.0
 """x at which the apparent inertia has fallen to a half."""

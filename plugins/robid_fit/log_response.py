@@ -12,15 +12,17 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from robid_core import (
+    BoolArray,
+    ComplexArray,
     ConfigurationError,
     Context,
     DataRejected,
     Estimator,
     Fit,
+    FloatArray,
     FreeParameters,
     Frf,
     ParameterTable,
@@ -36,10 +38,6 @@ from robid_fit.problem import LogResponseProblem
 from robid_fit.response_weights import covariance_of_logarithm
 from robid_fit.slow_motion import slow_motion_gain
 from robid_fit.torque_gain import common_scale_problem
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-ComplexArray = npt.NDArray[np.complex128]
 
 # Starts stop when a thousandth of the cost is left to gain: enough to tell basins apart; the best is refined.
 COARSE_TOLERANCE = 1e-3

@@ -12,13 +12,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import FreeParameters, Frf, Robot
+from robid_core import ComplexArray, FloatArray, FreeParameters, Frf, Robot
 from robid_core.mechanics import ResponseGradient, with_motor_impedance
 from robid_fit.friction_gain import FrictionGain
 from robid_fit.response_weights import stacked
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 Equations = tuple[float, FloatArray, FloatArray]
 
 STEP = 1e-4

@@ -9,10 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Frf
-
-BoolArray = npt.NDArray[np.bool_]
-ComplexArray = npt.NDArray[np.complex128]
+from robid_core import BoolArray, ComplexArray, Frf
 
 # Entries noisier than this carry a biased logarithm (E1(SNR)/2: 0.2 % at 6 dB, 11 % at 0 dB).
 LOWEST_SIGNAL_TO_NOISE = 4.0

@@ -11,13 +11,9 @@ lines should be farther from resonances than the slow sine's frequency.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Frf, Robot
+from robid_core import ComplexArray, FloatArray, Frf, Robot
 from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 NODE = np.sqrt(1.5)
 """Of the three-node rule for sines, in standard deviations; each node weighs a third, so does the middle."""

@@ -10,14 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import FreeParameters, Model, Robot
+from robid_core import FloatArray, FreeParameters, Model, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def model_of(

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
@@ -19,6 +18,7 @@ from robid_core import (
     Context,
     Estimator,
     Fit,
+    FloatArray,
     FreeParameters,
     ParameterTable,
     Record,
@@ -37,8 +37,6 @@ from robid_core.residual import (
 from robid_fit.torque_data import block_of, functions_of_speed, spectra_of, variants_of
 from robid_fit.torque_gain import common_scale_problem
 from robid_fit.torque_model import model_of
-
-FloatArray = npt.NDArray[np.float64]
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")

@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robid_core.mechanics.flexible.body import FlexibleBody
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 REVOLUTE = 0
 PRISMATIC = 1

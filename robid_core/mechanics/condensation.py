@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from robid_core.mechanics.chain import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.mechanics.elimination import Plan
 from robid_core.mechanics.kernel import fused_kernel
 from robid_core.mechanics.lanes import LANES

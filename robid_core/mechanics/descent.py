@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.mechanics.chain import FloatArray
+from robid_core.arrays import BoolArray, FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
 Pull = Callable[[npt.NDArray[np.int64], FloatArray], tuple[FloatArray, FloatArray]]
 
 MOST_STEPS = 200  # a gap takes 5 to 30

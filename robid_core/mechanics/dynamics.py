@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.mechanics.chain import Chain, FloatArray
+from robid_core.arrays import FloatArray
+from robid_core.mechanics.chain import Chain
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.layout import ChainArrays, chain_arrays, chain_work

@@ -13,11 +13,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core.mechanics.chain import FloatArray, IntArray
-
-BoolArray = npt.NDArray[np.bool_]
+from robid_core.arrays import BoolArray, FloatArray, IntArray
 
 
 class Plan(NamedTuple):

@@ -11,19 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import BoolArray, FloatArray, IntArray
 from robid_core.errors import ConfigurationError, NotTrustworthy
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.descent import descend
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import rows_times, terms_at_rest
 from robid_core.mechanics.static_laws import static_force
 from robid_core.mechanics.terms import ForceTerm
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 NEWTON_STEPS = 15  # a robot needs 3 to 5; who needs more goes another way
 STEP_TOLERANCE = 1e-13  # rad, times (1 + largest coordinate); Newton's error is the square of its last step

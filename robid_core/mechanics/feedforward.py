@@ -24,8 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import Chain, FloatArray
+from robid_core.mechanics.chain import Chain
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.friction import friction_torque
 from robid_core.mechanics.mechanism import Mechanism

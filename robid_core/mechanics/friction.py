@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import i0e
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.functions import smooth_sign
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism

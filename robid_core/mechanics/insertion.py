@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import ABSENT, SHAPES, Chain, FloatArray
+from robid_core.mechanics.chain import ABSENT, SHAPES, Chain
 
 
 def insert_series(chain: Chain, after: str, names: tuple[str, ...], **rows: npt.ArrayLike) -> Chain:

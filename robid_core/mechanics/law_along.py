@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, entries_of

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robid_core.mechanics.chain import MODAL, PRISMATIC, REVOLUTE, Chain, FloatArray, IntArray
+from robid_core.arrays import FloatArray, IntArray
+from robid_core.mechanics.chain import MODAL, PRISMATIC, REVOLUTE, Chain
 
 
 class ChainArrays(NamedTuple):

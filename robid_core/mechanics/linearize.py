@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import terms_at_rest

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robid_core.mechanics.chain import REVOLUTE, FloatArray, IntArray
+from robid_core.arrays import FloatArray, IntArray
+from robid_core.mechanics.chain import REVOLUTE
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.layout import OF_STRUCTURE, in_lanes, numbers_of_chain, padded_rows
 from robid_core.mechanics.mechanism import Mechanism

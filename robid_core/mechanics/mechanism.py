@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import Chain, FloatArray, IntArray
+from robid_core.mechanics.chain import Chain
 
 
 @dataclass(frozen=True, eq=False)

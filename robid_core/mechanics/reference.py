@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.mechanics.chain import Chain, FloatArray, IntArray, rotation_by, spatial_inertia
+from robid_core.arrays import FloatArray, IntArray
+from robid_core.mechanics.chain import Chain, rotation_by, spatial_inertia
 from robid_core.mechanics.dynamics import Dynamics
 from robid_core.mechanics.friction import friction_torque
 from robid_core.mechanics.linearize import SecondOrderModel

@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.condensation import condense, memory_of
 from robid_core.mechanics.elimination import plan_of
 from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.linearize import SecondOrderModel
-
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

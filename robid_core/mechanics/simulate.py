@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError, NotTrustworthy
-from robid_core.mechanics.chain import FloatArray, IntArray
 from robid_core.mechanics.closed_loop import run_blocks
 from robid_core.mechanics.equilibrium import solve_equilibrium
 from robid_core.mechanics.lanes import LANES

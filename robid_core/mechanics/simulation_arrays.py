@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robid_core.mechanics.chain import FloatArray, IntArray
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, Entries
 from robid_core.mechanics.layout import (
     ChainArrays,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core.mechanics.chain import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.mechanics.law_along import law_along
 from robid_core.mechanics.terms import ForceTerm
 

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError, NotTrustworthy
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.law_along import run_law

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robid_core.mechanics.chain import FloatArray, IntArray
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.mechanics.laws import Entries, Kind, entries_of
 from robid_core.mechanics.layout import in_lanes
 from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from robid_core.mechanics.chain import FloatArray
+from robid_core.arrays import FloatArray
 
 Law = Any
 """A function compiled by numba; its arguments stand in `effect.ForceEffect` and `effect.SignalEffect`."""

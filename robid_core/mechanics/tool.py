@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.mechanics.chain import Chain, FloatArray
+from robid_core.arrays import FloatArray
+from robid_core.mechanics.chain import Chain
 
 
 @dataclass(frozen=True)

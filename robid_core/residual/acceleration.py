@@ -9,9 +9,8 @@ equations, J. ACM 12, 1965; H. F. Walker, P. Ni, Anderson acceleration for fixed
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
 
 SMALLEST = 1e-3  # of the largest singular value of the moves: what lies below is noise of the inner minimum
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
@@ -24,10 +24,6 @@ from robid_core.residual.columns import body_derivatives, parameter_columns, pas
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 M = TypeVar("M", bound=MotionSpectra)
 

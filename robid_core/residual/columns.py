@@ -11,15 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.parameters import FreeParameters
 from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
 
 BODY_STEP = 1e-4  # in natural scales; matrices are nearly linear in them
 

@@ -7,14 +7,11 @@ eigenvectors V of the linear model at the initial pose, and G the torque on the 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.residual.columns import passive_motion
 from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 SLOW = 100.0  # times slower than the first bin: there deflections follow quasi-statically
 

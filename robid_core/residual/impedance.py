@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.robot import Robot
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 Hold = Literal["zero_order_hold", "continuous"]
 
 

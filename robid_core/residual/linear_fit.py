@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.residual.problem import TorqueProblem
 from robid_core.residual.steps import minimised
-
-FloatArray = npt.NDArray[np.float64]
 
 FIRST_LINEARISATIONS = 20  # of the linear model at most
 COARSE = 0.01  # of the torque's power: variance in the first weights

@@ -5,16 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import MisfitTable
 from robid_core.estimation.torque.weights import whitener
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.problem import TorqueProblem
 from robid_core.residual.weighting import Weighting
-
-ComplexArray = npt.NDArray[np.complex128]
-FloatArray = npt.NDArray[np.float64]
 
 EDGES_HZ = (0.0, 3.0, 10.0, 25.0, 50.0, 100.0)  # of the bands: friction and load, arm, gears, above
 

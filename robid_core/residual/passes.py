@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
 from robid_core.estimation.torque.weights import covariance_apart, whitener
 from robid_core.residual.acceleration import History
@@ -20,8 +21,6 @@ from robid_core.residual.misfit import misfit
 from robid_core.residual.problem import Linearisation, TorqueProblem
 from robid_core.residual.steps import minimised
 from robid_core.residual.visibility import Visibility, visibility
-
-FloatArray = npt.NDArray[np.float64]
 
 INITIAL_STATES = 8  # improvements of an unknown initial state in one pass, at most
 BETTER = 0.95  # of what is left: an improvement that leaves more was the last

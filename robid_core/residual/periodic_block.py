@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
 from robid_core.estimation.torque.spectra import FINER, MOTION_BAND_HZ, friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
@@ -19,9 +20,6 @@ from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 FIRST_PERIODS = 3  # until it has rung out, from the linear motion
 NEXT_PERIODS = 2  # likewise, from where the last run ended

@@ -11,15 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.parameters import FreeParameters
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.weighting import Weighting
 from robid_core.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 FRICTION_PRIOR = 0.3  # of the torque limit: no told level, which would freeze what is told as zero
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.effect import SignalEffect
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import MotionSpectra
@@ -21,9 +21,6 @@ from robid_core.robot import Robot
 from robid_core.robot.effect_columns import effect_columns
 from robid_core.robot.effects import channel_gain
 from robid_core.robot.forces_along import RobotMotion
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 M = TypeVar("M", bound=MotionSpectra)
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.residual.problem import Linearisation, TorqueProblem
-
-FloatArray = npt.NDArray[np.float64]
 
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import NotIdentifiable
 from robid_core.residual.problem import Linearisation, TorqueProblem
-
-FloatArray = npt.NDArray[np.float64]
 
 BLIND = 0.9  # posterior over prior: above it data tell next to nothing
 UNCERTAIN = 0.3  # prior, in natural scales: what was known better before may stay as it was

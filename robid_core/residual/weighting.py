@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from robid_core.arrays import ComplexArray, FloatArray
 
 INDEPENDENT = 1e-9  # of the largest singular value: columns below it are those of other modes again
 

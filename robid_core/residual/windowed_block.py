@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
@@ -25,9 +26,6 @@ from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model gives no start values
 FEW = 2  # experiments of each configuration in a first pass of prescribed motions

@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import FreeParameters, Robot
+from robid_core import FloatArray, FreeParameters, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.estimation.torque.weights import whitener
 from robid_core.residual import TorqueProblem
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.impedance import impedance
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def bound(problem: TorqueProblem, true: Robot, torque_noise: FloatArray, names: list[str]) -> FloatArray:

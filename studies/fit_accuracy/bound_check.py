@@ -12,10 +12,9 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import chi2
 
-from robid_core import Channel, FreeParameters, Record, Robot, chosen_names
+from robid_core import Channel, FloatArray, FreeParameters, Record, Robot, chosen_names
 from studies.fit_accuracy.accuracy import experiments_of, plant_of
 from studies.fit_accuracy.comparison import compared
 from studies.fit_accuracy.measurement import measured
@@ -23,8 +22,6 @@ from studies.fit_accuracy.plants import INERTIA, Plant
 from studies.fit_accuracy.simulators import Foreign
 from studies.fit_accuracy.springs import QUANTILE, columns, names
 from studies.fit_accuracy.tables import Question, Row
-
-FloatArray = npt.NDArray[np.float64]
 
 SCENARIO = "one_experiment"  # eight poses: the fit takes five seconds
 PLANT = 1

@@ -9,17 +9,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from robid_core import Fit, Record, Robot, load_plugin
+from robid_core import Fit, FloatArray, Record, Robot, load_plugin
 from studies.fit_accuracy.bound import bound
 from studies.fit_accuracy.experiments import STAGES, context
 from studies.fit_accuracy.measurement import VARIANTS
 from studies.fit_accuracy.plants import Plant
 from studies.fit_accuracy.scenarios import TORQUE_RESIDUAL
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def fitted(chain: Sequence[str], record: Record, nominal: Robot, seed: int, **settings: Any) -> Fit:

@@ -7,12 +7,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Configurations, Context, Excitation, MotionRefused, Robot, load_plugin
+from robid_core import Configurations, Context, Excitation, FloatArray, MotionRefused, Robot, load_plugin
 from robid_core.stage import map_in_process
-
-FloatArray = npt.NDArray[np.float64]
 
 STAGES = "robid.stages"
 TRIES = 20

@@ -27,9 +27,7 @@ if str(Path(__file__).parents[2] / "tests") not in sys.path:
 from oracles.drives import of_axes
 from oracles.mjcf import mjcf
 
-from robid_core import Robot
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray, Robot
 
 STAGES = 4  # of Runge and Kutta's method: MuJoCo asks for forces so often a step
 STEPS = 4  # of MuJoCo a sample

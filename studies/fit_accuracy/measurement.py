@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Channel, DenseRun, Record
+from robid_core import Channel, DenseRun, FloatArray, Record
 from studies.fit_accuracy.experiments import Experiments, excitation_of, references
 from studies.fit_accuracy.plants import Plant
 from studies.fit_accuracy.simulators import Own, Simulator, earlier
-
-FloatArray = npt.NDArray[np.float64]
 
 VARIANTS = ("bare", "loaded")
 

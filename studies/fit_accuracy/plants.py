@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import FreeParameters, Robot, chosen_names
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray, FreeParameters, Robot, chosen_names
 
 OTHERS = 0.3  # dampers and friction are off by as much at most
 INERTIA = ("mass.*", "centre_of_mass.*", "inertia.*", "rotor_inertia.*")

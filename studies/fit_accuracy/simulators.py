@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Robot
+from robid_core import FloatArray, Robot
 from studies.fit_accuracy import foreign
 from studies.fit_accuracy.plants import Plant
-
-FloatArray = npt.NDArray[np.float64]
 
 FOREIGN_NOISE = 0.004  # of the torque limit
 

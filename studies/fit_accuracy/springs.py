@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from robid_core import FloatArray
 from studies.fit_accuracy.tables import Row
-
-FloatArray = npt.NDArray[np.float64]
 
 QUANTILE = 1.96  # of a normal distribution, 95 %
 

@@ -10,15 +10,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from studies.frf_methods.estimates import Estimated, Variant
 
 from reference import metrics  # isort: skip
+from robid_core import BoolArray, ComplexArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
 BANDS_HZ = ((4.0, 8.0), (8.0, 25.0), (25.0, 81.0))
 JUDGE: Variant = ("log", 24)
 

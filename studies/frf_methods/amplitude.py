@@ -7,15 +7,13 @@ amplitude grows, a stiffening spring raises the resonance.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from robid_core import Robot, load_plugin
 from studies.frf_methods.measurement import chance, measure, quiet, references
 
 from reference.excitation_class import shipped_class  # isort: skip
 from reference.plants import ReferencePlant, reference_plant  # isort: skip
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray
 
 SHARES = (0.05, 0.1, 0.2, 0.4)
 """Of the torque limit, for the multisine's peaks; the worked example takes up to 0.5."""

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from studies.frf_methods.estimates import Estimated
 from studies.frf_methods.scenes import Scene
 
 from reference import metrics  # isort: skip
+from robid_core import IntArray
 
-IntArray = npt.NDArray[np.int64]
 WINDOW = 11  # lines: no method shares residuals further, with 24 experiments
 
 

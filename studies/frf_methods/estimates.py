@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import Record, RobidError, Robot
+from robid_core import ComplexArray, FloatArray, Record, RobidError, Robot
 from studies.frf_methods.measurement import (
     BLOCKS,
     ExcitationClass,
@@ -41,9 +41,6 @@ CODE = (
     "studies/frf_methods/measurement.py",
     "studies/frf_methods/methods.py",
 )
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

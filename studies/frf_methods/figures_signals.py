@@ -11,15 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 
-from robid_core import Record, Robot, mean_travel
+from robid_core import FloatArray, IntArray, Record, Robot, mean_travel
 from studies.frf_methods.figures_style import EVEN, INK, ODD, UNUSED, USED, laid_out, plain_ticks
 from studies.frf_methods.measurement import BLOCKS, SETTLE_PERIODS, ExcitationClass, measure, references
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 BUCKETS = 500  # a period, each drawn as its smallest and its largest value
 FLOOR_DB = 120.0  # below the largest line: rounding, not signal

@@ -10,19 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from robid_core import Record, RobidError
+from robid_core import ComplexArray, FloatArray, Record, RobidError
 from robid_core.estimation.response.local.fit import local_rational
 from robid_core.estimation.response.local.model import LocalModel, Parametrization
 from robid_core.estimation.response.local.result import LocalFit
 from robid_core.estimation.response.spectra import divide_spectra, side_by_side
 from studies.frf_methods.figures_style import FITS, INK, laid_out, plain_ticks
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 PARAMETRIZATIONS: tuple[Parametrization, ...] = ("scalar", "miso", "mimo")
 NEIGHBOURS = 4  # lines on either side that tell what a line is like

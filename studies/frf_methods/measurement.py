@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from robid_core import Channel, Context, DenseRun, Record, Robot, mean_travel
 from robid_core.testing import example_context
@@ -20,7 +19,7 @@ from robid_core.testing import example_context
 sys.path.append(str(Path(__file__).parents[2] / "tests"))
 from reference.excitation_class import ExcitationClass
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray
 
 SEED = 20261122  # of all measurements of this study; those of the bench itself have another
 BLOCKS, PERIODS, SETTLE_PERIODS = 4, 2, 1

@@ -11,22 +11,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import plotly.graph_objects as go
 import plotly.io
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from robid_core import ComplexArray
 from studies.frf_methods import figures_accuracy, figures_tables, figures_variants, figures_window
 from studies.frf_methods.figures_signals import Shown, measured, signal_figures, signals
 from studies.frf_methods.figures_style import CONFIG, FAMILIES, FITS, Row
 from studies.frf_methods.measurement import SETTLE_PERIODS, chance
 from studies.frf_methods.scenes import Scene
 from studies.frf_methods.tables import HERE, read_table
-
-ComplexArray = npt.NDArray[np.complex128]
 
 TABLES = {
     "accuracy": "Accuracy of every method",

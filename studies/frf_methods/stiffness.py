@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from robid_core import Frf, Record, Robot, load_plugin
 from studies.frf_methods.accuracy import ratio, root_mean
@@ -24,8 +23,7 @@ from reference.answer import SHIPPED_LABEL, answer  # isort: skip
 from reference.bounds import parameter_bound  # isort: skip
 from reference.excitation_class import shipped_class  # isort: skip
 from reference.plants import ReferencePlant, reference_plant, without_effects, without_sensor_errors  # isort: skip
-
-FloatArray = npt.NDArray[np.float64]
+from robid_core import FloatArray
 
 VARIANTS: tuple[tuple[str, int], ...] = (
     ("log", 24),

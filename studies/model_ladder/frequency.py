@@ -10,19 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh
 from scipy.signal import find_peaks
 
-from robid_core import Robot
+from robid_core import ComplexArray, FloatArray, Robot
 from robid_core.estimation.excitation.multisine import logarithmic_odd_lines, multisine, sine
 from robid_core.estimation.response.spectra import response_from_spectra
 from robid_core.mechanics.response import hold_factor
 from robid_core.mechanics.tool import pose_of
 from studies.model_ladder.tracking import TOOL
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 POSES = {
     "stretched": (0.0, 0.9, -0.7, 0.0, 0.3, 0.0),

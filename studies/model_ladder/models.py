@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from robid_core import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 PLANT = "six_axis_flex"
 LADDER = ("rigid", "flexible joint", "extended", "Flex-Model")

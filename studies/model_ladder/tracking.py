@@ -9,14 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from robid_core import Robot
+from robid_core import FloatArray, Robot
 from robid_core.mechanics.feedforward import Feedforward, MotorFriction, Tool, computed_torque, drive_signals
 from robid_core.mechanics.tool import pose_of
 from studies.model_ladder.models import with_position_gain
-
-FloatArray = npt.NDArray[np.float64]
 
 TOOL = Tool("axis_6", (0.25, 0.03, 0.06))
 START = (-0.4, 0.2, -0.1, -0.3, 0.6, -0.5)  # rad, arm joints

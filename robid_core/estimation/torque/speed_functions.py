@@ -12,9 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robid_core.arrays import FloatArray
 
 NEAR = (0.5, 0.75, 1.1, 1.7)  # of the told speed
 FAR = 5  # widths above, up to TOP

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import MODAL, Chain, FloatArray
+from robid_core.mechanics.chain import MODAL, Chain
 from robid_core.mechanics.flexible.body import FlexibleBody
 from robid_core.mechanics.flexible.pseudo_joints import PseudoJoints
 from robid_core.mechanics.insertion import insert_series

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.flexible.structure import Structure
 
 

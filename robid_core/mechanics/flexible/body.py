@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 
 _SAME = 1e-7  # relative difference of w^2 below which two modes may be mixed
 _MASSLESS = (

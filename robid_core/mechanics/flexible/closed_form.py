@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from robid_core.mechanics.chain import FloatArray
+from robid_core.arrays import FloatArray
 from robid_core.mechanics.flexible.beam import Beam
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.flexible.body import FlexibleBody, body_of_shapes
 from robid_core.mechanics.flexible.reduction import craig_bampton
 from robid_core.mechanics.flexible.structure import Structure, degree_of_freedom

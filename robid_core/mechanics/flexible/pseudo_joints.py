@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.flexible.beam import Beam
 from robid_core.mechanics.flexible.closed_form import (
     bending_frequencies_hz,

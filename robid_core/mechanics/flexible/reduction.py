@@ -18,8 +18,8 @@ import scipy.linalg
 import scipy.sparse
 import scipy.sparse.linalg
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 from robid_core.mechanics.flexible.structure import (
     Matrix,
     Structure,

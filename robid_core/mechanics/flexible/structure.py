@@ -15,8 +15,8 @@ import scipy.linalg
 import scipy.sparse
 import scipy.sparse.linalg
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.chain import FloatArray
 
 Matrix = Any  # numpy array or scipy.sparse array
 
