@@ -12,10 +12,10 @@ import pytest
 HERE = Path(__file__).parent
 DEAR = (  # files that begin first: a worker that begins late with one keeps the other waiting
     "system/test_first_light.py",
-    "plugins/robid_fit/test_torque_residual.py",
     "third_party/test_strangers_effect.py",
     "adapters/robid_dask/test_dask_batches.py",
     "system/test_stops.py",
+    "plugins/robid_fit/test_torque_residual.py",  # not beside the worked example: both would compile the same kernels
     "reference/test_reference_bench.py",
     "robid_core/run/test_limits.py",
     "robid_core/run/test_two_runs.py",
