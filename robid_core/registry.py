@@ -74,9 +74,12 @@ class Registry:
 
     def __init__(self, entry_points: Iterable[metadata.EntryPoint]) -> None:
         found: dict[tuple[str, str], list[Plugin]] = {}
+        origins: dict[metadata.Distribution | None, tuple[str, str]] = {}
         for point in entry_points:
             if point.group in GROUPS:
-                plugin = _plugin(point)
+                if point.dist not in origins:  # its metadata are a long text, parsed at every access
+                    origins[point.dist] = _name_and_version(point.dist)
+                plugin = Plugin(point.group, point.name, point.value, *origins[point.dist], point)
                 same = found.setdefault((point.group, point.name), [])
                 if all((p.target, p.distribution) != (plugin.target, plugin.distribution) for p in same):
                     same.append(plugin)
@@ -117,10 +120,11 @@ class Registry:
         return self.find(group, name).load()
 
 
-def _plugin(point: metadata.EntryPoint) -> Plugin:
-    dist = point.dist
-    name, version = (dist.metadata["Name"], dist.version) if dist is not None else ("unknown", "0")
-    return Plugin(point.group, point.name, point.value, name, version, point)
+def _name_and_version(distribution: metadata.Distribution | None) -> tuple[str, str]:
+    if distribution is None:
+        return "unknown", "0"
+    found = distribution.metadata
+    return found["Name"], found["Version"]
 
 
 @functools.cache

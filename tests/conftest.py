@@ -1,4 +1,4 @@
-"""Before the tests begin: signals as a terminal sets them, and in a whole run the largest kernels compiled once."""
+"""Before the tests begin: signals as a terminal sets them, and in a whole run what many need is compiled once."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-SHARED = (  # files whose tests share something that is dear to make: each stays with one worker, and begins early
+DEAR = (  # files that begin first: a worker that begins late with one keeps the other waiting
     "system/test_first_light.py",
     "third_party/test_strangers_effect.py",
-    "third_party/test_strangers_package.py",
+    "adapters/robid_dask/test_dask_batches.py",
+    "system/test_stops.py",
+    "plugins/robid_fit/test_torque_residual.py",  # not beside the worked example: both would compile the same kernels
     "reference/test_reference_bench.py",
-    "studies/test_frf_methods_page.py",
-    "studies/test_model_ladder.py",
+    "robid_core/run/test_limits.py",
+    "robid_core/run/test_two_runs.py",
+    "plugins/robid_effects/test_every_effect.py",
 )
+SOURCES = [sys.executable, "-m", "compileall", "-q", "robid_core", "plugins", "adapters"]
 SIMULATOR = [sys.executable, "-c", "from robid_core.mechanics import warm_up; warm_up()"]
 LOCAL_METHODS = [
     *(sys.executable, "-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider"),
@@ -29,7 +33,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Let signals through, also to child processes, and warm the caches up (three seconds where they are warm).
 
     A shell lets what it starts in the background ignore SIGINT; a run that ignores a signal cannot be tested with it.
-    A run of named tests compiles what it needs itself.
+    A run of named tests compiles what it needs itself. Python's own byte code is kept beside the machine code even
+    where Python was told to keep none: hundreds of processes would read all sources anew.
     """
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -39,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if whole and not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
         started = [
             subprocess.Popen(command, cwd=HERE.parent, stdout=subprocess.DEVNULL)
-            for command in (SIMULATOR, LOCAL_METHODS)
+            for command in (SIMULATOR, LOCAL_METHODS, SOURCES)
         ]
         for process in started:
             process.wait()
@@ -47,9 +52,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests of some files together, and put them first: who begins late with them keeps the other waiting."""
-    for item in items:
-        file = item.path.relative_to(HERE).as_posix()
-        if file in SHARED:
-            item.add_marker(pytest.mark.xdist_group("third_party" if "third_party" in file else file))
-    items.sort(key=lambda item: item.path.relative_to(HERE).as_posix() not in SHARED)
+    """Put the dear files first, the dearest in front; `--dist loadfile` keeps a file with one worker."""
+    items.sort(key=lambda item: rank(item.path.relative_to(HERE).as_posix()))
+
+
+def rank(file: str) -> int:
+    """Return the place of a file among the dear ones, or behind them."""
+    return DEAR.index(file) if file in DEAR else len(DEAR)

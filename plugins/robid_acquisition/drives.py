@@ -12,8 +12,8 @@ from contextlib import contextmanager
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
-from scipy.special import ndtri
 
 from robid_core import (
     Acquisition,
@@ -108,7 +108,7 @@ def unsaturated_share(saturated: float) -> float:
     For a Gaussian torque that is beyond the limit for a share s of the time the limit is
     Phi^-1(1 - s / 2) standard deviations away; it should be UNSATURATED.
     """
-    return float(np.clip(ndtri(1 - saturated / 2) / UNSATURATED, 0.1, 0.95))
+    return float(np.clip(scipy.special.ndtri(1 - saturated / 2) / UNSATURATED, 0.1, 0.95))
 
 
 def reject_saturated(

@@ -8,7 +8,7 @@ characteristic functions of a Gaussian and of a sine (arcsine distribution).
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import j0
+import scipy
 
 from robid_core import ComplexArray, Motion
 from robid_core.mechanics import kernel
@@ -39,7 +39,7 @@ def mean_wave(order: float, phase: float, motion: Motion) -> ComplexArray:
         np.asarray(motion.sine_speed, dtype=float), np.asarray(motion.sine_omega, dtype=float)
     )
     amplitude = np.divide(speed, omega, out=np.zeros(speed.shape), where=omega > 0)
-    slow = np.where((speed != 0) & (omega <= 0), 0.0, j0(order * amplitude))
+    slow = np.where((speed != 0) & (omega <= 0), 0.0, scipy.special.j0(order * amplitude))
     gaussian = np.exp(-0.5 * np.square(order * np.asarray(motion.position_rms, dtype=float)))
     angle = order * np.asarray(motion.position_bias, dtype=float) + phase
     wave: ComplexArray = np.asarray(np.exp(1j * angle) * gaussian * slow, dtype=np.complex128)

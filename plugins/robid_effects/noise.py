@@ -10,7 +10,7 @@ the controller sees it.
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel
@@ -22,7 +22,7 @@ def autoregression(white: FloatArray, pole: float) -> FloatArray:
     """Unit white noise to unit noise of autocorrelation pole^|k| along the last axis, stationary from the start."""
     driven = np.sqrt(1 - pole * pole) * white
     driven[..., 0] = white[..., 0]
-    coloured: FloatArray = lfilter([1.0], [1.0, -pole], driven, axis=-1)
+    coloured: FloatArray = scipy.signal.lfilter([1.0], [1.0, -pole], driven, axis=-1)
     return coloured
 
 

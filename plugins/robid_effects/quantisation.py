@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import j0
+import scipy
 
 from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel
@@ -37,7 +37,7 @@ def quantiser_gain(
     mean, rms, amplitude = (
         np.asarray(x, dtype=float)[..., None] / resolution for x in (mean, rms, amplitude)
     )
-    terms = (-1.0) ** n * np.cos(2 * np.pi * n * mean) * j0(2 * np.pi * n * amplitude)
+    terms = (-1.0) ** n * np.cos(2 * np.pi * n * mean) * scipy.special.j0(2 * np.pi * n * amplitude)
     terms = terms * np.exp(-2 * np.square(np.pi * n * np.maximum(rms, SMALLEST_RMS)))
     gain: FloatArray = 1 + 2 * terms.sum(axis=-1)
     return gain

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import erf
+import scipy
 
 from robid_core import ComplexArray, FloatArray, Motion, Parameter, Place, SignalEffect, TestValue
 from robid_core.mechanics import kernel, where
@@ -40,7 +40,9 @@ def limit_gain(limit: float, mean: npt.ArrayLike, rms: npt.ArrayLike) -> FloatAr
     """Equivalent gain of a symmetric limit under a Gaussian signal: the share of time inside it."""
     spread = np.sqrt(2) * np.maximum(np.asarray(rms, dtype=float), TINY**0.5)
     mean = np.asarray(mean, dtype=float)
-    gain: FloatArray = 0.5 * (erf((limit - mean) / spread) + erf((limit + mean) / spread))
+    gain: FloatArray = 0.5 * (
+        scipy.special.erf((limit - mean) / spread) + scipy.special.erf((limit + mean) / spread)
+    )
     return gain
 
 

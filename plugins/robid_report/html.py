@@ -15,7 +15,6 @@ from importlib import metadata, resources
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from robid_core import (
@@ -147,6 +146,8 @@ def misfit_section(fit: Fit | None) -> dict[str, Any] | None:
 def render(content: dict[str, Any], data: dict[str, Any]) -> str:
     """Fill the template; `data` goes to the page's script, `content` into the text."""
     files = resources.files("robid_report")
+    from jinja2 import Environment, StrictUndefined  # slow to import
+
     text = {
         name: (files / name).read_text(encoding="utf-8") for name in ("page.html.j2", "page.css", "page.js")
     }

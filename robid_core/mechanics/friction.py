@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import i0e
+import scipy
 
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
@@ -88,7 +88,7 @@ def equivalent_damping(
     spread = np.maximum(spread, 1e-8 * amplitude)
     with np.errstate(divide="ignore"):
         ratio = np.divide(amplitude, 2 * spread, out=np.zeros_like(spread), where=spread > 0)
-        density = i0e(ratio**2) / (math.sqrt(2 * math.pi) * spread)
+        density = scipy.special.i0e(ratio**2) / (math.sqrt(2 * math.pi) * spread)
     at_zero = density @ weight
     fc = np.asarray(coulomb, dtype=np.float64)
     with np.errstate(invalid="ignore"):

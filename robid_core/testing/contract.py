@@ -8,6 +8,7 @@ message says which.
 
 from __future__ import annotations
 
+import functools
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -85,8 +86,8 @@ def check_stage(
     """
     stage = check_settings(cls, **settings)
     for n_axis in for_axes:
-        robot = example_robot(n_axis)
-        inputs = {**example_artifacts(robot), **(artifacts(robot) if artifacts is not None else {})}
+        robot, examples = _examples(n_axis)
+        inputs = {**examples, **(artifacts(robot) if artifacts is not None else {})}
         arguments = {
             entry.name: [_of_type(inputs, entry.artifact)] * (2 if entry.many else 1)
             for entry in cls.inputs()
@@ -134,6 +135,13 @@ def check_settings(cls: type[Stage], **settings: Any) -> Stage:
     raise ContractBroken(f"{name} is mutable; keep model_config of robid_core.Stage")
 
 
+@functools.cache
+def _examples(n_axis: int) -> tuple[Robot, dict[type[Artifact], Artifact]]:
+    """Return a robot and its example artifacts; simulated once for all stages, whose arrays cannot be written to."""
+    robot = example_robot(n_axis)
+    return robot, example_artifacts(robot)
+
+
 def _of_type(inputs: Mapping[type[Artifact], Artifact], wanted: type[Artifact]) -> Artifact:
     if wanted in inputs:
         return inputs[wanted]
@@ -165,6 +173,7 @@ def _check_run(stage: Stage, inputs: dict[str, list[Artifact]], robot: Robot, da
             key for key, artifacts in inputs.items() if _all_bytes(artifacts, folder / "input") != before[key]
         ]
         if changed or robot.to_yaml() != robot_before or stage.model_dump_json() != settings:
+            _examples.cache_clear()
             raise ContractBroken(
                 f"{name}: run changes what it is given: {', '.join(changed) or 'robot or settings'}"
             )

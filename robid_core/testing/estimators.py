@@ -38,7 +38,7 @@ def estimate(
     loop of the record, is known to it; its mechanics is not that of the plant.
     """
     lent = stage.lends()
-    robot = example_robot(plant.n_axis) if Robot in lent.values() else None
+    robot = _robot(plant.n_axis) if Robot in lent.values() else None
     record = plant_record(plant, robot=robot, **of_record)
     if damping_deviation is not None:
         shape = (len(record.angle), len(record.frequency_hz), plant.n_axis)
@@ -54,6 +54,11 @@ def estimate(
     if not isinstance(result, Frf):
         raise ContractBroken(f"{type(stage).__name__}.run gives a {type(result).__name__}, not an Frf")
     return record, result
+
+
+@functools.cache
+def _robot(n_axis: int) -> Robot:
+    return example_robot(n_axis)
 
 
 def check_recovers_plant(stage: FrfEstimator, n_axis: int, tolerance: float = EXACT) -> None:

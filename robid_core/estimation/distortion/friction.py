@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.distortion.equivalent_gain import (
@@ -102,7 +102,7 @@ def fit_speed_law(
     explained = 1.0 - float(rest @ rest) / power
     spare = max(freedom - rank, 1.0)
     ratio = explained / max(1.0 - explained, 1e-300) * spare / rank
-    return SpeedLaw(coefficient, explained, float(stats.f.sf(ratio, rank, spare)))
+    return SpeedLaw(coefficient, explained, float(scipy.stats.f.sf(ratio, rank, spare)))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
 
 from robid_core.arrays import FloatArray
 from robid_core.estimation.distortion.order_analysis import (
@@ -215,7 +215,7 @@ def forward_selection(
         best = int(np.argmax(gain))
         freedom = equations.freedom - 2 * len(chosen) - 2
         value = 0.5 * gain[best] / max(gram[-1, -1] - gain[best], 1e-300) * freedom
-        if gain[best] <= 0 or stats.f.sf(value, 2, freedom) > level:
+        if gain[best] <= 0 or scipy.stats.f.sf(value, 2, freedom) > level:
             break  # as if the residual were white noise; it is worse than that
         if chance([*chosen, best], len(chosen)) > level:
             refused[best] = True
@@ -282,7 +282,9 @@ def refined(
     # To a thousandth of a period over the whole travel.
     tolerance = 1e-3 / max(data.turns for data in motor.configurations)
     bounds = (max(order - reach, 1e-3), order + reach)
-    best = optimize.minimize_scalar(missing, bounds=bounds, method="bounded", options={"xatol": tolerance})
+    best = scipy.optimize.minimize_scalar(
+        missing, bounds=bounds, method="bounded", options={"xatol": tolerance}
+    )
     return kind, float(best.x)
 
 

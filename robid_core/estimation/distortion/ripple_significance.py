@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray
 
@@ -79,7 +79,7 @@ def chance_of_pair(rows: Rows, pair: int) -> float:
     if n < 4 or np.linalg.cond(scatter) > 1e12:
         return 1.0
     share = min(float(total @ np.linalg.solve(scatter, total)) / n, 1.0 - 1e-15)
-    return float(stats.f.sf(0.5 * (n - 2) * share / (1.0 - share), 2, n - 2))
+    return float(scipy.stats.f.sf(0.5 * (n - 2) * share / (1.0 - share), 2, n - 2))
 
 
 def covariance(rows: Rows, estimate: FloatArray) -> FloatArray:

@@ -13,8 +13,7 @@ and the best linear approximation is that of multisines with few peaks, not that
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import next_fast_len
-from scipy.optimize import minimize
+import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.excitation.multisine import experiment_factors
@@ -63,7 +62,7 @@ class Block:
     ) -> None:
         n_freq, n_axis = amplitude.shape
         self.line, self.shape = line, (n_freq, n_axis, n_exp)
-        self.n_grid = min(n_sample, next_fast_len(OVERSAMPLING * int(line.max()), real=True))
+        self.n_grid = min(n_sample, scipy.fft.next_fast_len(OVERSAMPLING * int(line.max()), real=True))
         direct = np.broadcast_to(np.eye(n_axis), (n_freq, n_axis, n_axis)) if response is None else response
         # (n_exp, n_freq, n_out, n_axis): half of each line's amplitude with the orthogonal factors.
         factors = experiment_factors(n_exp, n_axis)[:, None, None, :]
@@ -149,7 +148,7 @@ def minimise_crest(
     unknown = phase.ravel() if common else np.concatenate([phase.ravel(), experiment_phase.ravel()])
     best, best_crest = unknown, peak_over_rms(block.signals(*apart(unknown))).max()
     for exponent in EXPONENTS:
-        found = minimize(
+        found = scipy.optimize.minimize(
             objective, unknown, args=(exponent,), jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS}
         )
         unknown = found.x

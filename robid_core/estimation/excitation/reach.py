@@ -11,7 +11,7 @@ spread does, and averages as noise does.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import j0
+import scipy
 
 from robid_core.arrays import FloatArray, IntArray
 
@@ -62,7 +62,7 @@ def ripple_level(
     for k, amplitude in zip(bins.tolist(), np.append(angle, sine_angle).tolist(), strict=True):
         # Reduced before the sine: k lag / n_sample would lose digits for high bins.
         turn = (k * lag % n_sample) / n_sample
-        correlation *= j0(2 * order * amplitude * np.sin(np.pi * turn))
+        correlation *= scipy.special.j0(2 * order * amplitude * np.sin(np.pi * turn))
     # Even in the lag: the other half of the period mirrors this one.
     power = np.fft.rfft(np.concatenate([correlation, correlation[1 : n_sample - len(lag) + 1][::-1]])).real
     result: FloatArray = np.sqrt(2 * np.maximum(power, 0.0) / n_sample)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from robid_core.arrays import FloatArray
 from robid_core.estimation.excitation.criteria import cost
@@ -129,7 +129,7 @@ class _Descent:
             if left < 1:
                 break
             before, self.sharpness = self.count, SHARPNESS[number]
-            result = minimize(
+            result = scipy.optimize.minimize(
                 self.value_and_slope,
                 unknown,
                 jac=True,

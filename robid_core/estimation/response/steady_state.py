@@ -11,7 +11,7 @@ at most `FALSE_ALARM`.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc
+import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
@@ -69,9 +69,9 @@ def period_probability(signals: list[ComplexArray], period: int) -> float:
         size = _power(mean, axes=(1, 2, 4)) / (n_each * n_freq)
         ratio = between / np.maximum(within + HARMLESS**2 * size[:, None], np.finfo(float).tiny)
         # Complex numbers have two degrees of freedom each.
-        tail = fdtrc(2 * n_each, 2 * n_each * (n_later - 1), ratio)
+        tail = scipy.special.fdtrc(2 * n_each, 2 * n_each * (n_later - 1), ratio)
         fisher = -2 * np.log(np.maximum(tail, np.finfo(float).tiny)).sum(axis=1)
-        smallest = min(smallest, float(chdtrc(2 * n_freq, fisher).min()))
+        smallest = min(smallest, float(scipy.special.chdtrc(2 * n_freq, fisher).min()))
         count += n_config * n_axis
     return min(1.0, smallest * count)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, signal
+import scipy
 
 from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import DataRejected, NotIdentifiable
@@ -51,8 +51,8 @@ def smooth(values: FloatArray, sample_time: float, cutoff_hz: float, order: int 
         )
     padding = 3 * order
     _ask_length(values, padding, "smooth")
-    sections = signal.butter(order, cutoff_hz / nyquist, output="sos")
-    result: FloatArray = signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=padding)
+    sections = scipy.signal.butter(order, cutoff_hz / nyquist, output="sos")
+    result: FloatArray = scipy.signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=padding)
     return result
 
 
@@ -73,8 +73,10 @@ def decimate(values: FloatArray, factor: int) -> FloatArray:
         return values
     _ask_length(values, 3 * DECIMATION_ORDER, "decimate")
     n_sample = values.shape[0]
-    sections = signal.cheby1(DECIMATION_ORDER, DECIMATION_RIPPLE_DB, DECIMATION_EDGE / factor, output="sos")
-    filtered = signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=3 * DECIMATION_ORDER)
+    sections = scipy.signal.cheby1(
+        DECIMATION_ORDER, DECIMATION_RIPPLE_DB, DECIMATION_EDGE / factor, output="sos"
+    )
+    filtered = scipy.signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=3 * DECIMATION_ORDER)
     result: FloatArray = filtered[decimated_index(n_sample, factor)]
     return result
 
@@ -191,7 +193,7 @@ def _solve(
             + ", ".join(names[i] for i in members)
             + f" (condition number {condition:.1e}); hold some of them or record a richer motion"
         )
-    estimate: FloatArray = linalg.lstsq(a / length, b)[0] / length
+    estimate: FloatArray = scipy.linalg.lstsq(a / length, b)[0] / length
     inverse = (rows.T / values**2) @ rows / np.outer(length, length)
     return estimate, inverse, condition
 
@@ -233,7 +235,7 @@ def base_parameters(regressor: FloatArray, tolerance: float = 1e-9) -> BaseParam
     unseen = np.flatnonzero(length <= tolerance * length.max())
     seen = np.flatnonzero(length > tolerance * length.max())
     scaled = regressor[:, seen] / length[seen]
-    pivoted = np.abs(np.diag(linalg.qr(scaled, mode="r", pivoting=True)[0]))
+    pivoted = np.abs(np.diag(scipy.linalg.qr(scaled, mode="r", pivoting=True)[0]))
     rank = int((pivoted > tolerance * pivoted[0]).sum())
     kept: list[int] = []
     basis = np.empty((len(scaled), 0))
@@ -248,7 +250,7 @@ def base_parameters(regressor: FloatArray, tolerance: float = 1e-9) -> BaseParam
     left = [column for column in range(len(seen)) if column not in kept]
     grouping = np.zeros((len(kept), len(left)))
     if left:
-        grouping = linalg.lstsq(regressor[:, seen[kept]], regressor[:, seen[left]])[0]
+        grouping = scipy.linalg.lstsq(regressor[:, seen[kept]], regressor[:, seen[left]])[0]
     grouping[np.abs(grouping) < tolerance * max(float(np.abs(grouping).max(initial=0)), 1.0)] = 0.0
     return BaseParameters(
         seen[kept].astype(np.int64), seen[left].astype(np.int64), unseen.astype(np.int64), grouping

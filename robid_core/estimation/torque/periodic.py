@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
+import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
@@ -55,15 +55,17 @@ class PeriodicMotion(MotionSpectra):
         n, period_s = self.n_sample, self.n_sample * self.sample_time_s
         omega = 2 * np.pi * np.arange(FINER * n // 2 + 1) / period_s
         between = np.zeros((*self.angle.shape[:2], len(omega), self.angle.shape[3]), dtype=np.complex128)
-        samples = fft.rfft(self.angle, axis=2)
+        samples = scipy.fft.rfft(self.angle, axis=2)
         if acceleration is not None:
             above = omega > np.pi / self.sample_time_s
-            between[:, :, above] = fft.rfft(acceleration, axis=2)[:, :, above] / -(omega[above, None] ** 2)
+            between[:, :, above] = scipy.fft.rfft(acceleration, axis=2)[:, :, above] / -(
+                omega[above, None] ** 2
+            )
             samples -= _sampled(between, n)
         below = np.flatnonzero(omega <= 2 * np.pi * SPEED_BAND / self.sample_time_s)
         between[:, :, below] = FINER * samples[:, :, below]
         between *= 1j * omega[:, None]
-        result: FloatArray = fft.irfft(between, n=FINER * n, axis=2)
+        result: FloatArray = scipy.fft.irfft(between, n=FINER * n, axis=2)
         return result
 
     def speed_of_period(self, period: int) -> FloatArray:
@@ -73,7 +75,7 @@ class PeriodicMotion(MotionSpectra):
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of one period on any even grid, (n_config, n_exp, n_bin, n_axis)."""
-        spectrum: ComplexArray = fft.rfft(values, axis=2)[:, :, self.bin] / values.shape[2]
+        spectrum: ComplexArray = scipy.fft.rfft(values, axis=2)[:, :, self.bin] / values.shape[2]
         return spectrum
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
@@ -146,7 +148,7 @@ def periodic_motion_of(
     angle, pull = position.reshape(rows), torque.reshape(rows)
     bins = np.arange(n_bin)
     omega = 2 * np.pi * bins / (n_sample * sample_time_s)
-    angles, torques = (fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
+    angles, torques = (scipy.fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
     accelerations = -(omega[:, None] ** 2) * angles
     return PeriodicMotion(
         sample_time_s,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
@@ -142,11 +142,11 @@ def periodic_derivative(
     Time is the third of four axes.
     """
     n = values.shape[2]
-    spectrum = fft.rfft(values, axis=2)
+    spectrum = scipy.fft.rfft(values, axis=2)
     omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * sample_time_s)
     spectrum[:, :, omega > 2 * np.pi * highest_hz] = 0.0
     turned = ((1j * omega) ** order * np.exp(1j * omega * shift_s))[:, None] * spectrum
-    result: FloatArray = fft.irfft(turned, n=finer * n, axis=2) * finer
+    result: FloatArray = scipy.fft.irfft(turned, n=finer * n, axis=2) * finer
     return result
 
 
@@ -155,10 +155,10 @@ def divided_period(
 ) -> FloatArray:
     """One period over a gain as a function of omega, (n_omega, n_axis); time is the third of four axes."""
     n = values.shape[2]
-    spectrum = fft.rfft(values, axis=2)
+    spectrum = scipy.fft.rfft(values, axis=2)
     omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * sample_time_s)
     spectrum /= gain(omega)
-    result: FloatArray = fft.irfft(spectrum, n=n, axis=2)
+    result: FloatArray = scipy.fft.irfft(spectrum, n=n, axis=2)
     return result
 
 

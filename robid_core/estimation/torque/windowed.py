@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import fft
-from scipy.signal.windows import tukey
+import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
@@ -37,14 +36,14 @@ class WindowedMotion(MotionSpectra):
     @property
     def constant(self) -> ComplexArray:
         """Spectrum of the number one, shape (n_bin,): that of the window."""
-        window: ComplexArray = fft.rfft(_window(self.n_sample))[self.bin] / self.n_sample
+        window: ComplexArray = scipy.fft.rfft(_window(self.n_sample))[self.bin] / self.n_sample
         return window
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of values under the window, on any even grid, time on the third axis."""
         n = values.shape[2]
         weighted = values * _window(n)[:, None]
-        spectrum: ComplexArray = fft.rfft(weighted, axis=2)[:, :, self.bin] / n
+        spectrum: ComplexArray = scipy.fft.rfft(weighted, axis=2)[:, :, self.bin] / n
         return spectrum
 
     def fine_speed(self) -> FloatArray:
@@ -140,7 +139,7 @@ def windowed_motion_of(
 
 def _window(n: int) -> FloatArray:
     """Tukey's window of mean square one, shape (n,)."""
-    window = tukey(n, 2 * TAPER)
+    window = scipy.signal.windows.tukey(n, 2 * TAPER)
     scaled: FloatArray = window / np.sqrt((window**2).mean())
     return scaled
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -118,10 +119,23 @@ def motion(robot: Robot) -> tuple[np.ndarray, ...]:
     return run.position, run.torque, run.state.speed
 
 
+@functools.cache
+def nominal_motion() -> tuple[np.ndarray, ...]:
+    return motion(Robot.load("six_axis"))
+
+
+@functools.cache
+def with_it(name: str) -> tuple[Robot, tuple[np.ndarray, ...]]:
+    """Return the robot with the effect, and how it moves."""
+    with tempfile.TemporaryDirectory() as folder:
+        robot = Robot.load(str(written(name, Path(folder), LIVELY.get(name, {}))))
+    return robot, motion(robot)
+
+
 @EVERY
-def test_its_parameters_have_names_in_a_robot_file_and_change_the_motion(name: str, tmp_path: Path) -> None:
+def test_its_parameters_have_names_in_a_robot_file_and_change_the_motion(name: str) -> None:
     effect = effect_of(name)
-    robot = Robot.load(str(written(name, tmp_path, LIVELY.get(name, {}))))
+    robot, moved = with_it(name)
     named = {f"effect.cause.{row.name}": row for row in effect.parameters}
     found = {key: value for key, value in robot.parameters().items() if key.startswith("effect.")}
     assert list(found) == list(named)
@@ -135,31 +149,26 @@ def test_its_parameters_have_names_in_a_robot_file_and_change_the_motion(name: s
     changed = robot.with_parameters({key: other})
     assert changed.parameters()[key] == other
     assert {k for k, v in changed.parameters().items() if v != robot.parameters()[k]} == {key}
-    assert any(not np.array_equal(a, b) for a, b in zip(motion(robot), motion(changed), strict=True))
-    assert all(np.array_equal(a, b) for a, b in zip(motion(robot), motion(robot), strict=True))
+    assert any(not np.array_equal(a, b) for a, b in zip(moved, motion(changed), strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(moved, motion(robot), strict=True))
 
 
 @EVERY
 def test_a_robot_with_it_goes_out_to_yaml_and_loads_equal(name: str, tmp_path: Path) -> None:
-    robot = Robot.load(str(written(name, tmp_path, LIVELY.get(name, {}))))
+    robot, moved = with_it(name)
     (tmp_path / "back.yaml").write_text(robot.to_yaml())
     back = Robot.load(str(tmp_path / "back.yaml"))
     assert back == robot
     assert back.to_yaml() == robot.to_yaml()
     assert back.parameters() == robot.parameters()
-    for one, other in zip(motion(robot), motion(back), strict=True):
+    for one, other in zip(moved, motion(back), strict=True):
         assert one.tobytes() == other.tobytes()
 
 
-@functools.cache
-def nominal_motion() -> tuple[np.ndarray, ...]:
-    return motion(Robot.load("six_axis"))
-
-
 @EVERY
-def test_without_it_the_robot_moves_otherwise(name: str, tmp_path: Path) -> None:
-    robot = Robot.load(str(written(name, tmp_path, LIVELY.get(name, {}))))
-    motors = [(a[..., :6], b[..., :6]) for a, b in zip(motion(robot), nominal_motion(), strict=True)]
+def test_without_it_the_robot_moves_otherwise(name: str) -> None:
+    _, moved = with_it(name)
+    motors = [(a[..., :6], b[..., :6]) for a, b in zip(moved, nominal_motion(), strict=True)]
     assert any(not np.array_equal(a, b) for a, b in motors)
 
 
@@ -178,9 +187,9 @@ def swung(robot: Robot, step: float) -> RobotMotion:
 
 
 @EVERY
-def test_every_parameter_of_a_law_has_a_column(name: str, tmp_path: Path) -> None:
+def test_every_parameter_of_a_law_has_a_column(name: str) -> None:
     effect = effect_of(name)
-    robot = Robot.load(str(written(name, tmp_path, LIVELY.get(name, {}))))
+    robot, _ = with_it(name)
     names = [f"effect.cause.{row.name}" for row in effect.parameters]
     if issubclass(effect, StructureEffect):
         with pytest.raises(ConfigurationError, match="no parameter of a law"):

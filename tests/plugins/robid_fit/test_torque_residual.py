@@ -27,6 +27,7 @@ from robid_core.stage import map_in_process
 from robid_fit.torque_residual import TorqueResidualFit
 
 T = 1e-3
+BODIES = ("mass.*", "centre_of_mass.*", "inertia.*", "rotor_inertia.*")
 
 
 def context(seed: int = 1) -> Context:
@@ -76,7 +77,7 @@ def plant(nominal: Robot) -> Robot:
         for name, value in nominal.parameters().items()
         if nominal.parameter_kind(name) in kinds and not name.endswith(".speed")
     }
-    names = chosen_names(list(nominal.layout), ["mass.*", "centre_of_mass.*", "inertia.*", "rotor_inertia.*"])
+    names = chosen_names(list(nominal.layout), BODIES)
     free = FreeParameters.of_robot(nominal.with_parameters(moved), names)
     return free.robot_at(0.01 * generator.standard_normal(len(names)))
 
@@ -164,7 +165,7 @@ def test_a_cut_that_does_not_repeat_is_fitted_as_well(plant: Robot, nominal: Rob
         channels[name] = Channel(channel.side, channel.unit, joined)
     time = T * np.arange(last - first)
     cut = DenseRun(T, channels, time, np.ones((2, 1, 6, 1, last - first), dtype=bool))
-    fit = TorqueResidualFit(passes=5).run(six.replace(runs=(cut,), line=None), nominal, context())
+    fit = TorqueResidualFit(passes=3).run(six.replace(runs=(cut,), line=None), nominal, context())
     table, true = fit.parameters, plant.parameters()
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
@@ -225,7 +226,12 @@ def test_laws_on_signals_are_known_to_the_fit_and_their_sizes_are_found() -> Non
 
 
 def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: Robot) -> None:
-    """One pose without and one with 8 kg at the flange: each robot has its bodies, both have the same springs."""
+    """One pose without and one with 8 kg at the flange: each robot has its bodies, both have the same springs.
+
+    The bodies are those of the drawing and held: that they can be free is shown above.
+    """
+    bodies = chosen_names(list(nominal.layout), BODIES)
+    plant = plant.with_parameters({name: nominal.parameter(name) for name in bodies})
     load = "effects:\n  load: {use: load.payload, on: axis_6, with: {mass: 8.0, z: 0.1}}\n"
     path = tmp_path / "loaded.yaml"
     path.write_text(f"robid_robot: 1\nname: loaded\nbase: six_axis\n{load}")
@@ -239,11 +245,11 @@ def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: R
     both = parts[0].replace(
         runs=(DenseRun(T, channels, parts[0].run.time_s, valid),), angle=POSES, variants=("bare", "loaded")
     )
-    fit = TorqueResidualFit(robots={"loaded": str(path)}).run(both, nominal, context())
+    fit = TorqueResidualFit(robots={"loaded": str(path)}, fixed=BODIES).run(both, nominal, context())
     table, true = fit.parameters, plant.parameters()
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
-    assert np.sqrt((error**2).mean()) < 5e-3
+    assert np.sqrt((error**2).mean()) < 1e-3
     assert fit.misfit == pytest.approx(1.0, abs=0.05)
     with pytest.raises(ConfigurationError, match="tell the robot of each that is not the nominal one"):
         TorqueResidualFit().run(both, nominal, context())

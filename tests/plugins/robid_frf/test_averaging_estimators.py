@@ -288,7 +288,7 @@ def test_the_contract_of_stages_is_kept(form: str | None) -> None:
     if form is None:
         check_stage(H1, for_axes=(1, 2))
     else:
-        check_stage(LogarithmicMean, for_axes=(1, 6) if form == "matrix" else (2,), form=form)
+        check_stage(LogarithmicMean, for_axes=(1, 2, 6) if form == "matrix" else (2,), form=form)
 
 
 def test_same_record_gives_the_same_bytes() -> None:

@@ -110,7 +110,7 @@ def estimate(recording: Record, **given: Any) -> Frf:
 
 
 def test_spectral_keeps_the_contract() -> None:
-    check_stage(Spectral, for_axes=(1,))
+    check_stage(Spectral, for_axes=(1, 2))
 
 
 def test_whole_periods_give_the_plant_at_the_lines() -> None:

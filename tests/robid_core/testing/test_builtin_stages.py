@@ -1,10 +1,8 @@
-"""Every built-in stage keeps the contract; a new one that is not tried here fails the first test.
-
-Sizes 1 and 6 are tried by the plugins' own tests where their settings make that quick.
-"""
+"""Every built-in stage keeps the contract; a new one that is tried neither here nor by its own test fails the first."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,12 +12,8 @@ from robid_core.testing import check_stage
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "acquisition.drives": {"periods": 2, "settle_periods": 1},
-    "compensate.friction": {},
     "compensate.ripple": {},
-    "compensate.simulation": {},
-    "design.candidates": {"count": 3},
     "design.optimal": {"candidates": 20, "experiments": 3},
-    "diagnosis.closed_loop": {},
     "excitation.binary_sequence": {
         "band_hz": (6, 60),
         "register_bits": 10,
@@ -29,30 +23,42 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "excitation.chirp": {"band_hz": (6, 60), "period_s": 4.0, "torque_share": 0.3},
     "excitation.constant_velocity": {},
     "excitation.filtered_noise": {"band_hz": (6, 60), "duration_s": 4.0, "torque_share": 0.3},
-    "excitation.fourier": {"period_s": 4.0, "harmonics": 3, "draws": 2, "starts": 1, "evaluations": 12},
     "excitation.multisine": {"band_hz": (10, 80), "lines": 12, "period_s": 1.0, "slow_sine_rad_s": 9},
     "fit.log_response": {"starts": 1},
     "fit.rigid": {},
     "fit.torque_residual": {"passes": 2},
-    "frf.ari": {},
-    "frf.h1": {},
-    "frf.harmonic": {},
-    "frf.indirect": {},
-    "frf.jio": {},
-    "frf.log": {},
-    "frf.lpm": {"window_lines": 1, "numerator_order": 0},
-    "frf.lrm": {},
-    "frf.spectral": {},
-    "frf.two_stage": {},
-    "report.html": {},
 }
-# One needs a recording, the other a plant with as many motors: tests/plugins/robid_acquisition.
-ELSEWHERE = {"acquisition.recorded", "acquisition.simulated"}
+# Tried with these settings and more sizes by the tests of the plugin, or only there, with a recording or a plant.
+PLUGINS = Path(__file__).parents[2] / "plugins"
+ELSEWHERE = {
+    "acquisition.recorded": "robid_acquisition/test_recorded.py",
+    "acquisition.simulated": "robid_acquisition/test_acquisition_in_batches.py",
+    "compensate.friction": "robid_compensation/test_friction_compensation.py",
+    "compensate.simulation": "robid_compensation/test_simulation_compensation.py",
+    "design.candidates": "robid_design/test_candidates.py",
+    "diagnosis.closed_loop": "robid_diagnosis/test_closed_loop.py",
+    "excitation.fourier": "robid_excitation/test_fourier_stage.py",
+    "frf.ari": "robid_frf/test_closed_loop_estimators.py",
+    "frf.h1": "robid_frf/test_averaging_estimators.py",
+    "frf.harmonic": "robid_frf/test_closed_loop_estimators.py",
+    "frf.indirect": "robid_frf/test_closed_loop_estimators.py",
+    "frf.jio": "robid_frf/test_closed_loop_estimators.py",
+    "frf.log": "robid_frf/test_averaging_estimators.py",
+    "frf.lpm": "robid_frf/test_local_methods.py",
+    "frf.lrm": "robid_frf/test_local_methods.py",
+    "frf.spectral": "robid_frf/test_spectral.py",
+    "frf.two_stage": "robid_frf/test_closed_loop_estimators.py",
+    "report.html": "robid_report/test_html_report.py",
+}
 
 
 def test_every_built_in_stage_is_tried() -> None:
     built_in = {plugin.name for plugin in registry().plugins(STAGES) if plugin.distribution == "robid"}
-    assert built_in == set(SETTINGS) | ELSEWHERE
+    assert built_in == set(SETTINGS) | set(ELSEWHERE)
+    for name, file in ELSEWHERE.items():
+        text = (PLUGINS / file).read_text(encoding="utf-8")
+        assert "check_stage(" in text
+        assert registry().load(STAGES, name).__name__ in text, f"{file} tries {name} no more"
 
 
 @pytest.mark.parametrize("name", sorted(SETTINGS))
