@@ -85,7 +85,7 @@ def test_derivatives_that_run_together_are_those_of_runs_one_by_one(
     motion = periodic_motion_of(
         np.tile(angle, (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, n_sample, 6)), T, np.array([5]), 60.0
     )
-    block, found = PeriodicBlock.of_record(robot, motion, (0.5,)), []
+    block, found = PeriodicBlock.of_record(robot, motion, SpeedFunctions.of_widths((0.5,), 6)), []
     block.renew(free, np.zeros(4))
     started = block.state
     for at_once in (32, 1):
