@@ -19,6 +19,8 @@ from robid_core.arrays import FloatArray
 NormalEquations = Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]
 Cost = Callable[[FloatArray], float]
 
+DOWNHILL = 1e3  # damping with which a step goes along the gradient, in units of the matrix' diagonal
+
 
 @dataclass(frozen=True)
 class Minimum:
@@ -40,6 +42,7 @@ def levenberg_marquardt(
     upper: FloatArray,
     max_iterations: int = 60,
     tolerance: float = 1e-9,
+    damping: float = 1e-3,
 ) -> Minimum:
     """Minimise ``0.5 * |r(x)|^2`` inside a box.
 
@@ -56,19 +59,26 @@ def levenberg_marquardt(
     tolerance
         Ends when an accepted step predicts and brings less than this share of the cost, or when the
         projected gradient promises less.
+    damping
+        Of the first step, in units of the matrix' diagonal; next to none where residuals are nearly linear.
     """
     point = np.clip(start, lower, upper)
     value, gradient, matrix = equations(point)
-    damping, message = 1e-3, f"{max_iterations} iterations were not enough"
+    message = f"{max_iterations} iterations were not enough"
     for iteration in range(max_iterations):
         free = ~(((point <= lower) & (gradient > 0)) | ((point >= upper) & (gradient < 0)))
         accepted = False
         while damping < 1e12:
-            step = _damped_step(matrix, gradient, free, damping)
+            step = _damped_step(matrix, gradient, free, damping, lower - point, upper - point)
             trial = np.clip(point + step, lower, upper)
             promised = -(gradient @ (trial - point)) - 0.5 * (trial - point) @ matrix @ (trial - point)
-            if promised <= tolerance * max(value, 1e-300):
-                return Minimum(point, value, matrix, iteration, True, "converged")
+            steepest = damping >= DOWNHILL
+            enough = tolerance * max(value, 1e-300) * (len(point) if steepest else 1)
+            if promised * (1 + damping) <= enough:
+                if steepest:
+                    return Minimum(point, value, matrix, iteration, True, "converged")
+                damping = DOWNHILL  # a step that bounds have bent may promise nothing where the gradient does
+                continue
             trial_value = cost(trial)
             if np.isfinite(trial_value) and trial_value < value:
                 accepted = True
@@ -85,15 +95,29 @@ def levenberg_marquardt(
 
 
 def _damped_step(
-    matrix: FloatArray, gradient: FloatArray, free: npt.NDArray[np.bool_], damping: float
+    matrix: FloatArray,
+    gradient: FloatArray,
+    free: npt.NDArray[np.bool_],
+    damping: float,
+    below: FloatArray,
+    above: FloatArray,
 ) -> FloatArray:
-    """Solve the damped normal equations for the unknowns that are not held by a bound."""
-    step = np.zeros_like(gradient)
-    index = np.flatnonzero(free)
-    if len(index) == 0:
-        return step
-    inner = matrix[np.ix_(index, index)]
-    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    scaled = inner / np.outer(scale, scale) + damping * np.eye(len(index))
-    step[index] = -np.linalg.solve(scaled, gradient[index] / scale) / scale
+    """Solve the damped normal equations for the unknowns that are not held by a bound, within what is left to them.
+
+    An unknown that would pass its bound goes there, and the others are solved for anew: cut off alone, a step along
+    correlated unknowns may lead uphill.
+    """
+    step, held = np.zeros_like(gradient), ~free
+    while not held.all():
+        index, others = np.flatnonzero(~held), np.flatnonzero(held)
+        inner = matrix[np.ix_(index, index)]
+        slope = gradient[index] + matrix[np.ix_(index, others)] @ step[others]
+        scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+        scaled = inner / np.outer(scale, scale) + damping * np.eye(len(index))
+        step[index] = -np.linalg.solve(scaled, slope / scale) / scale
+        outside = ~held & ((step < below) | (step > above))
+        if not outside.any():
+            break
+        step[outside] = np.clip(step, below, above)[outside]
+        held |= outside
     return step

@@ -32,7 +32,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     friction_deviation: ComplexArray
     """Functions of each period's speed less their mean, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
     state: SimulationState | None = None
-    """Where the last prescribed motion ended."""
+    """Where the last prescribed motion ended, less where the linear model would be."""
 
     @classmethod
     def of_record(cls, robot: Robot, motion: PeriodicMotion, laws: SpeedFunctions) -> PeriodicBlock:
@@ -55,13 +55,11 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         whole = periodic_motion(angle, motion.sample_time_s, robots[0].step_s, MOTION_BAND_HZ)
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
         several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
-        known = self.state
-        starts = [
-            linear_state(robot, self.angle, motion, whole) if known is None else known for robot in robots
-        ]
+        linear = [linear_state(robot, motion, whole) for robot in robots]
+        starts = linear if self.state is None else [_shifted(state, self.state, 1.0) for state in linear]
         runs = prescribe_many(robots, several, starts)
         if final:
-            self.state = runs[0].state
+            self.state = _shifted(runs[0].state, linear[0], -1.0)
         spectra = [np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample for run in runs]
         return [spectrum.reshape(n_config, n_exp, len(motion.bin), n_axis) for spectrum in spectra]
 
@@ -110,10 +108,21 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1))
 
 
-def linear_state(
-    robot: Robot, angle: FloatArray, motion: PeriodicMotion, whole: MotorMotion
-) -> SimulationState:
+def _shifted(state: SimulationState, by: SimulationState, way: float) -> SimulationState:
+    """Return a state that lies beside another by what is told, or by its opposite; laws remember what the other does.
+
+    Parameters change where a linear model swings; what a nonlinear one does beyond hardly changes with them.
+    """
+    return replace(
+        state if way < 0 else by,
+        position=state.position + way * by.position,
+        speed=state.speed + way * by.speed,
+    )
+
+
+def linear_state(robot: Robot, motion: PeriodicMotion, whole: MotorMotion) -> SimulationState:
     """State at the first sample of everything behind the motors, in the periodic motion of the linear model."""
+    angle = robot.joint_angle(motion.angle.mean(axis=(1, 2)))
     state = robot.standing(robot.joint_angle(whole.angle)).moving(robot.mechanism, whole.speed)
     n_config, n_exp, _, n_axis = motion.angle.shape
     rest = robot.equilibrium(angle).position

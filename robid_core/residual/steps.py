@@ -9,6 +9,7 @@ from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.residual.problem import Linearisation, TorqueProblem
 
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
+DAMPING = 1e-9  # of the first step: friction functions are nearly dependent, and the torque linear in them
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 
 
@@ -29,4 +30,5 @@ def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -
         np.concatenate((problem.free.upper, open_end)),
         STEPS,
         SMALL_GAIN,
+        DAMPING,
     ).point

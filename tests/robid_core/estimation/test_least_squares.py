@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from robid_core.estimation.least_squares import levenberg_marquardt
 
@@ -44,6 +44,24 @@ def test_a_bound_holds_and_the_others_adapt() -> None:
     oracle = least_squares(curve.residual, [1.0, 2.0, 0.0], bounds=(lower, upper), xtol=1e-14, ftol=1e-14)
     assert end.point[1] == 1.0
     np.testing.assert_allclose(end.point, oracle.x, atol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_in_a_box_correlated_unknowns_end_where_they_should(seed: int) -> None:
+    """A linear problem whose unbounded minimum lies far outside: the oracle is scipy's bounded least squares."""
+    generator = np.random.default_rng(seed)
+    mixed = generator.standard_normal((30, 6)) @ (np.ones((6, 6)) + 0.05 * generator.standard_normal((6, 6)))
+    target = mixed @ generator.uniform(-6, 6, 6) + generator.standard_normal(30)
+    lower, upper = np.full(6, -1.0), np.full(6, 1.0)
+    expected = lsq_linear(mixed, target, (lower, upper), tol=1e-14).cost
+
+    def equations(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        rest = mixed @ x - target
+        return float(0.5 * rest @ rest), mixed.T @ rest, mixed.T @ mixed
+
+    found = levenberg_marquardt(equations, lambda x: equations(x)[0], np.zeros(6), lower, upper, 200)
+    assert found.converged
+    assert found.cost == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_budget_that_is_too_small_is_told() -> None:
