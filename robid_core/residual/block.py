@@ -66,6 +66,8 @@ class TorqueBlock(ABC, Generic[M]):
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
+    elastic_by_motion: bool = field(init=False, default=False)
+    """Whether derivatives for springs and dampers are those of prescribed motions, too."""
     signal_columns: tuple[SignalColumn, ...] = field(init=False, default=())
     signals_about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
@@ -222,7 +224,7 @@ class TorqueBlock(ABC, Generic[M]):
         """Whether the linear model does not know the derivative for a parameter of that kind."""
         elastic = kind in ("stiffness", "damping")
         linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
-        return self.moves_far or not linear_is_enough
+        return self.moves_far or not linear_is_enough or (elastic and self.elastic_by_motion)
 
     def _remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.

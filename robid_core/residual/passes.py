@@ -1,7 +1,8 @@
 """From start values to the minimum: the linear model first, then prescribed motions until a pass changes nothing.
 
 What a prescribed motion adds to the linear model is held within a pass, so that passes are a fixed-point iteration; it
-contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated.
+contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated, and where passes
+do not keep what they gain, what springs and dampers change of that addition is in the derivatives.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ ENOUGH = 0.2  # of the standard error by weights and misfit: a pass that changes
 NEARLY = 1.0  # likewise: after such a pass one that finds no way down is the last
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
+KEPT = (
+    0.3  # of the gain that derivatives promise: where a prescribed motion keeps less, they miss what it does
+)
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
 
@@ -87,13 +91,20 @@ def solve(
     point, agree = best_start(problem, (np.zeros(problem.n_free), *starts), passes, progress)
     watched = _watched(problem)
     changes: list[float] = []
-    fresh, settled, doubted = True, False, False
+    about: Linearisation | None = None
+    fresh, settled, doubted, before, gained = True, False, False, 0.0, 0.0
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
         if fresh:
             _renew_signals(problem, point)
         _renew(problem, point, model_error, improve=number < IMPROVED)
-        if fresh:
+        if about is not None and changes[-1] > NEARLY:
+            kept = before - problem.cost(point, about.weights)
+            if kept < KEPT * gained * before:
+                fresh = True
+                for block in problem.blocks:
+                    block.elastic_by_motion = True
+        if fresh or about is None:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
             error = np.sqrt(np.diag(np.linalg.inv(about.whole) + _numerical(problem)))
@@ -121,6 +132,7 @@ def solve(
         if number + 1 < passes:
             point = history.next_point(about.whole)
     progress(passes + 1, passes + 1, "")
+    assert about is not None
     covariance = _covariance(problem, point, about) + np.outer(last, last)
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
 
