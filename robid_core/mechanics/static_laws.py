@@ -42,15 +42,20 @@ def static_force(forces: Sequence[ForceTerm], position: FloatArray) -> StaticFor
 def viscous_damping(forces: Sequence[ForceTerm], position: FloatArray) -> FloatArray:
     """Damping matrix that is left of laws at high speed, shape (n_row, n_coordinate, n_coordinate).
 
-    There dry friction has no slope any more: what remains is viscous, and the dampers of springs.
+    There dry friction has no slope any more: what remains is viscous, and the dampers of springs. Of a slope that grows
+    with the speed (drag) what stands at none counts.
     """
     n_row, n = position.shape
     total = np.zeros((n_row, n, n))
     for term in forces:
         if np.array_equal(term.direction, term.coordinate):
             place = (position * term.coordinate).sum(axis=1)
-            slopes = [law_values(term, place, speed)[2] for speed in (-FAST, FAST)]
-            total += np.mean(slopes, axis=0)[:, None, None] * np.outer(term.direction, term.direction)
+            half, whole = (
+                np.mean([law_values(term, place, way * speed)[2] for way in (-1, 1)], axis=0)
+                for speed in (0.5 * FAST, FAST)
+            )
+            slope = np.maximum(2 * half - whole, 0.0)
+            total += slope[:, None, None] * np.outer(term.direction, term.direction)
     return total
 
 

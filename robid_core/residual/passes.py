@@ -123,7 +123,7 @@ def solve(
         last, point = found - point, found
         # Old derivatives may find no way down where new ones do, but not after a pass that moved next to nothing.
         arrived = fresh or gained > 0 or changes[-2] < NEARLY
-        settled = changes[-1] < ENOUGH and arrived
+        settled = changes[-1] < ENOUGH and gained <= MUCH and arrived
         fresh = gained > MUCH or gained <= 0
         if settled and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True

@@ -179,3 +179,54 @@ def test_the_effect_of_the_readme_keeps_the_contract(tmp_path: Path, monkeypatch
     monkeypatch.setitem(sys.modules, path.stem, module)
     spec.loader.exec_module(module)
     check_effect(module.Churning)
+
+
+LAB = """\
+robid_robot: 1
+name: lab_NAME
+base: one_axis
+effects:
+  oil: {use: friction.churning, on: axis_1, with: {drag: DRAG}}
+"""
+FIT = """\
+robid: 1
+name: oiled
+seed: 5
+robot: told.yaml
+drives: {use: simulated, with: {plant: true.yaml}}
+stages:
+  where: {use: design.candidates, with: {count: 2}}
+  excite:
+    use: excitation.multisine
+    with: {band_hz: [4, 60], lines: 20, period_s: 2, blocks: 2, slow_sine_rad_s: 15}
+  acquire: {use: acquisition.drives, with: {periods: 2}}
+  fit:
+    use: fit.torque_residual
+    with: {free: [gear_*, friction.*.viscous, effect.oil.*], fixed: [gear_ratio.*], friction_widths: [0.5]}
+"""
+
+
+def test_the_effect_of_the_readme_is_freed_in_a_fit_without_a_line_of_code(tmp_path: Path) -> None:
+    """Installed as the README says, told half as strong in a robot file: `robid run` finds how strong it is."""
+    readme = (HERE.parent.parent / "README.md").read_text(encoding="utf-8")
+    (law,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "@kernel" in block)
+    (entry,) = (b for b in re.findall(r"```toml\n(.*?)```", readme, re.DOTALL) if "robid.effects" in b)
+    target, folder = tmp_path / "installed", tmp_path / "project"
+    metadata = target / "robid_churning-1.0.dist-info"
+    for path in (metadata, folder):
+        path.mkdir(parents=True)
+    (target / "robid_churning.py").write_text(law)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: robid-churning\nVersion: 1.0\n")
+    table = re.sub(r'\[project.entry-points."(.*)"\]', r"[\1]", entry).replace('"', "")
+    (metadata / "entry_points.txt").write_text(table)
+    for name, drag in (("told", 2e-4), ("true", 4e-4)):
+        (folder / f"{name}.yaml").write_text(LAB.replace("NAME", name).replace("DRAG", str(drag)))
+    (folder / "pipeline.yaml").write_text(FIT)
+    done = robid("run", folder=folder, environment=os.environ | {"PYTHONPATH": str(target)})
+    assert done.returncode == 0, done.stderr
+    shown = (folder / "runs" / "oiled" / "robot.fit.yaml").read_text()
+    found = re.search(r"effect.oil.drag: +([\d.e+-]+) .*standard error ([\d.e+-]+)", shown)
+    assert found is not None, shown
+    drag, error = map(float, found.groups())
+    assert error < 2e-5
+    assert abs(drag - 4e-4) < 3 * error
