@@ -12,7 +12,7 @@ import pytest
 from robid_crash_states import NotingFiles, crash_states, lay_out  # type: ignore[import-not-found]
 
 from robid_core import Configurations
-from robid_core.run.motion import Motions
+from robid_core.run.motion import MotionRecords
 from robid_core.store import Files, State, Store
 
 KEY = "ab" * 32
@@ -128,7 +128,7 @@ def test_no_crash_hides_a_motion_that_began_or_a_recording_that_is_done(
 
     def work(store: Store) -> None:
         store.prepare()
-        motions = Motions(store, store.home / "motions")
+        motions = MotionRecords(store, store.home / "motions")
         motions.begin("acquire", KEY)
         began.append(len(files.done))  # here the robot moves
         store.put(KEY, "acquire", artifact, {}, True)
@@ -144,7 +144,7 @@ def test_no_crash_hides_a_motion_that_began_or_a_recording_that_is_done(
         place = tmp_path / f"state-{number}"
         lay_out(place, folders, contents)
         store = Store(place / "run")
-        motions = Motions(store, store.home / "motions")
+        motions = MotionRecords(store, store.home / "motions")
         known = store.lookup(KEY).state
         if motions.finished(KEY):
             assert known is State.PRESENT
