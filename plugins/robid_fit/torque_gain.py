@@ -15,7 +15,7 @@ SIGNAL = np.array([[1.0, -2.0, 0.5, 3.0]])
 ANGLE = np.array([[0.3, 1.1, -2.0, 0.9]])
 
 
-def is_torque_gain(robot: Robot, name: str) -> bool:
+def _is_torque_gain(robot: Robot, name: str) -> bool:
     """Return whether a parameter changes a torque in proportion to it, at any angle and speed of the motor."""
     for bound in robot.effects:
         row = name.removeprefix(f"effect.{bound.label}.")
@@ -29,7 +29,7 @@ def is_torque_gain(robot: Robot, name: str) -> bool:
 def common_scale_problem(robot: Robot, chosen: Sequence[str]) -> dict[tuple[str | int, ...], str]:
     """Say, by its place in the settings, that a gain is free with springs and inertia; empty where none is."""
     kinds = {robot.parameter_kind(name) for name in chosen}
-    gain = next((name for name in sorted(chosen) if is_torque_gain(robot, name)), None)
+    gain = next((name for name in sorted(chosen) if _is_torque_gain(robot, name)), None)
     if gain is None or not {"stiffness", "inertia"} <= kinds:
         return {}
     message = (

@@ -30,9 +30,7 @@ ENOUGH = 0.2  # of the standard error by weights and misfit: a pass that changes
 NEARLY = 1.0  # likewise: after such a pass one that finds no way down is the last
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
-KEPT = (
-    0.3  # of the gain that derivatives promise: where a prescribed motion keeps less, they miss what it does
-)
+KEPT = 0.3  # of the gain that derivatives promise: below, they miss what a prescribed motion does
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
 

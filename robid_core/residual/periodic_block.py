@@ -50,7 +50,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         motion = self.motion
-        n_config, n_exp, n_sample, n_axis = motion.angle.shape
+        n_sample, n_axis = motion.angle.shape[2:]
         angle = motion.angle.reshape(-1, n_sample, n_axis)
         whole = periodic_motion(angle, motion.sample_time_s, robots[0].step_s, MOTION_BAND_HZ)
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
@@ -60,8 +60,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         runs = prescribe_many(robots, several, starts)
         if final:
             self.state = _shifted(runs[0].state, linear[0], -1.0)
-        spectra = [np.fft.rfft(run.torque[:, -n_sample:], axis=1)[:, motion.bin] / n_sample for run in runs]
-        return [spectrum.reshape(n_config, n_exp, len(motion.bin), n_axis) for spectrum in spectra]
+        return [motion.spectrum_of(run.torque[:, -n_sample:].reshape(motion.angle.shape)) for run in runs]
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
         """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.
