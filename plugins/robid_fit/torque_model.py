@@ -49,7 +49,7 @@ def model_of(
     rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
     rows = {name: np.eye(len(point))[i] for name, i in place.items() if name not in rubbing}
     coefficients = np.arange(n, len(point) - 1).reshape(-1, n_axis)
-    speed = np.concatenate([motion.fine_speed().reshape(-1, n_axis) for motion in motions])
+    speed = np.concatenate([motion.rate(1).reshape(-1, n_axis) for motion in motions])
     for a, axis in enumerate(robot.axis_names):
         viscous = place.get(rubbing[a])
         columns = [*coefficients[:, a], viscous] if viscous is not None else [*coefficients[:, a]]
@@ -87,10 +87,9 @@ def shares(speed: FloatArray, laws: SpeedFunctions, friction_speed: float, visco
     Rows coulomb, offset (and viscous); columns the functions, a constant (and a viscous part): (2, n_law + 1), or (3,
     n_law + 2).
     """
-    one = np.ones_like(speed)
     extra = [speed] if viscous else []
-    told = np.stack([np.tanh(speed / friction_speed), one, *extra], axis=1)
-    rubbing = (torque[:, 0] for torque in laws.along(speed[:, None]))
-    found = np.stack([*rubbing, one, *extra], axis=1)
-    result: FloatArray = np.linalg.solve(told.T @ told, told.T @ found)
+    told = np.stack([np.tanh(speed / friction_speed), np.ones_like(speed), *extra])
+    rubbing = [told @ torque[:, 0] for torque in laws.along(speed[:, None])]
+    gram = told @ told.T
+    result: FloatArray = np.linalg.solve(gram, np.stack([*rubbing, *gram[:, 1:].T], axis=1))
     return result

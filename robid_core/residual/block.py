@@ -27,6 +27,7 @@ from robid_core.robot import Robot
 
 M = TypeVar("M", bound=MotionSpectra)
 
+BINS_AT_ONCE = 32  # of derivatives: what the processor's cache holds
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
 LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
 
@@ -255,25 +256,36 @@ class TorqueBlock(ABC, Generic[M]):
 
     def columns(
         self, free: FreeParameters, coordinates: FloatArray, predicted: ComplexArray
-    ) -> Iterator[ComplexArray]:
-        """Derivatives of the torque, one configuration after another, shape (n_bin, n_exp, n_axis, n_unknown).
+    ) -> Iterator[Iterator[ComplexArray]]:
+        """Derivatives of the torque: of one configuration after another, a few bins at a time.
 
-        Unknowns are the free parameters, the size of each function of speed at each axis, the delay.
+        Shape (n_bin, n_exp, n_axis, n_unknown) each; unknowns are the free parameters, the size of each function of
+        speed at each axis, the delay. Whole they would fill the memory.
         """
         robot, motion, n_free = self.robot_at(free, coordinates), self.motion, len(free.names)
         n_law, n_config, n_exp, n_bin, n_axis = self.friction.shape
         bodies = body_derivatives(free, self.robot, coordinates, self.angle)
         passive = passive_motion(robot, self.angle, motion.omega[1:])
-        for c in range(n_config):
-            shape = (n_bin, n_exp, n_axis, n_free + n_law * n_axis + 1)
-            found = np.zeros(shape, dtype=np.complex128)
-            found[..., :n_free] = parameter_columns(free, robot, motion, c, passive[c], bodies)
-            for column in self.simulated:
-                found[..., column.index] = (column.remainder[c] + column.linear[c]).transpose(1, 0, 2)
-            for of_signal in self.signal_columns:
-                found[..., of_signal.index] = of_signal.torque[c].transpose(1, 0, 2)
-            for a in range(n_axis):
-                laws = self.friction[:, c, :, :, a].transpose(2, 1, 0)
-                found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws
-            found[..., -1] = (-1j * motion.omega[:, None] * predicted[c]).transpose(1, 0, 2)
-            yield found
+        passive = np.concatenate((np.zeros_like(passive[:, :1]), passive), axis=1)
+
+        def of_configuration(c: int) -> Iterator[ComplexArray]:
+            swing = motion.angle_spectrum[c].transpose(1, 0, 2)
+            for first in range(0, n_bin, BINS_AT_ONCE):
+                bins = slice(first, first + BINS_AT_ONCE)
+                omega = motion.omega[bins]
+                shape = (len(omega), n_exp, n_axis, n_free + n_law * n_axis + 1)
+                found = np.zeros(shape, dtype=np.complex128)
+                parts = swing[bins], passive[c, bins], bodies, found[..., :n_free]
+                parameter_columns(free, robot, motion, c, bins, *parts)
+                for column in self.simulated:
+                    slope = (column.remainder[c][:, bins] + column.linear[c][:, bins]).transpose(1, 0, 2)
+                    found[..., column.index] = slope
+                for of_signal in self.signal_columns:
+                    found[..., of_signal.index] = of_signal.torque[c][:, bins].transpose(1, 0, 2)
+                for a in range(n_axis):
+                    laws = self.friction[:, c, :, bins, a].transpose(2, 1, 0)
+                    found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws
+                found[..., -1] = (-1j * omega[:, None] * predicted[c][:, bins]).transpose(1, 0, 2)
+                yield found
+
+        return (of_configuration(c) for c in range(n_config))

@@ -97,22 +97,36 @@ def parameter_columns(
     robot: Robot,
     motion: MotionSpectra,
     config: int,
+    bins: slice,
+    swing: ComplexArray,
     passive: ComplexArray,
     bodies: BodyDerivatives,
-) -> ComplexArray:
-    """Derivatives of the torque spectra of one configuration, shape (n_bin, n_exp, n_axis, n_free).
+    columns: ComplexArray,
+) -> None:
+    """Write derivatives of the torque spectra of one configuration into (n_bin, n_exp, n_axis, n_free) of zeros.
 
-    `passive` is `passive_motion` of this configuration at all bins but the first. Parameters that are neither springs,
-    dampers, viscous friction nor inertia have columns of zeros.
+    Parameters
+    ----------
+    free, robot
+        The parameters, and the robot at their values.
+    motion
+        The record's.
+    config, bins
+        Configuration, and which bins of the record.
+    swing
+        Spectra of the motor angles at these bins, shape (n_bin, n_exp, n_axis).
+    passive
+        `passive_motion` of this configuration at these bins, zero at the mean.
+    bodies
+        Derivatives by inertial parameters.
+    columns
+        Those of parameters that are neither springs, dampers, viscous friction nor inertia stay as they are.
     """
-    n_exp, n_bin, n_axis = motion.torque_spectrum.shape[1:]
-    columns = np.zeros((n_bin, n_exp, n_axis, len(free.names)), dtype=np.complex128)
     place = {name: i for i, name in enumerate(free.names)}
-    omega, hold = motion.omega[1:], motion.hold[1:]
-    swing = motion.angle_spectrum[config][:, 1:].transpose(1, 0, 2)  # (n_bin - 1, n_exp, n_axis)
+    omega, hold = motion.omega[bins, None, None], motion.hold[bins, None, None]
     per_motor = np.matmul(robot.mechanism.spring_directions.astype(np.complex128), passive)
     deflection = np.matmul(swing, per_motor.transpose(0, 2, 1))
-    per_motor = per_motor / hold[:, None, None]
+    per_motor = per_motor / hold
     for s, (stiffness, damping) in enumerate(zip(*robot.spring_arrays(), strict=True)):
         name = robot.spring_names[s]
         damper = name.replace("stiffness", "damping", 1)
@@ -120,23 +134,21 @@ def parameter_columns(
             continue
         torque = deflection[:, :, s, None] * per_motor[:, None, s]
         if name in place:
-            columns[1:, :, :, place[name]] = stiffness * torque
+            columns[..., place[name]] = stiffness * torque
         if damper in place:
-            columns[1:, :, :, place[damper]] = damping * 1j * omega[:, None, None] * torque
+            columns[..., place[damper]] = damping * 1j * omega * torque
     for a, axis in enumerate(robot.axis_names):
         name = f"friction.{axis}.viscous"
         if name in place:
-            columns[1:, :, a, place[name]] = (
-                robot.drives.viscous[a] * 1j * omega[:, None] * swing[:, :, a] / hold[:, None]
-            )
+            columns[:, :, a, place[name]] = (robot.drives.viscous[a] * 1j * omega * swing / hold)[..., a]
     if bodies.index:
-        moving = np.matmul(swing, passive.transpose(0, 2, 1)) / hold[:, None, None]
+        moving = np.matmul(swing, passive.transpose(0, 2, 1)) / hold
         for members, coordinates in bodies.groups():
             change = _of_bodies(bodies, config, members, coordinates, passive, moving, omega)
-            columns[1:, :, :, np.array(bodies.index)[members]] = change
-        weight = motion.constant[:, None, None, None] * bodies.weight[config]  # (n_bin, 1, n_axis, n)
-        columns[..., list(bodies.index)] += weight
-    return columns
+            columns[..., np.array(bodies.index)[members]] = change
+        constant = motion.constant[bins]
+        for k in np.flatnonzero(constant):
+            columns[k][..., list(bodies.index)] += constant[k] * bodies.weight[config]
 
 
 def _of_bodies(
@@ -148,7 +160,10 @@ def _of_bodies(
     moving: ComplexArray,
     omega: FloatArray,
 ) -> ComplexArray:
-    """``x^T (dK - w^2 dM) x Q / H0`` for some inertial parameters, shape (n_bin, n_exp, n_axis, n_member)."""
+    """``x^T (dK - w^2 dM) x Q / H0`` for some inertial parameters, shape (n_bin, n_exp, n_axis, n_member).
+
+    `omega` has shape (n_bin, 1, 1).
+    """
     n, count = len(coordinates), len(members)
     n_bin, n_exp, _ = moving.shape
     inside = np.ix_(coordinates, coordinates, members)
@@ -156,7 +171,7 @@ def _of_bodies(
         2 * n, -1
     )
     rows = moving[:, :, coordinates]
-    rows = np.concatenate((rows, -(omega[:, None, None] ** 2) * rows), axis=2).reshape(n_bin * n_exp, 2 * n)
+    rows = np.concatenate((rows, -(omega**2) * rows), axis=2).reshape(n_bin * n_exp, 2 * n)
     change = np.empty((len(rows), matrix.shape[1]), dtype=np.complex128)
     change.real, change.imag = rows.real @ matrix, rows.imag @ matrix
     turned = np.ascontiguousarray(passive[:, coordinates].transpose(0, 2, 1))

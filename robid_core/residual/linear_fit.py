@@ -50,9 +50,9 @@ def _first_pass(problem: TorqueProblem, start: FloatArray) -> tuple[FloatArray, 
                 block.renew(part.free, point[: part.n_free])
                 block.differentiate(part.free, point[: part.n_free])
         weights = part.weightings(point, whiteners)
-        before = part.cost(point, weights)
+        before = part.cost(point, part.weighted(point, weights))
         point = minimised(part, point, part.linearise(point, weights))
-        if part.cost(point, weights) < SETTLED * before:
+        if part.cost(point, part.weighted(point, weights)) < SETTLED * before:
             continue  # far from the minimum, what is left tells the model's error and not its kind
         if reweighed >= REWEIGHED:
             break
@@ -60,4 +60,4 @@ def _first_pass(problem: TorqueProblem, start: FloatArray) -> tuple[FloatArray, 
         reweighed += 1
     whole = np.zeros(problem.n_unknown)
     whole[[*kept, *range(problem.n_free, problem.n_unknown)]] = point
-    return whole, part.cost(point, part.weightings(point, first))
+    return whole, part.cost(point, part.weighted(point, part.weightings(point, first)))

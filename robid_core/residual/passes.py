@@ -97,7 +97,7 @@ def solve(
             _renew_signals(problem, point)
         _renew(problem, point, model_error, improve=number < IMPROVED)
         if about is not None and changes[-1] > NEARLY:
-            kept = before - problem.cost(point, about.weights)
+            kept = before - problem.cost(point, problem.weighted(point, about.weights))
             if kept < KEPT * gained * before:
                 fresh = True
                 for block in problem.blocks:
@@ -110,9 +110,9 @@ def solve(
             seen = visibility(problem, about)
             tell(seen)
             seen.check(np.isin(np.arange(problem.n_free), watched))
-        before = problem.cost(point, about.weights)
+        before = problem.cost(point, problem.weighted(point, about.weights))
         found = minimised(problem, point, about)
-        gained = 1 - problem.cost(found, about.weights) / before
+        gained = 1 - problem.cost(found, problem.weighted(found, about.weights)) / before
         left = misfit(problem, found)
         moved = np.abs(found - point) / (error * max(left, 1.0) ** 0.5)
         changes.append(float(moved[watched].max(initial=0.0)))
@@ -190,7 +190,9 @@ def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation)
     """Of all unknowns: formal, widened by what leaving out a configuration moves."""
     formal: FloatArray = np.asarray(np.linalg.inv(about.whole), dtype=np.float64)
     if len(about.matrices) > 1:
-        shifts = jackknife_shifts(about.whole, problem.gradients(point, about), about.matrices)
+        shifts = jackknife_shifts(
+            about.whole, problem.gradients(problem.weighted(point, about.weights), about), about.matrices
+        )
         formal = covariance_with_model_error(formal, shifts)
     return formal + _numerical(problem)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     """Functions of each period's speed less their mean, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
     state: SimulationState | None = None
     """Where the last prescribed motion ended, less where the linear model would be."""
+    smooth: tuple[PeriodicMotion, MotorMotion] | None = field(init=False, default=None)
+    """A motion, and what of it is prescribed."""
 
     @classmethod
     def of_record(cls, robot: Robot, motion: PeriodicMotion, laws: SpeedFunctions) -> PeriodicBlock:
@@ -51,8 +53,11 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         motion = self.motion
         n_sample, n_axis = motion.angle.shape[2:]
-        angle = motion.angle.reshape(-1, n_sample, n_axis)
-        whole = periodic_motion(angle, motion.sample_time_s, robots[0].step_s, MOTION_BAND_HZ)
+        if self.smooth is None or self.smooth[0] is not motion:
+            angle = motion.angle.reshape(-1, n_sample, n_axis)
+            smooth = periodic_motion(angle, motion.sample_time_s, robots[0].step_s, MOTION_BAND_HZ)
+            self.smooth = motion, smooth
+        whole = self.smooth[1]
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
         several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
         linear = [linear_state(robot, motion, whole) for robot in robots]
@@ -76,7 +81,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
             speed = motion.fine_speed()
             torque = np.repeat(motion.torque, FINER, axis=2) - coefficient[-1]
             for rubbing, size in zip(self.laws.along(speed), coefficient[:-1], strict=True):
-                torque -= size * rubbing
+                rubbing *= size
+                torque -= rubbing
             speed = motion.fine_speed(np.matmul(torque, mobility[c]))
             friction[:, c] = friction_spectra(motion, self.laws, speed)[:, 0]
         self.friction = friction

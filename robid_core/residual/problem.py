@@ -105,12 +105,14 @@ class TorqueProblem:
             for block, robot in zip(self.blocks, self.robots(point), strict=True)
         ]
 
-    def cost(self, point: FloatArray, weights: tuple[Weighting, ...]) -> float:
+    def weighted(self, point: FloatArray, weights: tuple[Weighting, ...]) -> list[FloatArray]:
+        """Residuals of each block in standard deviations, (n_config, n_exp, n_row) each."""
+        residuals = self.residuals(point)
+        return [weight.residual(residual) for weight, residual in zip(weights, residuals, strict=True)]
+
+    def cost(self, point: FloatArray, weighted: Sequence[FloatArray]) -> float:
         """Half the sum of squared residuals in standard deviations, and of the priors."""
-        total = ((point / self.prior) ** 2).sum()
-        for weight, residual in zip(weights, self.residuals(point), strict=True):
-            total += (weight.residual(residual) ** 2).sum()
-        return float(0.5 * total)
+        return float(0.5 * (((point / self.prior) ** 2).sum() + sum((own**2).sum() for own in weighted)))
 
     def weightings(self, point: FloatArray, whiteners: Sequence[ComplexArray]) -> tuple[Weighting, ...]:
         """Weights by how often a bin counts: twice, for its mirror image; the mean once or not at all."""
@@ -127,17 +129,13 @@ class TorqueProblem:
         """Weighted derivatives at a point."""
         coordinates, rows, matrices = point[: self.n_free], [], []
         for block, weight, predicted in zip(self.blocks, weights, self.predicted(point), strict=True):
-            for config, columns in enumerate(block.columns(self.free, coordinates, predicted)):
-                rows.append(weight.columns(config, columns))
+            for config, runs in enumerate(block.columns(self.free, coordinates, predicted)):
+                rows.append(weight.columns(config, runs))
                 matrices.append(rows[-1].T @ rows[-1])
         whole = np.sum(matrices, axis=0) + np.diag(1 / self.prior**2)
         return Linearisation(weights, tuple(rows), np.stack(matrices), whole)
 
-    def gradients(self, point: FloatArray, about: Linearisation) -> FloatArray:
-        """``J^T r`` of each group at a point, with derivatives from another, shape (n_group, n_unknown)."""
-        residuals = (
-            own.ravel()
-            for weight, residual in zip(about.weights, self.residuals(point), strict=True)
-            for own in weight.residual(residual)
-        )
-        return np.stack([rows.T @ own for rows, own in zip(about.rows, residuals, strict=True)])
+    def gradients(self, weighted: Sequence[FloatArray], about: Linearisation) -> FloatArray:
+        """``J^T r`` of each group for weighted residuals of a point, shape (n_group, n_unknown)."""
+        groups = (own.ravel() for block in weighted for own in block)
+        return np.stack([rows.T @ own for rows, own in zip(about.rows, groups, strict=True)])

@@ -17,14 +17,25 @@ def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -
     """Take damped Gauss-Newton steps with the derivatives of one point."""
     precision, whole = 1 / problem.prior**2, about.whole
 
+    latest: dict[bytes, list[FloatArray]] = {}  # a step that is taken was tried just before
+
+    def weighted(at: FloatArray) -> list[FloatArray]:
+        if at.tobytes() not in latest:
+            latest.clear()
+            latest[at.tobytes()] = problem.weighted(at, about.weights)
+        return latest[at.tobytes()]
+
+    def cost(at: FloatArray) -> float:
+        return problem.cost(at, weighted(at))
+
     def equations(at: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        slope = precision * at - problem.gradients(at, about).sum(axis=0)
-        return problem.cost(at, about.weights), slope, whole
+        slope = precision * at - problem.gradients(weighted(at), about).sum(axis=0)
+        return cost(at), slope, whole
 
     open_end = np.full(problem.n_unknown - problem.n_free, np.inf)
     return levenberg_marquardt(
         equations,
-        lambda at: problem.cost(at, about.weights),
+        cost,
         point,
         np.concatenate((problem.free.lower, -open_end)),
         np.concatenate((problem.free.upper, open_end)),

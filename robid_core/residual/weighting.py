@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,12 +40,21 @@ class Weighting:
                 one -= basis @ (basis.T @ one)
         return rows
 
-    def columns(self, config: int, columns: ComplexArray) -> FloatArray:
-        """Weighted derivatives of (n_bin, n_exp, n_axis, n_unknown), shape (n_exp n_row, n_unknown)."""
-        white = np.matmul(self.matrix[:, None], columns).transpose(1, 0, 2, 3)
-        n_exp, n_bin, n_axis, n_unknown = white.shape
-        rows = np.empty((n_exp, 2, n_bin, n_axis, n_unknown))
-        rows[:, 0], rows[:, 1] = white.real, white.imag
+    def columns(self, config: int, runs: Iterable[ComplexArray]) -> FloatArray:
+        """Weighted derivatives, shape (n_exp n_row, n_unknown).
+
+        `runs` have shape (n_bin, n_exp, n_axis, n_unknown), some bins after the others.
+        """
+        n_bin, first = len(self.matrix), 0
+        rows = np.empty(0)
+        for columns in runs:
+            n_exp, n_axis, n_unknown = columns.shape[1:]
+            if not first:
+                rows = np.empty((n_exp, 2, n_bin, n_axis, n_unknown))
+            bins = slice(first, first + len(columns))
+            white = np.matmul(self.matrix[bins, None], columns).transpose(1, 0, 2, 3)
+            rows[:, 0, bins], rows[:, 1, bins] = white.real, white.imag
+            first = bins.stop
         if self.free_vibration:
             for own, basis in zip(
                 rows.reshape(n_exp, -1, n_unknown), self.free_vibration[config], strict=True

@@ -167,5 +167,8 @@ def friction_spectra(motion: MotionSpectra, laws: SpeedFunctions, speed: FloatAr
 
     `speed` is on the finer grid.
     """
-    constant = np.broadcast_to(motion.constant[:, None], motion.torque_spectrum.shape)
-    return np.stack([*(motion.held_spectrum(torque) for torque in laws.along(speed)), constant])
+    found = np.empty((len(laws.names), *motion.torque_spectrum.shape), dtype=np.complex128)
+    for k, torque in enumerate(laws.along(speed)):
+        found[k] = motion.held_spectrum(torque)
+    found[-1] = motion.constant[:, None]
+    return found

@@ -60,8 +60,12 @@ class SpeedFunctions:
 
     def along(self, speed: FloatArray) -> Iterator[FloatArray]:
         """Evaluate one after another at speeds, rad/s, shape (..., n_axis)."""
+        squares: dict[int, FloatArray] = {}
         for width in self.odd:
-            yield np.tanh(speed / width)
-        for width in self.even:
-            value = np.tanh(speed / width)
-            yield value * value
+            value = speed / width
+            np.tanh(value, out=value)
+            for number in np.flatnonzero((self.even == width).all(axis=1)).tolist():
+                squares[number] = value * value
+            yield value
+        for number, width in enumerate(self.even):
+            yield squares[number] if number in squares else np.tanh(speed / width) ** 2

@@ -56,9 +56,8 @@ def test_derivatives_are_differences_of_the_residual(robot: Robot) -> None:
     point[-1] = 2e-4
     (block,) = problem.blocks
     (predicted,) = problem.predicted(point)
-    found = np.stack(list(block.columns(problem.free, point[: problem.n_free], predicted))).transpose(
-        4, 0, 2, 1, 3
-    )
+    columns = block.columns(problem.free, point[: problem.n_free], predicted)
+    found = np.stack([np.concatenate(list(runs)) for runs in columns]).transpose(4, 0, 2, 1, 3)
     turn = np.exp(-1j * block.motion.omega * point[-1])[
         :, None
     ]  # turns columns, too; left out: a tenth of a radian
@@ -83,13 +82,16 @@ def test_two_blocks_are_one_problem(robot: Robot) -> None:
     point = 0.01 * np.random.default_rng(4).standard_normal(both.n_unknown) * both.prior
     weights = [np.tile(np.eye(6, dtype=complex), (len(motion.bin), 1, 1)) for motion in motions]
     prior = 0.5 * ((point / both.prior) ** 2).sum()
-    costs = [p.cost(point, p.weightings(point, [w])) for p, w in zip(alone, weights, strict=True)]
-    assert both.cost(point, both.weightings(point, weights)) == pytest.approx(sum(costs) - prior, rel=1e-12)
+    weightings = [p.weightings(point, [w]) for p, w in zip(alone, weights, strict=True)]
+    parts = [p.weighted(point, w) for p, w in zip(alone, weightings, strict=True)]
+    whole = both.weighted(point, both.weightings(point, weights))
+    costs = [p.cost(point, part) for p, part in zip(alone, parts, strict=True)]
+    assert both.cost(point, whole) == pytest.approx(sum(costs) - prior, rel=1e-12)
     about = both.linearise(point, both.weightings(point, weights))
-    own = [p.linearise(point, p.weightings(point, [w])) for p, w in zip(alone, weights, strict=True)]
+    own = [p.linearise(point, w) for p, w in zip(alone, weightings, strict=True)]
     np.testing.assert_allclose(about.matrices, np.concatenate([one.matrices for one in own]), rtol=1e-9)
-    gradients = [p.gradients(point, one) for p, one in zip(alone, own, strict=True)]
-    np.testing.assert_allclose(both.gradients(point, about), np.concatenate(gradients), rtol=1e-9, atol=1e-9)
+    gradients = [p.gradients(part, one) for p, part, one in zip(alone, parts, own, strict=True)]
+    np.testing.assert_allclose(both.gradients(whole, about), np.concatenate(gradients), rtol=1e-9, atol=1e-9)
 
 
 def test_the_gradient_is_the_slope_of_the_cost(robot: Robot) -> None:
@@ -101,9 +103,11 @@ def test_the_gradient_is_the_slope_of_the_cost(robot: Robot) -> None:
     weights = problem.weightings(
         point, [np.tile(np.eye(6, dtype=complex), (len(problem.blocks[0].motion.bin), 1, 1))]
     )
-    gradient = point / problem.prior**2 - problem.gradients(point, problem.linearise(point, weights)).sum(
-        axis=0
-    )
+    slopes = problem.gradients(problem.weighted(point, weights), problem.linearise(point, weights))
+    gradient = point / problem.prior**2 - slopes.sum(axis=0)
     h = 1e-3
-    slope = (problem.cost(point + h * way, weights) - problem.cost(point - h * way, weights)) / (2 * h)
+    ahead, behind = (
+        problem.cost(at, problem.weighted(at, weights)) for at in (point + h * way, point - h * way)
+    )
+    slope = (ahead - behind) / (2 * h)
     assert gradient @ way == pytest.approx(slope, rel=0.02)
