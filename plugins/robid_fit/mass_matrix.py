@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import Doubt, FloatArray, Robot
-from robid_fit.rigid_model import Motion, torque_columns
+from robid_fit.rigid_model import RigidMotion, torque_columns
 
 MOST_POSES = 50  # of a record; a motion that shows inertias visits its extremes often
 
@@ -33,7 +33,7 @@ def mass_matrix(robot: Robot, value: FloatArray, position: FloatArray) -> FloatA
     n_pose, n_axis = position.shape
     acceleration = np.repeat(np.vstack([np.zeros(n_axis), np.eye(n_axis)]), n_pose, axis=0)
     repeated = np.tile(position, (n_axis + 1, 1))
-    motion = Motion(repeated, np.zeros_like(repeated), acceleration)
+    motion = RigidMotion(repeated, np.zeros_like(repeated), acceleration)
     torque = torque_columns(robot, motion, robot.drives.friction_speed).regressor @ value
     rest, *columns = torque.reshape(n_axis + 1, n_pose, n_axis)
     return np.stack([column - rest for column in columns], axis=2)

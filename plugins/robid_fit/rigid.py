@@ -41,7 +41,7 @@ from robid_fit.rigid_model import (
     KINDS,
     Columns,
     Kind,
-    Motion,
+    RigidMotion,
     experiments,
     motion_of,
     random_motion,
@@ -154,8 +154,8 @@ class RigidBodyFit(Estimator):
         return slice(self.drop_first, n_sample - self.drop_last)
 
 
-def _cut(motion: Motion, kept: slice) -> Motion:
-    return Motion(motion.position[kept], motion.velocity[kept], motion.acceleration[kept])
+def _cut(motion: RigidMotion, kept: slice) -> RigidMotion:
+    return RigidMotion(motion.position[kept], motion.velocity[kept], motion.acceleration[kept])
 
 
 def _result(

@@ -25,7 +25,7 @@ KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "of
 
 
 @dataclass(frozen=True)
-class Motion:
+class RigidMotion:
     """Motion of the motors in one experiment, each (n_sample, n_axis), rad (m) and seconds."""
 
     position: FloatArray
@@ -72,11 +72,11 @@ def experiments(run: DenseRun, robot: Robot, discard: int) -> Iterator[tuple[Flo
         yield position[index][discard:].reshape(-1, n_axis), torque[index][discard:].reshape(-1, n_axis)
 
 
-def motion_of(position: FloatArray, sample_time: float, cutoff_hz: float, order: int) -> Motion:
+def motion_of(position: FloatArray, sample_time: float, cutoff_hz: float, order: int) -> RigidMotion:
     """Smooth the position and differentiate it twice by central differences."""
     smoothed = smooth(position, sample_time, cutoff_hz, order)
     velocity = differentiate(smoothed, sample_time)
-    return Motion(smoothed, velocity, differentiate(velocity, sample_time))
+    return RigidMotion(smoothed, velocity, differentiate(velocity, sample_time))
 
 
 def without_bearings(robot: Robot) -> Robot:
@@ -86,13 +86,13 @@ def without_bearings(robot: Robot) -> Robot:
     return dataclasses.replace(robot, description=rigid)
 
 
-def random_motion(robot: Robot, n_sample: int) -> Motion:
+def random_motion(robot: Robot, n_sample: int) -> RigidMotion:
     """States that excite everything, the same at every call: what the structure hides is no matter of the data."""
     draws = np.random.Generator(np.random.PCG64(0)).uniform(-np.pi, np.pi, (3, n_sample, robot.n_axis))
-    return Motion(*robot.motor_angle(draws))
+    return RigidMotion(*robot.motor_angle(draws))
 
 
-def torque_columns(robot: Robot, motion: Motion, friction_speed: FloatArray) -> Columns:
+def torque_columns(robot: Robot, motion: RigidMotion, friction_speed: FloatArray) -> Columns:
     """Every column of the motor torque: ten for each body, then rotor inertia, friction and offset of each motor.
 
     Parameters

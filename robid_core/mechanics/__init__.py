@@ -4,6 +4,16 @@
 closed-loop simulation.
 """
 
+from robid_core.compiled.functions import (
+    cosine,
+    exponential,
+    natural_logarithm,
+    sine,
+    sine_and_cosine,
+    smooth_sign,
+)
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import where
 from robid_core.mechanics.chain import PRISMATIC, REVOLUTE, Chain
 from robid_core.mechanics.dynamics import Dynamics, dynamics
 from robid_core.mechanics.equilibrium import Equilibrium, solve_equilibrium
@@ -13,16 +23,6 @@ from robid_core.mechanics.friction import (
     friction_terms,
     friction_torque,
 )
-from robid_core.mechanics.functions import (
-    cosine,
-    exponential,
-    natural_logarithm,
-    sine,
-    sine_and_cosine,
-    smooth_sign,
-)
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import where
 from robid_core.mechanics.linearize import LinearModel, SecondOrderModel, linear_model, second_order_model
 from robid_core.mechanics.mechanical_model import MechanicalModel
 from robid_core.mechanics.mechanism import Mechanism

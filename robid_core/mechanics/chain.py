@@ -11,17 +11,13 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from robid_core.mechanics.flexible.body import FlexibleBody
-
 
 REVOLUTE = 0
 PRISMATIC = 1
@@ -162,25 +158,6 @@ class Chain:
             object.__setattr__(other, name, value.reshape(getattr(self, name).shape).copy())
         check_chain(other)
         return other
-
-    def with_flexible(self, joint: str, name: str, body: FlexibleBody) -> Chain:
-        """Make the body of a joint flexible: it is replaced, and the joint's children move to its tip.
-
-        The children keep their place in the undeformed chain. The new coordinates are `<name>_mode_1`...; their springs
-        and dampers are `body.modal_stiffness` and `body.modal_damping` (diagonal), not part of a chain.
-
-        Parameters
-        ----------
-        joint
-            Revolute or prismatic joint whose frame is the body's root (see `FlexibleBody.placed` for another place).
-        name
-            Name of the link.
-        body
-            The link with its modes.
-        """
-        from robid_core.mechanics.flexible.attach import attach_flexible
-
-        return attach_flexible(self, joint, name, body)
 
 
 def rotation_about(axis: FloatArray, angle: float) -> FloatArray:

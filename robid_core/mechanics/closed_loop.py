@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import where
+from robid_core.compiled.views import lane_view, parameter_view, view_of
 from robid_core.mechanics.integrator import act_on_signal, hold_torque
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import where
 from robid_core.mechanics.mechanical_model import PlantArrays
 from robid_core.mechanics.recursion import chain_views, work_views
 from robid_core.mechanics.simulation_arrays import ControlArrays, LaneState, StepWork
 from robid_core.mechanics.term_arrays import TermArrays
 from robid_core.mechanics.terms import POSITION, TORQUE_MEASUREMENT
-from robid_core.mechanics.views import lane_view, parameter_view, view_of
 
 DIVERGED = 1e6  # rad, rad/s, m or m/s: no motor is there, a numerical explosion soon is
 

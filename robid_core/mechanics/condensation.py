@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import LANES
+from robid_core.compiled.memory import aligned_arrays
+from robid_core.compiled.views import lanes_of, view_of
 from robid_core.mechanics.elimination import Plan
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.layout import aligned_arrays
-from robid_core.mechanics.views import lanes_of, view_of
 
 
 class Memory(NamedTuple):

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import LANES
+from robid_core.compiled.views import lanes_of
 from robid_core.mechanics.chain import Chain
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.layout import ChainArrays, chain_arrays, chain_work
+from robid_core.mechanics.chain_arrays import ChainArrays, chain_arrays, chain_work
 from robid_core.mechanics.recursion import chain_views, evaluate, work_views
-from robid_core.mechanics.views import lanes_of
 
 
 @dataclass(frozen=True)

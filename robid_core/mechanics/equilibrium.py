@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robid_core.arrays import BoolArray, FloatArray, IntArray
+from robid_core.compiled.kernel import kernel
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.descent import descend
-from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import rows_times, terms_at_rest
 from robid_core.mechanics.static_laws import static_force

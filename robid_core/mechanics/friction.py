@@ -15,9 +15,9 @@ import numpy.typing as npt
 import scipy
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.functions import smooth_sign
+from robid_core.compiled.kernel import kernel
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.functions import smooth_sign
-from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.terms import ForceTerm
 

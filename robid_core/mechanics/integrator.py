@@ -6,17 +6,17 @@ f_l of effects. *Linearly implicit midpoint* (a Rosenbrock method of order two):
 midpoint, springs, dampers and the slopes of the laws implicit, one evaluation a step. It is stable for springs and
 friction slopes far beyond the step's resolution. *Runge-Kutta* of order four, all explicit, is its check.
 
-The functions work on views (`views`); the meaning of each array stands in `layout`, `mechanical_model`,
+The functions work on views (`views`); the meaning of each array stands in `chain_arrays`, `mechanical_model`,
 `term_arrays` and `simulation_arrays`.
 """
 
 from __future__ import annotations
 
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.layout import ChainWork
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.views import address_of, call_law, row_of
+from robid_core.mechanics.chain_arrays import ChainWork
 from robid_core.mechanics.recursion import evaluate
 from robid_core.mechanics.terms import TORQUE
-from robid_core.mechanics.views import address_of, call_law, row_of
 
 
 @fused_kernel

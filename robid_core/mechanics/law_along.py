@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import LANES
+from robid_core.compiled.laws import N_INPUT, N_OUTPUT, entries_of
+from robid_core.compiled.views import address_of, call_law, view_of
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, entries_of
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
-from robid_core.mechanics.views import address_of, call_law, view_of
 
 
 @dataclass(frozen=True, eq=False)

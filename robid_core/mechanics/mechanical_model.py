@@ -1,7 +1,7 @@
 """What torques act on: mechanism, springs, dampers and laws of a robot, and how they lie in memory for the loops.
 
 Inside the loops, motors come *after* the other coordinates, so that eliminating from the last one up takes them
-first: each touches few others. Robots whose `structure` is alike may stand side by side (see `layout`).
+first: each touches few others. Robots whose `structure` is alike may stand side by side (see `chain_arrays`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robid_core.arrays import FloatArray, IntArray
+from robid_core.compiled.memory import in_lanes, padded_rows
 from robid_core.mechanics.chain import REVOLUTE
+from robid_core.mechanics.chain_arrays import OF_STRUCTURE, numbers_of_chain
 from robid_core.mechanics.dynamics import dynamics
-from robid_core.mechanics.layout import OF_STRUCTURE, in_lanes, numbers_of_chain, padded_rows
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.terms import ForceTerm
 

@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.arrays import FloatArray, IntArray
+from robid_core.compiled.lanes import LANES
 from robid_core.errors import ConfigurationError
-from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.prescribed_kernel import run_prescribed

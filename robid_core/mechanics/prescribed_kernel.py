@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from robid_core.compiled.kernel import fused_kernel, kernel
+from robid_core.compiled.views import lane_view, row_of
 from robid_core.mechanics.closed_loop import (
     note_diverged,
     plant_views,
@@ -23,9 +25,7 @@ from robid_core.mechanics.integrator import (
     eliminate_free,
     pass_torque,
 )
-from robid_core.mechanics.kernel import fused_kernel, kernel
 from robid_core.mechanics.recursion import chain_views, work_views
-from robid_core.mechanics.views import lane_view, row_of
 
 
 @fused_kernel

@@ -11,11 +11,11 @@ momentum per unit modal rate and its modal mass are constants (`Chain.modal_mome
 
 from __future__ import annotations
 
-from robid_core.mechanics.functions import sine_and_cosine, sines_and_cosines
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import like
-from robid_core.mechanics.layout import ChainArrays, ChainWork
-from robid_core.mechanics.views import lane_view, parameter_view, view_of
+from robid_core.compiled.functions import sine_and_cosine, sines_and_cosines
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import like
+from robid_core.compiled.views import lane_view, parameter_view, view_of
+from robid_core.mechanics.chain_arrays import ChainArrays, ChainWork
 
 
 @fused_kernel

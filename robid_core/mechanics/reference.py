@@ -37,8 +37,8 @@ def dynamics_by_jacobians(chain: Chain, position: FloatArray, speed: FloatArray)
         Joint coordinates and rates, shape (n,).
     """
     n = chain.n_coordinate
-    place = _place(chain, position)
-    origin, turn, slide = place.origin, place.turning, place.sliding
+    frames = _frames(chain, position)
+    origin, turn, slide = frames.origin, frames.turning, frames.sliding
     rate, rate_change = np.zeros((n, 3)), np.zeros((n, 3))  # angular velocity, and acceleration at qdd = 0
     change = np.zeros((n, 3))  # acceleration of the origin at qdd = 0, gravity as a moving base
     mass, bias, stiffness = chain.modal_mass.copy(), np.zeros(n), np.zeros((n, n))
@@ -58,7 +58,7 @@ def dynamics_by_jacobians(chain: Chain, position: FloatArray, speed: FloatArray)
             turn[lineage].T,
             (slide[lineage] + np.cross(turn[lineage], levers)).T,
         )
-        m, body = chain.mass[j], _bent_body(chain, place, j, position)
+        m, body = chain.mass[j], _bent_body(chain, frames, j, position)
         mass += m * moving.T @ moving + turning.T @ body.inertia @ turning
         coupling = moving.T @ np.cross(turning, body.moment, axis=0)  # v . (w x h)
         mass += coupling + coupling.T
@@ -88,16 +88,16 @@ def dynamics_by_jacobians(chain: Chain, position: FloatArray, speed: FloatArray)
 
 def potential_energy(chain: Chain, position: FloatArray) -> float:
     """Energy of gravity, ``- sum gravity . (m origin + h)``, zero for mass at the base origin, J."""
-    place = _place(chain, position)
+    frames = _frames(chain, position)
     moments = [
-        chain.mass[j] * place.origin[j] + _bent_body(chain, place, j, position).moment
+        chain.mass[j] * frames.origin[j] + _bent_body(chain, frames, j, position).moment
         for j in range(chain.n_coordinate)
     ]
     return float(-chain.gravity @ np.sum(moments, axis=0))
 
 
 @dataclass(frozen=True)
-class _Place:
+class _Frames:
     axes: FloatArray  # (n, 3, 3) of the bodies in the world
     origin: FloatArray  # (n, 3)
     turning: FloatArray  # (n, 3) angular velocity per unit rate of each joint, world axes
@@ -114,21 +114,23 @@ class _BentBody:
     slope: FloatArray  # (k, 3, 3) J_k, world axes
 
 
-def _place(chain: Chain, position: FloatArray) -> _Place:
+def _frames(chain: Chain, position: FloatArray) -> _Frames:
     n = chain.n_coordinate
-    place = _Place(*(np.zeros(shape) for shape in ((n, 3, 3), (n, 3), (n, 3), (n, 3))))
+    frames = _Frames(*(np.zeros(shape) for shape in ((n, 3, 3), (n, 3), (n, 3), (n, 3))))
     turning, sliding = chain.turning_axis, chain.sliding_axis
     for j, parent in enumerate(chain.parent):
-        base, start = (place.axes[parent], place.origin[parent]) if parent >= 0 else (np.eye(3), np.zeros(3))
+        base, start = (
+            (frames.axes[parent], frames.origin[parent]) if parent >= 0 else (np.eye(3), np.zeros(3))
+        )
         frame = base @ chain.rotation[j]
-        place.turning[j], place.sliding[j] = frame @ turning[j], frame @ sliding[j]
-        place.origin[j] = start + base @ chain.translation[j] + place.sliding[j] * position[j]
-        place.axes[j] = frame @ rotation_by(turning[j] * position[j])
-    return place
+        frames.turning[j], frames.sliding[j] = frame @ turning[j], frame @ sliding[j]
+        frames.origin[j] = start + base @ chain.translation[j] + frames.sliding[j] * position[j]
+        frames.axes[j] = frame @ rotation_by(turning[j] * position[j])
+    return frames
 
 
-def _bent_body(chain: Chain, place: _Place, j: int, position: FloatArray) -> _BentBody:
-    axes, modes = place.axes[j], np.flatnonzero(chain.flexible_root == j)
+def _bent_body(chain: Chain, frames: _Frames, j: int, position: FloatArray) -> _BentBody:
+    axes, modes = frames.axes[j], np.flatnonzero(chain.flexible_root == j)
     rigid = spatial_inertia(float(chain.mass[j]), chain.centre_of_mass[j], chain.inertia[j])[:3, :3]
     linear, angular = axes @ chain.modal_momentum[modes, 3:].T, axes @ chain.modal_momentum[modes, :3].T
     slope = axes @ chain.modal_inertia[modes] @ axes.T

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
+from robid_core.compiled.lanes import LANES
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.condensation import condense, memory_of
 from robid_core.mechanics.elimination import plan_of
-from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.linearize import SecondOrderModel
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.kernel import kernel
 from robid_core.mechanics.dynamics import Dynamics, dynamics
-from robid_core.mechanics.kernel import kernel
 from robid_core.mechanics.mechanism import Mechanism
 
 

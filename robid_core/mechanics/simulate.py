@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 
 from robid_core.arrays import FloatArray, IntArray
+from robid_core.compiled.lanes import LANES
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.closed_loop import run_blocks
 from robid_core.mechanics.equilibrium import solve_equilibrium
-from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.simulation_arrays import (

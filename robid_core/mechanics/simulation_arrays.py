@@ -6,14 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from robid_core.arrays import FloatArray, IntArray
-from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, Entries
-from robid_core.mechanics.layout import (
-    ChainArrays,
-    ChainWork,
-    aligned_arrays,
-    chain_arrays,
-    chain_work,
-)
+from robid_core.compiled.laws import N_INPUT, N_OUTPUT, Entries
+from robid_core.compiled.memory import aligned_arrays
+from robid_core.mechanics.chain_arrays import ChainArrays, ChainWork, chain_arrays, chain_work
 from robid_core.mechanics.mechanical_model import MechanicalModel, PlantArrays, plant_arrays, spring_weights
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.term_arrays import TermArrays, term_arrays

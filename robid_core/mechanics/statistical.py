@@ -18,13 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import LANES
+from robid_core.compiled.laws import N_INPUT, N_OUTPUT, Law, entries_of
+from robid_core.compiled.views import address_of, call_law, view_of
 from robid_core.errors import ConfigurationError, NotTrustworthy
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.law_along import run_law
-from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, entries_of
-from robid_core.mechanics.terms import Law
-from robid_core.mechanics.views import address_of, call_law, view_of
 
 _REACH = 8.5  # spreads to either side: a Gaussian has 2e-17 outside
 _NODES, _NODES_SINE = 8, 5  # Gauss-Legendre on panels of one spread; a sine has more panels and smooths kinks

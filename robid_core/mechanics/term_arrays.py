@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robid_core.arrays import FloatArray, IntArray
-from robid_core.mechanics.laws import Entries, Kind, entries_of
-from robid_core.mechanics.layout import in_lanes
+from robid_core.compiled.laws import Entries, Kind, entries_of
+from robid_core.compiled.memory import in_lanes
 from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm

@@ -8,12 +8,9 @@ runs them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from robid_core.arrays import FloatArray
-
-Law = Any
-"""A function compiled by numba; its arguments stand in `effect.ForceEffect` and `effect.SignalEffect`."""
+from robid_core.compiled.laws import Law
 
 CHANNELS = ("torque", "position", "torque_measurement")
 """Commanded to acting torque; true to measured motor angle; the drive's torque to the reported one."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from robid_core.compiled.lanes import LANES
 from robid_core.mechanics.chain import Chain
 from robid_core.mechanics.equilibrium import solve_equilibrium
-from robid_core.mechanics.lanes import LANES
 from robid_core.mechanics.linearize import second_order_model
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.response import response

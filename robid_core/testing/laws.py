@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.compiled.lanes import LANES
+from robid_core.compiled.laws import N_INPUT, N_OUTPUT, entries_of
 from robid_core.errors import PluginError
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.laws import N_INPUT, N_OUTPUT, entries_of
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
 from robid_core.testing.broken import ContractBroken
 
@@ -227,6 +227,6 @@ def check_lanes(law: TriedLaw, n_step: int = 40) -> None:
                 raise ContractBroken(
                     f"{law.name}: on all lanes {together[:, lane]}, next_state {following[:, lane]}; alone {alone}, "
                     f"next_state {after} at {law.where(point, STEP)}; is the law compiled with "
-                    "robid_core.mechanics.kernel, which rounds as written?"
+                    "robid_core.compiled.kernel, which rounds as written?"
                 )
         state = following

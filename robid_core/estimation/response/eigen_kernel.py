@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import LANES, like, where
-from robid_core.mechanics.views import lanes_of
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import LANES, like, where
+from robid_core.compiled.views import lanes_of
 
 EPSILON = 2.220446049250313e-16
 TINY = 1e-292

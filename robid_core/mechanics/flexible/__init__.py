@@ -1,7 +1,7 @@
 """Flexible links (thesis section 2.6): finite elements and their reduction, assumed modes, pseudo-joints.
 
 `Beam` or a file -> `Structure` (mass, stiffness, nodes) -> `guyan` / `craig_bampton` -> `FlexibleBody` (rigid body and
-modes) -> `Chain.with_flexible`. Plain numpy and scipy.
+modes) -> `attach_flexible`. Plain numpy and scipy.
 """
 
 from robid_core.mechanics.flexible.assumed_modes import assumed_modes

@@ -16,10 +16,23 @@ from robid_core.mechanics.insertion import insert_series
 
 
 def attach_flexible(chain: Chain, joint: str, name: str, body: FlexibleBody) -> Chain:
-    """Replace the body of a joint by a flexible one; see `Chain.with_flexible`.
+    """Make the body of a joint flexible: it is replaced, and the joint's children move to its tip.
 
-    Mode k becomes joint `<name>_mode_<k + 1>`: axis and slide are rows of `tip_modes`, the first stands at the
-    undeformed tip, the others on the one before.
+    The children keep their place in the undeformed chain. The new coordinates are `<name>_mode_1`...; their springs and
+    dampers are `body.modal_stiffness` and `body.modal_damping` (diagonal), not part of a chain. Mode k becomes joint
+    `<name>_mode_<k + 1>`: axis and slide are rows of `tip_modes`, the first stands at the undeformed tip, the others on
+    the one before.
+
+    Parameters
+    ----------
+    chain
+        As it is with a rigid body.
+    joint
+        Revolute or prismatic joint whose frame is the body's root (see `FlexibleBody.placed` for another place).
+    name
+        Name of the link.
+    body
+        The link with its modes.
 
     Raises
     ------

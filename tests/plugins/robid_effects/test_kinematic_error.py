@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid_core.mechanics.laws import entries_of
+from robid_core.compiled.laws import entries_of
 from robid_effects.kinematic_error import KinematicError
 
 SPRING, DAMPER, RATIO = 9e4, 60.0, 0.01

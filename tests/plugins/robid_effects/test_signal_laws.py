@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robid_core import Motion
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.laws import entries_of
+from robid_core.compiled.lanes import LANES
+from robid_core.compiled.laws import entries_of
 from robid_effects.current_loop import CurrentLoop
 from robid_effects.delay import Delay
 from robid_effects.gain_error import GainError

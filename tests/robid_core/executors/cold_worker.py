@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robid_core.mechanics import laws
+from robid_core.compiled import laws
 from robid_core.robot import Robot
 from robid_core.robot.experiments import ExperimentBatch, simulate_experiments, task
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import LANES
 from robid_core.estimation.response.local.normal_equations import (
     assemble,
     back_substitute,
@@ -22,8 +24,6 @@ from robid_core.estimation.response.local.normal_equations import (
 )
 from robid_core.estimation.response.local.orthogonal import columns_of_window, orthogonalise
 from robid_core.estimation.response.local.residuals import apply, gather, products, transposed
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import LANES
 
 PIVOT = 1e-10
 """Smallest pivot, relative, for normal equations: a correction leaves about 1e-16 / 1e-10 of an error."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
+from robid_core.compiled.lanes import LANES
 from robid_core.estimation.response.local.fit_kernel import fit_lines
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.normal_equations import filled, line_products, to_planes, zeros
 from robid_core.estimation.response.local.window import Windows
-from robid_core.mechanics.lanes import LANES
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import LANES, like
-from robid_core.mechanics.views import lanes_of
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import LANES, like
+from robid_core.compiled.views import lanes_of
 
 
 @fused_kernel

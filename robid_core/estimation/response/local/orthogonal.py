@@ -10,9 +10,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import LANES, like
-from robid_core.mechanics.views import lanes_of
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import LANES, like
+from robid_core.compiled.views import lanes_of
 
 DEPENDENT = 1e-13
 """Part of a column, relative to it, below which it counts as dependent; times the square root of the rows."""

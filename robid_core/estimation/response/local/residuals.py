@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from robid_core.mechanics.kernel import fused_kernel
-from robid_core.mechanics.lanes import like
-from robid_core.mechanics.views import lanes_of
+from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.lanes import like
+from robid_core.compiled.views import lanes_of
 
 
 @fused_kernel

@@ -13,7 +13,13 @@ from scipy.spatial.transform import Rotation
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.chain import MODAL, Chain
 from robid_core.mechanics.dynamics import Dynamics
-from robid_core.mechanics.flexible import FlexibleBody, assumed_modes, flexible_body, hollow_square
+from robid_core.mechanics.flexible import (
+    FlexibleBody,
+    assumed_modes,
+    attach_flexible,
+    flexible_body,
+    hollow_square,
+)
 from robid_core.mechanics.flexible.closed_form import bending_frequencies_hz, cantilever_roots
 from robid_core.mechanics.reference import dynamics_by_jacobians
 
@@ -64,7 +70,7 @@ def _nearest(found: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 def test_a_clamped_link_with_a_payload_has_the_frequencies_of_the_closed_form() -> None:
     body = _beam()
-    chain = _arm(payload=2.0).with_flexible("axis_1", "link", body)
+    chain = attach_flexible(_arm(payload=2.0), "axis_1", "link", body)
     exact = bending_frequencies_hz(BEAM, cantilever_roots(4, 2.0 / BEAM.mass))
     found = _nearest(_frequencies_hz(chain, body, []), exact)
     assert (found >= exact).all()
@@ -73,7 +79,7 @@ def test_a_clamped_link_with_a_payload_has_the_frequencies_of_the_closed_form() 
 
 def test_a_link_on_a_free_joint_has_the_frequencies_of_a_pinned_beam() -> None:
     body = _beam()
-    chain = _arm(payload=0.0).with_flexible("axis_1", "link", body)
+    chain = attach_flexible(_arm(payload=0.0), "axis_1", "link", body)
     found = _frequencies_hz(chain, body, ["axis_1"])
     roots = np.array(
         [brentq(lambda z: np.tan(z) - np.tanh(z), k * np.pi, (k + 0.49) * np.pi) for k in (1, 2, 3)]
@@ -86,7 +92,7 @@ def test_a_link_on_a_free_joint_has_the_frequencies_of_a_pinned_beam() -> None:
 def test_gravity_bends_the_link_as_in_the_handbook() -> None:
     body = _beam(0)
     for payload in (0.0, 3.0):
-        chain = _arm(payload=payload).with_flexible("axis_1", "link", body)
+        chain = attach_flexible(_arm(payload=payload), "axis_1", "link", body)
         modes = np.flatnonzero(chain.joint_type == MODAL)
         modal = -np.linalg.solve(body.modal_stiffness, _terms(chain).bias[modes])
         own = BEAM.mass_per_length * 9.81 / 8 / STIFF
@@ -99,8 +105,8 @@ def test_gravity_bends_the_link_as_in_the_handbook() -> None:
 
 def test_a_spinning_beam_stretches_under_its_own_mass() -> None:
     body = assumed_modes(BEAM, (0, 0), 0, 3, shapes="polynomial")  # the exact answer is a cubic
-    chain = replace(_arm(payload=0.0), axis=np.tile([0.0, 0.0, 1.0], (2, 1))).with_flexible(
-        "axis_1", "link", body
+    chain = attach_flexible(
+        replace(_arm(payload=0.0), axis=np.tile([0.0, 0.0, 1.0], (2, 1))), "axis_1", "link", body
     )
     speed = np.zeros(chain.n_coordinate)
     speed[0] = 50.0
@@ -113,7 +119,7 @@ def test_a_spinning_beam_stretches_under_its_own_mass() -> None:
 
 
 def test_an_undeformed_flexible_link_leaves_the_rigid_motion_alone() -> None:
-    rigid, chain = _arm(3), _arm(3).with_flexible("axis_2", "link", _beam(2))
+    rigid, chain = _arm(3), attach_flexible(_arm(3), "axis_2", "link", _beam(2))
     rng = np.random.default_rng(2)
     position, speed = rng.normal(size=(2, 3))
     kept = [chain.index(name) for name in rigid.names]
@@ -134,13 +140,13 @@ def test_where_the_root_frame_is_put_in_the_link_does_not_matter() -> None:
     along = np.array([0.0, 0.2, 0.0])  # along the joint axis, so that the coordinate stays the same
     body, arm = _beam(2), _arm(3)
     arm = replace(arm, axis=np.array([[1.0, 2.0, 3.0] / np.sqrt(14.0), *arm.axis[1:]]))
-    plain = arm.with_flexible("axis_2", "link", body)
+    plain = attach_flexible(arm, "axis_2", "link", body)
     axis, rotation, translation = arm.axis.copy(), arm.rotation.copy(), arm.translation.copy()
     axis[1], rotation[1] = turn @ axis[1], turn.T
     translation[1] -= along
     rotation[2], translation[2] = turn, turn @ (translation[2] + along)
     other = replace(arm, axis=axis, rotation=rotation, translation=translation)
-    other = other.with_flexible("axis_2", "link", body.placed(turn, turn @ along))
+    other = attach_flexible(other, "axis_2", "link", body.placed(turn, turn @ along))
     n = plain.n_coordinate
     position, speed = rng.normal(size=(2, n))
     position[2:-1] *= 0.01
@@ -152,8 +158,12 @@ def test_where_the_root_frame_is_put_in_the_link_does_not_matter() -> None:
 
 def test_a_bearing_before_a_flexible_link_carries_it_with_its_modes() -> None:
     body = _beam(0).truncated(2)
-    first = _arm(3).with_elastic("axis_2", "bearing", [1.0, 0.0, 0.0]).with_flexible("bearing", "link", body)
-    second = _arm(3).with_flexible("axis_2", "link", body).with_elastic("axis_2", "bearing", [1.0, 0.0, 0.0])
+    first = attach_flexible(
+        _arm(3).with_elastic("axis_2", "bearing", [1.0, 0.0, 0.0]), "bearing", "link", body
+    )
+    second = attach_flexible(_arm(3), "axis_2", "link", body).with_elastic(
+        "axis_2", "bearing", [1.0, 0.0, 0.0]
+    )
     assert (
         first.names == ("axis_1", "axis_2", "bearing", "link_mode_1", "link_mode_2", "axis_3") == second.names
     )
@@ -168,7 +178,7 @@ def test_a_bearing_before_a_flexible_link_carries_it_with_its_modes() -> None:
 
 def test_two_flexible_links_and_a_joint_at_the_tip_count_their_roots_right() -> None:
     body = _beam(0).truncated(2)
-    chain = _arm(3).with_flexible("axis_1", "lower", body).with_flexible("axis_2", "upper", body)
+    chain = attach_flexible(attach_flexible(_arm(3), "axis_1", "lower", body), "axis_2", "upper", body)
     chain = chain.with_elastic("lower_mode_2", "flange", [0.0, 0.0, 1.0])
     assert chain.names[:5] == ("axis_1", "lower_mode_1", "lower_mode_2", "flange", "axis_2")
     np.testing.assert_array_equal(chain.flexible_root, [-1, 0, 0, -1, -1, 4, 4, -1])
@@ -177,15 +187,15 @@ def test_two_flexible_links_and_a_joint_at_the_tip_count_their_roots_right() -> 
 
 
 def test_branches_of_the_root_body_all_move_to_the_tip() -> None:
-    chain = replace(_arm(3), parent=np.array([-1, 0, 0])).with_flexible(
-        "axis_1", "link", _beam(0).truncated(2)
+    chain = attach_flexible(
+        replace(_arm(3), parent=np.array([-1, 0, 0])), "axis_1", "link", _beam(0).truncated(2)
     )
     np.testing.assert_array_equal(chain.parent, [-1, 0, 1, 2, 2])
     np.testing.assert_allclose(chain.translation[3:], 0, atol=1e-15)
 
 
 def _altered(field: str, row: object, value: object) -> Chain:
-    chain = _arm(2).with_flexible("axis_1", "link", _beam(0).truncated(2))
+    chain = attach_flexible(_arm(2), "axis_1", "link", _beam(0).truncated(2))
     changed = getattr(chain, field).copy()
     changed[row] = value
     return replace(chain, **{field: changed})
@@ -220,13 +230,13 @@ def test_modes_that_make_no_flexible_body_are_refused(
 
 def test_a_link_is_made_flexible_only_once_and_stays_whole() -> None:
     body = _beam(0).truncated(2)
-    chain = _arm(2).with_flexible("axis_1", "link", body)
+    chain = attach_flexible(_arm(2), "axis_1", "link", body)
     for joint in ("axis_1", "link_mode_1"):
         with pytest.raises(
             ConfigurationError, match=f"body '{joint}': it is part of a flexible body already"
         ):
-            chain.with_flexible(joint, "again", body)
+            attach_flexible(chain, joint, "again", body)
     with pytest.raises(ConfigurationError, match="in series behind its root 'axis_1', with nothing between"):
         chain.with_elastic("link_mode_1", "between", [0.0, 0.0, 1.0])
     with pytest.raises(ConfigurationError, match="no body 'tool'"):
-        chain.with_flexible("tool", "link", body)
+        attach_flexible(chain, "tool", "link", body)

@@ -12,6 +12,7 @@ import scipy.linalg
 from robid_core.mechanics.chain import MODAL, Chain
 from robid_core.mechanics.flexible import (
     assumed_modes,
+    attach_flexible,
     attach_pseudo_joints,
     flexible_body,
     guyan,
@@ -53,7 +54,7 @@ def _in_plane(mass: np.ndarray, stiffness: np.ndarray, moves: np.ndarray) -> np.
 
 
 def _through_chain(body: FlexibleBody) -> np.ndarray:
-    chain = _root().with_flexible("axis_1", "link", body)
+    chain = attach_flexible(_root(), "axis_1", "link", body)
     modes = np.flatnonzero(chain.joint_type == MODAL)
     rest = np.zeros(chain.n_coordinate)
     mass = dynamics_by_jacobians(chain, rest, rest).mass[np.ix_(modes, modes)]

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from robid_core.mechanics.chain import MODAL, Chain
-from robid_core.mechanics.flexible import FlexibleBody, flexible_body, hollow_square
+from robid_core.mechanics.flexible import FlexibleBody, attach_flexible, flexible_body, hollow_square
 from robid_core.mechanics.reference import dynamics_by_jacobians, potential_energy
 
 BEAM = hollow_square(1.0, 0.06, 0.003)
@@ -39,8 +39,8 @@ def _flexible_chain(rng: np.random.Generator, tree: bool = False) -> Chain:
     link = flexible_body(BEAM.structure(8), 0, 8, 2)
     place = Rotation.random(2, random_state=rng).as_matrix()
     chain = _chain(rng, 4, tree)
-    chain = chain.with_flexible("axis_2", "lower", link.truncated(4).placed(place[0], rng.normal(size=3)))
-    return chain.with_flexible("axis_3", "upper", link.truncated(3).placed(place[1], rng.normal(size=3)))
+    chain = attach_flexible(chain, "axis_2", "lower", link.truncated(4).placed(place[0], rng.normal(size=3)))
+    return attach_flexible(chain, "axis_3", "upper", link.truncated(3).placed(place[1], rng.normal(size=3)))
 
 
 def _drawn(chain: Chain, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +176,7 @@ def test_a_body_of_point_masses_has_their_kinetic_energy_to_first_order() -> Non
     chain = _chain(rng, 2)
     hollow = {"mass": np.zeros(2), "centre_of_mass": np.zeros((2, 3)), "inertia": np.zeros((2, 3, 3))}
     rigid = Chain(**{**{f: getattr(chain, f) for f in chain.__dataclass_fields__}, **hollow})
-    flexible = rigid.with_flexible("axis_2", "cloud", body)
+    flexible = attach_flexible(rigid, "axis_2", "cloud", body)
     turned, bent = rng.normal(size=2), rng.normal(size=3)
     gaps = []
     for size in (0.0, 1e-3, 2e-3):
@@ -201,7 +201,7 @@ def test_point_masses_at_rest_in_the_body_pull_on_the_modes_exactly() -> None:
     rigid = Chain(
         **{**{f: getattr(chain, f) for f in chain.__dataclass_fields__}, **hollow, "gravity": np.zeros(3)}
     )
-    flexible = rigid.with_flexible("axis_2", "cloud", body)
+    flexible = attach_flexible(rigid, "axis_2", "cloud", body)
     q, speed = np.r_[rng.normal(size=2), np.zeros(3)], np.r_[rng.normal(size=2), np.zeros(3)]
     step = 1e-3
     change = np.array(
@@ -225,7 +225,7 @@ def test_a_falling_flexible_arm_keeps_its_energy() -> None:
     soft = hollow_square(1.0, 0.02, 0.001)
     body = flexible_body(soft.structure(8), 0, 8).truncated(2)
     rng = np.random.default_rng(12)
-    chain = _chain(rng, 3).with_flexible("axis_2", "link", body)
+    chain = attach_flexible(_chain(rng, 3), "axis_2", "link", body)
     modes = np.flatnonzero(chain.joint_type == MODAL)
     spring = np.zeros((5, 5))
     spring[np.ix_(modes, modes)] = body.modal_stiffness

@@ -1,4 +1,4 @@
-"""Mechanisms for the tests of the mechanics: drawn at random, and small arms with known numbers."""
+"""Mechanisms for the tests of mechanics and of what compiles it: drawn at random, and small arms with known numbers."""
 
 from __future__ import annotations
 

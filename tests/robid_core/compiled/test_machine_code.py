@@ -10,9 +10,7 @@ from pathlib import Path
 
 import pytest
 
-KERNEL = (
-    "from robid_core.mechanics.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + {number}\n"
-)
+KERNEL = "from robid_core.compiled.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + {number}\n"
 # Ends the process at once after so many files of the cache are written: index and machine code of one function.
 KILLED = """
 import contextlib, os, sys
@@ -104,3 +102,15 @@ def test_machine_code_of_earlier_sources_is_removed(tmp_path: Path, run: Start) 
         edit(tmp_path, number)
         assert said(run(CALL)).startswith(number)
     assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
+
+
+def test_an_index_that_names_a_type_which_is_no_more_is_made_anew(tmp_path: Path, run: Start) -> None:
+    """As after an upgrade that moved a tuple of arrays to another module: numba's index names its arguments' types."""
+    pair = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    one: float\n    two: float\n"
+    kernel = "from robid_core.compiled.kernel import kernel\n\n\n@kernel\ndef added(p):\n    return p.one + p.two\n"
+    call = "import adding, {0}; print(adding.added({0}.Pair(1.0, 2.0)), sum(adding.added.stats.cache_hits.values()))"
+    (tmp_path / "adding.py").write_text(kernel)
+    (tmp_path / "before.py").write_text(pair)
+    assert [said(run(call.format("before"))) for _ in range(2)] == ["3.0 0", "3.0 1"]
+    (tmp_path / "before.py").rename(tmp_path / "after.py")
+    assert [said(run(call.format("after"))) for _ in range(2)] == ["3.0 0", "3.0 1"]

@@ -18,13 +18,23 @@ from typing import Any
 
 
 def keep_safely(cache_file: Any) -> None:
-    """Let a numba `IndexDataCacheFile` write code before index, under a lock.
+    """Let a numba `IndexDataCacheFile` write code before index, under a lock, and outlive types that are moved.
 
     Raises AttributeError where this numba has no such parts.
     """
     for part in ("_cache_path", "_index_name", "_load_index", "_save_index", "_dump", "_open_for_write"):
         getattr(cache_file, part)
     cache_file.save = functools.partial(_save, cache_file)
+    cache_file._load_index = functools.partial(_load_index, cache_file)
+
+
+def _load_index(cache_file: Any) -> dict[Any, str]:
+    """Read which signatures are kept; none where the index names a type that is no more, as after an upgrade."""
+    try:
+        found: dict[Any, str] = type(cache_file)._load_index(cache_file)
+    except (ImportError, AttributeError):
+        return {}
+    return found
 
 
 def _save(cache_file: Any, key: Any, data: Any) -> None:

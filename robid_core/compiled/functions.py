@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import LANES, lanes, power_of_two, where
-from robid_core.mechanics.views import address_of, lanes_at
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import LANES, lanes, power_of_two, where
+from robid_core.compiled.views import address_of, lanes_at
 
 _SHIFT = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to a whole number that stands in the low bits
 _LARGEST_EXPONENT = 700.0  # e^700 = 1e304
@@ -99,7 +99,7 @@ def sines_and_cosines(angle: Any, sine: Any, cosine: Any) -> None:
     """Fill views with the sines and cosines of a view of angles, as many as `sine` has items.
 
     Where items are numbers, LANES of them go through a register at once: all three views must then reach to the end of
-    their last block of LANES, as `layout.aligned_arrays` makes them. The results are the same to the last bit.
+    their last block of LANES, as `memory.aligned_arrays` makes them. The results are the same to the last bit.
     """
     raise NotImplementedError("inside compiled code only")
 

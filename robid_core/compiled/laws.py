@@ -31,9 +31,11 @@ from numba.core.caching import NullCache
 from numba.core.errors import NumbaError
 from numba.extending import is_jitted
 
+from robid_core.compiled.lanes import LANES
 from robid_core.errors import PluginError
-from robid_core.mechanics.lanes import LANES
-from robid_core.mechanics.terms import Law
+
+Law = Any
+"""A function compiled by numba; its arguments stand in `effect.ForceEffect` and `effect.SignalEffect`."""
 
 Kind = Literal["force", "signal"]
 Way = Literal["single", "lanes", "lane_after_lane"]
@@ -207,7 +209,7 @@ def _source(name: tuple[str, str] | None, way: Way, kind: Kind, n_state: int, n_
     view = "lanes_at" if way == "lanes" else "numbers_at"
     lines = [
         "import numpy as np",
-        "from robid_core.mechanics.views import lanes_at, numbers_at",
+        "from robid_core.compiled.views import lanes_at, numbers_at",
         *([f"from {name[0]} import {name[1]} as law"] if name else []),
         "",
         "",

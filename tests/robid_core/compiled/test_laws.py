@@ -14,6 +14,7 @@ import numba
 import numpy as np
 import pytest
 
+from robid_core.compiled.laws import entries_of, law_hash
 from robid_core.errors import PluginError
 from robid_core.mechanics import (
     Controller,
@@ -27,7 +28,6 @@ from robid_core.mechanics import (
     simulate,
 )
 from robid_core.mechanics.closed_loop import run_blocks
-from robid_core.mechanics.laws import entries_of, law_hash
 
 
 @numba.njit
@@ -175,7 +175,7 @@ _ASK = """
 import ctypes
 import numpy as np
 from law import law
-from robid_core.mechanics.laws import entries_of
+from robid_core.compiled.laws import entries_of
 entries = entries_of(law, "force", 0, "stranger")
 call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)(entries.single)
 place, none = np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(1)

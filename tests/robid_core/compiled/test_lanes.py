@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core.mechanics.functions import exponential, natural_logarithm, sine_and_cosine, smooth_sign
-from robid_core.mechanics.kernel import kernel
-from robid_core.mechanics.lanes import LANES, like, where
-from robid_core.mechanics.views import lane_view, row_of, view_of
+from robid_core.compiled.functions import exponential, natural_logarithm, sine_and_cosine, smooth_sign
+from robid_core.compiled.kernel import kernel
+from robid_core.compiled.lanes import LANES, like, where
+from robid_core.compiled.views import lane_view, row_of, view_of
 
 
 @kernel

@@ -23,7 +23,7 @@ from numba.core.typing.templates import (
 )
 from numba.extending import intrinsic, lower_builtin, lower_getattr, overload, register_model
 
-from robid_core.mechanics.lanes import LANES, VECTOR, lanes, vector
+from robid_core.compiled.lanes import LANES, VECTOR, lanes, vector
 
 
 class View(types.Type):  # type: ignore[misc]

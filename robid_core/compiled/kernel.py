@@ -14,7 +14,7 @@ from typing import Any
 import numba
 from numba.extending import is_jitted
 
-from robid_core.mechanics.machine_code import keep_safely
+from robid_core.compiled.machine_code import keep_safely
 
 _TYPES = [
     (stat.st_mtime, stat.st_size)

@@ -10,14 +10,14 @@ from pathlib import Path
 from robid_core.mechanics import warm_up
 
 _LAW = """
-from robid_core.mechanics.kernel import kernel
+from robid_core.compiled.kernel import kernel
 @kernel
 def law(x):
     return {slope} * x
 """
 _LOOP = """
 from law import law
-from robid_core.mechanics.kernel import kernel
+from robid_core.compiled.kernel import kernel
 @kernel
 def loop(x):
     return law(x) + 1.0
