@@ -4,8 +4,8 @@ Three kinds, three signatures, one noun: `ForceEffect` (a force that depends on 
 own), `SignalEffect` (on a command or a measurement) and `StructureEffect` (Robot -> Robot; `robot/structure_effect.py`,
 nothing here knows robots). A hidden effect and a candidate cause are the same noun.
 
-A law is one scalar function, compiled by numba (`robid_core.compiled.kernel`). Written without `if` - with `where`,
-`min`, `max`, `abs` and the functions of `robid_core.compiled.functions` - it runs on eight experiments at once; with
+A law is one scalar function, compiled by numba (`robid_core.mechanics.kernel`). Written without `if` - with `where`,
+`min`, `max`, `abs` and the functions of `robid_core.mechanics` - it runs on eight experiments at once; with
 branches or library functions it still runs, one experiment after the other. `robid_core.testing.check_effect` tells
 whether it keeps to all of this.
 """

@@ -227,6 +227,6 @@ def check_lanes(law: TriedLaw, n_step: int = 40) -> None:
                 raise ContractBroken(
                     f"{law.name}: on all lanes {together[:, lane]}, next_state {following[:, lane]}; alone {alone}, "
                     f"next_state {after} at {law.where(point, STEP)}; is the law compiled with "
-                    "robid_core.compiled.kernel, which rounds as written?"
+                    "robid_core.mechanics.kernel, which rounds as written?"
                 )
         state = following

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 import time
 from pathlib import Path
@@ -26,9 +27,8 @@ effects:
 
 def digest(folder: Path) -> str:
     """Return the hash of a simulation with four effects."""
-    plant = folder / "plant.yaml"
-    if not plant.exists():
-        plant.write_text(PLANT)
+    plant = folder / f"plant_{os.getpid()}.yaml"
+    plant.write_text(PLANT)
     robot = Robot.load(str(plant))
     generator = np.random.default_rng(1)
     reference = generator.normal(size=(10, 400, 1)).cumsum(axis=1)

@@ -15,7 +15,7 @@ from robid_core.estimation.rigid.rigid_torque import (
 from robid_core.mechanics import dynamics
 from robid_excitation.rigid import rigid_drives
 from robid_fit.rigid import structure
-from robid_fit.rigid_model import KINDS, Motion, torque_columns, without_bearings
+from robid_fit.rigid_model import KINDS, RigidMotion, torque_columns, without_bearings
 
 ROBOT = Robot.load("six_axis")
 
@@ -54,7 +54,7 @@ def test_columns_and_base_parameters_are_those_that_the_rigid_body_fit_estimates
     q, v, a = states()
     rigid = without_bearings(ROBOT)
     speed = ROBOT.drives.friction_speed
-    theirs = torque_columns(rigid, Motion(q, v, a), speed)
+    theirs = torque_columns(rigid, RigidMotion(q, v, a), speed)
     ours = motor_torque_regressor(drives(), q, v, a)
     np.testing.assert_allclose(ours, theirs.regressor, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(drives().parameters, theirs.value)
