@@ -6,6 +6,7 @@ MuJoCo in machine code, so that one call runs a whole experiment; they know noth
 
 from __future__ import annotations
 
+import functools
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -59,7 +60,6 @@ def _table(which, rows, columns):  # type: ignore[no-untyped-def]
     return nb.carray(_pointer(addresses[which]), (rows, columns), np.float64)
 
 
-@nb.cfunc("void(voidptr, voidptr)")
 def _act(_model, _data):  # type: ignore[no-untyped-def]
     addresses = nb.carray(_pointer(_TABLE), (16,), np.int64)
     counts = nb.carray(_pointer(addresses[COUNTS]), (4,), np.int64)
@@ -102,6 +102,11 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
         level = motors[COULOMB, a] + excess
         applied[a] = -level * np.tanh(v / motors[ZERO_SPEED, a]) - motors[VISCOUS, a] * v - motors[OFFSET, a]
         control[a] = loop[row, a] + motors[RIPPLE, a] * np.sin(motors[RIPPLE_ORDER, a] * position[a])
+
+
+@functools.cache
+def _compiled() -> Any:
+    return nb.cfunc("void(voidptr, voidptr)")(_act)
 
 
 @dataclass(frozen=True)
@@ -213,7 +218,7 @@ class ForeignPlant:
 def _callback(arrays: tuple[npt.NDArray[Any], ...]) -> Iterator[None]:
     """Install the callback, global in MuJoCo, on these arrays."""
     ADDRESSES[: len(arrays)] = [array.ctypes.data for array in arrays]
-    mujoco.set_mjcb_control(_act.ctypes)
+    mujoco.set_mjcb_control(_compiled().ctypes)
     try:
         yield
     finally:
