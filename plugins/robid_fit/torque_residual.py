@@ -16,6 +16,7 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from robid_core import (
     ConfigurationError,
     Context,
+    Doubt,
     Estimator,
     Fit,
     FloatArray,
@@ -40,6 +41,7 @@ from robid_fit.torque_model import model_of
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
+LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
 
@@ -196,4 +198,18 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
+            stated_doubts=_late(float(point[-1]), problem.blocks[0].motion.sample_time_s),
         )
+
+
+def _late(delay: float, sample_time: float) -> tuple[Doubt, ...]:
+    """Doubt channels that are further apart than those of one drive are."""
+    samples = delay / sample_time
+    if abs(samples) <= LATEST:
+        return ()
+    way = "lags" if samples > 0 else "leads"
+    sentence = (
+        f"the torque {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
+    )
+    remedy = "look at the clocks of both channels, and shift the recorded torque until a fit finds less than a sample"
+    return (Doubt("timing", sentence, remedy),)

@@ -273,3 +273,21 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason(
 ) -> None:
     with pytest.raises(error, match=told):
         TorqueResidualFit(**settings).run(six, nominal, context())
+
+
+@pytest.mark.parametrize(("late", "doubted"), [(1, False), (5, True), (20, True)])
+def test_channels_that_are_samples_apart_are_doubted(late: int, doubted: bool) -> None:
+    """One sample is fitted exactly; more than drives differ by is told as what it is, not as a misfit alone."""
+    nominal, plant = Robot.load("one_axis"), Robot.load("one_axis_true")
+    record = record_of(plant, nominal, np.array([[0.3], [-0.8]]), 3)
+    run, torque = record.run, record.run.channels["motor_torque"]
+    moved = Channel(torque.side, torque.unit, np.roll(torque.values, late, axis=4))
+    runs = (DenseRun(T, {**run.channels, "motor_torque": moved}, run.time_s, run.valid),)
+    fit = TorqueResidualFit().run(record.replace(runs=runs), nominal, context())
+    (name,) = nominal.stiffness_names
+    if not doubted:
+        assert fit.parameters.value("torque_delay") == pytest.approx(late * T, abs=0.01 * T)
+        assert fit.parameters.value(name) == pytest.approx(plant.parameter(name), rel=1e-3)
+    said = [str(doubt) for doubt in fit.doubts if doubt.kind == "timing"]
+    assert bool(said) == doubted
+    assert all("the torque lags the angles by" in one for one in said)
