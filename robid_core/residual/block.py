@@ -67,8 +67,8 @@ class TorqueBlock(ABC, Generic[M]):
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
-    elastic_by_motion: bool = field(init=False, default=False)
-    """Whether derivatives for springs and dampers are those of prescribed motions, too."""
+    all_by_motion: bool = field(init=False, default=False)
+    """Whether derivatives for springs, dampers and bodies are those of prescribed motions, too."""
     signal_columns: tuple[SignalColumn, ...] = field(init=False, default=())
     signals_about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
@@ -192,7 +192,8 @@ class TorqueBlock(ABC, Generic[M]):
         """Take by two prescribed motions the derivatives that only those know, after `renew`.
 
         Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
-        others are bent. Of everything where the arm moves far; of bodies only once, since they hardly change.
+        others are bent. Of everything where the arm moves far, or where passes do not keep what they gain; of bodies only
+        once, since they hardly change.
         """
         robot = self.robot_at(free, coordinates)
         kinds = [free.robot.parameter_kind(name) for name in free.names]
@@ -225,7 +226,8 @@ class TorqueBlock(ABC, Generic[M]):
         """Whether the linear model does not know the derivative for a parameter of that kind."""
         elastic = kind in ("stiffness", "damping")
         linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
-        return self.moves_far or not linear_is_enough or (elastic and self.elastic_by_motion)
+        asked = self.all_by_motion and (elastic or kind == "inertia")
+        return self.moves_far or not linear_is_enough or asked
 
     def _remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.

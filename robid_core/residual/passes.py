@@ -2,7 +2,7 @@
 
 What a prescribed motion adds to the linear model is held within a pass, so that passes are a fixed-point iteration; it
 contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated, and where passes
-do not keep what they gain, what springs and dampers change of that addition is in the derivatives.
+do not keep what they gain, what springs, dampers and bodies change of that addition is in the derivatives.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def solve(
             if kept < KEPT * gained * before:
                 fresh = True
                 for block in problem.blocks:
-                    block.elastic_by_motion = True
+                    block.all_by_motion = True
         if fresh or about is None:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
