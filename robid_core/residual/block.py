@@ -192,8 +192,8 @@ class TorqueBlock(ABC, Generic[M]):
         """Take by two prescribed motions the derivatives that only those know, after `renew`.
 
         Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
-        others are bent. Of everything where the arm moves far, or where passes do not keep what they gain; of bodies only
-        once, since they hardly change.
+        others are bent. Of everything where the arm moves far, or where passes do not keep what they gain; of bodies
+        only once, since they hardly change.
         """
         robot = self.robot_at(free, coordinates)
         kinds = [free.robot.parameter_kind(name) for name in free.names]
