@@ -12,7 +12,7 @@ _HOME = {
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Doubt", "Excitation", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
-        "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
+        "PredictionErrors", "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
         "frozen", "mean_travel",
     ),
     "robid_core.stage": (
@@ -69,6 +69,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         MisfitTable as MisfitTable,
         Model as Model,
         ParameterTable as ParameterTable,
+        PredictionErrors as PredictionErrors,
         Record as Record,
         Report as Report,
         ResponseComparison as ResponseComparison,

@@ -1,4 +1,7 @@
-"""Before the tests begin: signals as a terminal sets them, and in a whole run what many need is compiled once."""
+"""Before the tests begin: signals as a terminal sets them, and in a whole run what many need is compiled once.
+
+Makes `tests/oracles` importable as `oracles`: machinery that shares no code with the simulator.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
+if str(HERE) not in sys.path:
+    sys.path.append(str(HERE))
 DEAR = (  # files that begin first: a worker that begins late with one keeps the other waiting
     "system/test_first_light.py",
     "third_party/test_strangers_effect.py",

@@ -107,7 +107,8 @@ def facts(
     if fit is not None:
         result += _fit_facts(fit, truth)
     for comparison in diagnosis.time if diagnosis is not None else ():
-        result.append(Fact(percent(comparison.relative_error), f"closed-loop error of {noun(comparison)}"))
+        loop = "closed-loop " if diagnosis is not None and diagnosis.method.startswith("closed-loop") else ""
+        result.append(Fact(percent(comparison.relative_error), f"{loop}error of {noun(comparison)}"))
     if frf is not None:
         result.append(
             Fact(

@@ -35,6 +35,7 @@ from robid_report.beside import comparison, fit_with_response, other_fits
 from robid_report.findings import facts, findings, steps
 from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
+from robid_report.prediction import error_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 
 LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "python-can", "canopen", "plotly")
@@ -201,7 +202,7 @@ class HtmlReport(ReportStage):
         table, limit = rows(fit.parameters, truth) if fit is not None else ([], 0.0)
         comparisons = [("Inverse model", c) for c in fit.time] if fit is not None else []
         comparisons += (
-            [("Closed-loop simulation", c) for c in diagnosis.time] if diagnosis is not None else []
+            [(diagnosis.method.capitalize(), c) for c in diagnosis.time] if diagnosis is not None else []
         )
         content = {
             "title": self.title or robot.name,
@@ -217,6 +218,7 @@ class HtmlReport(ReportStage):
             "beside": [comparison(fit, other) for other in others],
             "responding": responding.method if responding is not None and responding is not fit else "",
             "misfit": misfit_section(fit),
+            "errors": error_sections(diagnosis),
             "response": response is not None,
             "fitted": response is not None and response["model"] is not None,
             "configurations": angles_as_text(robot, angle) if angle is not None else [],

@@ -9,7 +9,14 @@ from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation, mean_travel
-from robid_core.artifacts.fit import Diagnosis, Fit, ParameterTable, ResponseComparison, TimeComparison
+from robid_core.artifacts.fit import (
+    Diagnosis,
+    Fit,
+    ParameterTable,
+    PredictionErrors,
+    ResponseComparison,
+    TimeComparison,
+)
 from robid_core.artifacts.freezing import frozen
 from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.misfit import MisfitTable
@@ -31,6 +38,7 @@ __all__ = [
     "MisfitTable",
     "Model",
     "ParameterTable",
+    "PredictionErrors",
     "Record",
     "Report",
     "ResponseComparison",

@@ -69,6 +69,25 @@ class TimeComparison(Artifact):
 
 
 @dataclass(frozen=True, eq=False)
+class PredictionErrors(Artifact):
+    """How far a model is from a record, axis by axis; `low` and `high` hold `relative` in 95 % of such records.
+
+    `model` and `quantity` in words ("fit", "torque in open loop"); `rms` in `unit_symbol`; `relative` is over the rms
+    of what was measured; `still` marks axes that hardly moved, of which a percentage says little.
+    """
+
+    model: str
+    quantity: str
+    unit_symbol: str
+    axis_names: tuple[str, ...]
+    rms: FloatArray = array("n_axis")
+    relative: FloatArray = array("n_axis", finite=False)
+    low: FloatArray = array("n_axis", finite=False)
+    high: FloatArray = array("n_axis", finite=False)
+    still: BoolArray = array("n_axis")
+
+
+@dataclass(frozen=True, eq=False)
 class Fit(Artifact):
     """Estimated parameters and the evidence for them.
 
@@ -116,3 +135,4 @@ class Diagnosis(Artifact):
     time: tuple[TimeComparison, ...] = ()
     response: ResponseComparison | None = None
     model: Model | None = None
+    errors: tuple[PredictionErrors, ...] = ()

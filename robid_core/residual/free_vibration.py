@@ -6,10 +6,13 @@ eigenvectors V of the linear model at the initial pose, and G the torque on the 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.windowed import WindowedMotion
+from robid_core.mechanics import SimulationState
 from robid_core.residual.columns import passive_motion
 from robid_core.robot import Robot
 
@@ -74,3 +77,22 @@ def deviation_of(
     turned = rows.swapaxes(-1, -2)
     share: FloatArray = np.linalg.solve(turned @ rows + np.eye(rows.shape[-1]), turned @ values)[..., 0]
     return share * prior[:, None]
+
+
+def state_at_first(
+    robot: Robot, angle: FloatArray, speed: FloatArray, deviation: FloatArray | None
+) -> SimulationState:
+    """State at the first sample of everything: bent by gravity, moving along, and what deviates from that.
+
+    Motor angles and speeds have shape (n_lane, n_axis); `deviation` is of angles and rates behind the motors, shape
+    (n_config, n_exp, 2 n_behind).
+    """
+    n, state = robot.n_axis, robot.standing(robot.joint_angle(angle))
+    state = state.moving(robot.mechanism, speed)
+    if deviation is None:
+        return state
+    bent, rate = np.split(deviation.reshape(len(state.position), -1), 2, axis=1)
+    position, moving = state.position.copy(), state.speed.copy()
+    position[:, n:] += bent
+    moving[:, n:] += rate
+    return replace(state, position=position, speed=moving)

@@ -64,6 +64,33 @@ def added_torque(robot: Robot, motion: MotionSpectra) -> ComplexArray:
     return _of_steps(robot, motion, acting - torque)
 
 
+def commanded_torque(robot: Robot, motion: MotionSpectra) -> FloatArray:
+    """Return the held torques of which the laws on motor torques make those that act, `motion.torque`; same shape.
+
+    Where a law cannot be undone (a limit) what comes nearest.
+    """
+    acting = commanded = motion.torque
+    if all(term.channel != "torque" for term in robot.signals):
+        return acting
+    angle, speed, _ = _within_steps(robot, motion)
+    n, before = _steps(robot), np.inf
+    for _ in range(ROUNDS):
+        held = np.repeat(commanded, n, axis=2)
+        heard = _heard(robot, "torque", held, angle, speed, robot.step_s, n * motion.settling)
+        off = acting - heard.reshape(*acting.shape[:3], n, -1).mean(axis=3)
+        left = float(np.sqrt((off**2).mean()))
+        if left <= EXACT * np.ptp(acting) or left > STUCK * before:
+            break
+        commanded, before = commanded + off, left
+    return commanded
+
+
+def reported_torque(robot: Robot, motion: MotionSpectra) -> FloatArray:
+    """Return what the drives report of the commanded torques, `motion.torque`; same shape."""
+    signals = motion.torque, motion.angle, motion.rate(1)
+    return _heard(robot, "torque_measurement", *signals, motion.sample_time_s, motion.settling)
+
+
 def signal_columns(
     free: FreeParameters,
     coordinates: FloatArray,

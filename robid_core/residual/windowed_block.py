@@ -18,10 +18,10 @@ from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
-from robid_core.mechanics import MotorMotion, SimulationState
+from robid_core.mechanics import MotorMotion
 from robid_core.parameters import FreeParameters
 from robid_core.residual.block import TorqueBlock
-from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration
+from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
@@ -87,20 +87,9 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         if self.prescribed is None:
             self.prescribed = self.motion.motor_motion(robots[0].step_s)
         motion = self.prescribed
-        runs = prescribe_many(robots, motion, [self._state(robot, motion) for robot in robots])
+        begin = motion.angle, motion.speed, self.deviation
+        runs = prescribe_many(robots, motion, [state_at_first(robot, *begin) for robot in robots])
         return [self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape)) for run in runs]
-
-    def _state(self, robot: Robot, motion: MotorMotion) -> SimulationState:
-        """State at the first sample, with the deviations that are known by now."""
-        n, state = robot.n_axis, robot.standing(robot.joint_angle(motion.angle))
-        state = state.moving(robot.mechanism, motion.speed)
-        if self.deviation is not None:
-            angle, rate = np.split(self.deviation.reshape(len(state.position), -1), 2, axis=1)
-            position, speed = state.position.copy(), state.speed.copy()
-            position[:, n:] += angle
-            speed[:, n:] += rate
-            state = replace(state, position=position, speed=speed)
-        return state
 
     @property
     def initial_state_unknown(self) -> bool:

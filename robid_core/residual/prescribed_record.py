@@ -1,0 +1,109 @@
+"""A record made again by inverse dynamics: the torque that the recorded motion takes of a robot.
+
+The twin of `simulate_record` without the loop: nothing corrects a wrong model, and no controller need be known. What is
+behind the motors rings on from before the first sample: how, the recorded torque tells, two numbers a spring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robid_core.arrays import ComplexArray, FloatArray
+from robid_core.artifacts import Channel, DenseRun, Record, frozen
+from robid_core.errors import ConfigurationError, DataRejected
+from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
+from robid_core.mechanics import mean_over_held
+from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
+from robid_core.residual.signals import commanded_torque, reported_torque, true_motion
+from robid_core.robot import Robot
+
+HIGHEST_HZ = 100.0  # of what tells how the arm rings at the first sample
+ROUNDS = 6  # of prescribed motions that find it, at most
+BETTER = 0.9  # of what was left: a round that leaves more was the last
+MODEL_ERROR = 0.01  # of the rms torque: what else than ringing may be wrong
+
+
+def prescribe_record(robot: Robot, record: Record) -> Record:
+    """Return the record with the motor torques that its motion takes of a robot, as the drives would report them.
+
+    Parameters
+    ----------
+    robot
+        With everything that acts on it: springs, bodies, friction, effects.
+    record
+        Motor position and motor torque of every axis; it need not repeat. The motion above 480 Hz counts as noise.
+
+    Returns
+    -------
+    The same runs with another motor torque; all other channels stay.
+
+    Raises
+    ------
+    ConfigurationError
+        If the record and the robot file are not sampled alike.
+    DataRejected
+        If a sample is missing, or a law on signals cannot be taken off.
+    SimulationDiverged
+        Where an experiment leaves all bounds.
+    """
+    runs = tuple(_prescribed(robot, run) for run in record.runs)
+    return record.replace(source=f"{record.source}, torque of {robot.name}", runs=runs)
+
+
+def _prescribed(robot: Robot, run: DenseRun) -> DenseRun:
+    if abs(run.sample_time_s / robot.sample_time_s - 1) > 1e-3:
+        raise ConfigurationError(
+            f"the record is sampled every {run.sample_time_s:g} s and the drives of {robot.name} every "
+            f"{robot.sample_time_s:g} s; set sample_time_s in the robot file"
+        )
+    if not run.valid.all():
+        raise DataRejected("samples are missing in the record; cut the recording there")
+    channel = run.channel("motor_torque")
+    position, torque = (_joined(run.values(name)) for name in ("motor_position", "motor_torque"))
+    highest = min(HIGHEST_HZ, 0.4 / run.sample_time_s)
+    motion = true_motion(robot, windowed_motion_of(position, torque, run.sample_time_s, highest))
+
+    def held(omega: FloatArray) -> ComplexArray:
+        share = mean_over_held(omega / (2 * np.pi), run.sample_time_s, robot.step_s)
+        return share[:, None].astype(np.complex128)
+
+    acting = motion.divided(_ringing_as_recorded(robot, motion), held)
+    commanded = commanded_torque(robot, replace(motion, torque=acting))
+    reported = reported_torque(robot, replace(motion, torque=commanded))
+    values = frozen(reported.reshape(channel.values.shape))
+    return run.replace(
+        channels={**run.channels, "motor_torque": Channel("motor", channel.unit_symbol, values)}
+    )
+
+
+def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
+    """Torque that a motion takes, from the initial state with which it is nearest to the recorded one."""
+    moved, shape = motion.motor_motion(robot.step_s), motion.angle.shape
+    middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
+    rms = np.sqrt((motion.torque**2).mean(axis=(0, 1, 2)))
+    n_bin, n_axis = len(motion.bin), len(rms)
+    whitener = np.zeros((n_bin, n_axis, n_axis), dtype=np.complex128)
+    whitener[:] = np.diag(np.sqrt(n_bin) / (MODEL_ERROR * rms))
+    deviation, best, before = None, motion.torque, np.inf
+    for _ in range(ROUNDS):
+        state = state_at_first(robot, moved.angle, moved.speed, deviation)
+        torque = robot.prescribe(moved, state).torque.reshape(shape)
+        residual = motion.torque_spectrum - motion.spectrum_of(torque)
+        left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
+        if left < before:
+            best = torque
+        if left > BETTER * before or robot.mechanism.n_coordinate == robot.n_axis:
+            break
+        before = left
+        prior = rms_vibration(robot, robot.joint_angle(middle), motion)
+        more = deviation_of(residual, free_vibration(robot, motion), whitener, prior)
+        deviation = more if deviation is None else deviation + more
+    return best
+
+
+def _joined(values: FloatArray) -> FloatArray:
+    """Periods of an experiment one after another, shape (n_config, n_exp, n_sample, n_axis)."""
+    n_config, n_block, n_exp, n_period, n_sample, n_axis = values.shape
+    return values.reshape(n_config, n_block * n_exp, n_period * n_sample, n_axis)
