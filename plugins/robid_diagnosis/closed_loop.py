@@ -53,12 +53,10 @@ def compared(record: Record, channel: str, skip_s: float) -> FloatArray:
     """A channel of every experiment from `skip_s` on, one after another, shape (n_sample, n_axis)."""
     parts: list[FloatArray] = []
     for run in record.runs:
-        first, values = round(skip_s / run.sample_time_s), run.values(channel)
-        n_axis = values.shape[-1]
-        lanes = values.reshape(-1, run.n_period * len(run.time_s), n_axis)
+        first, lanes = round(skip_s / run.sample_time_s), run.lanes(channel)
         if first >= lanes.shape[1]:
             raise DataRejected(f"diagnosis.closed_loop: an experiment is shorter than skip_s = {skip_s:g} s")
-        parts.append(lanes[:, first:].reshape(-1, n_axis))
+        parts.append(lanes[:, first:].reshape(-1, lanes.shape[-1]))
     return np.concatenate(parts)
 
 

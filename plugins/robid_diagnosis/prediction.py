@@ -77,7 +77,7 @@ class Prediction(DiagnosisStage):
         context.progress(n_step, n_step)
         force, unit = (record.runs[0].channel(c).unit_symbol for c in ("motor_torque", "motor_position"))
         torque, speed = self._torque(record), self._speed(record)
-        travels = [np.ptp(robot.joint_angle(_lanes(run, "motor_position")), axis=1) for run in record.runs]
+        travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in record.runs]
         still = np.concatenate(travels).max(axis=0) < STILL
         errors, verdict = [], []
         for quantity, symbol, measured, predicted in (
@@ -103,11 +103,11 @@ class Prediction(DiagnosisStage):
     # Signals of each run of a record, filtered, its ends cut off, (n_lane, n_sample, n_axis) each
 
     def _torque(self, record: Record) -> list[FloatArray]:
-        return [self._filtered(run, _lanes(run, "motor_torque")) for run in record.runs]
+        return [self._filtered(run, run.lanes("motor_torque")) for run in record.runs]
 
     def _speed(self, record: Record) -> list[FloatArray]:
         return [
-            self._filtered(run, np.gradient(_lanes(run, "motor_position"), run.sample_time_s, axis=1))
+            self._filtered(run, np.gradient(run.lanes("motor_position"), run.sample_time_s, axis=1))
             for run in record.runs
         ]
 
@@ -191,12 +191,6 @@ def _held_out(record: Record) -> tuple[Record, bool]:
         assert record.run.test is not None
         return record.part(record.run.test), False
     return record, True
-
-
-def _lanes(run: DenseRun, channel: str) -> FloatArray:
-    """Periods of each experiment one after another, shape (n_lane, n_sample, n_axis)."""
-    values = run.values(channel)
-    return values.reshape(-1, run.n_period * len(run.time_s), values.shape[-1])
 
 
 def _flat(parts: Sequence[FloatArray]) -> list[FloatArray]:

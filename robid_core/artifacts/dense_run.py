@@ -59,6 +59,11 @@ class DenseRun(Artifact):
         """Return a channel's values, shape (n_config, n_block, n_exp, n_period, n_sample, n_axis)."""
         return self.channel(name).values
 
+    def lanes(self, name: str) -> FloatArray:
+        """Return a channel's values, periods of each experiment one after another, (n_experiment, n_sample, n_axis)."""
+        values = self.values(name)
+        return values.reshape(-1, values.shape[3] * values.shape[4], values.shape[5])
+
     def constant(self, name: str) -> FloatArray:
         """Return a constant of every experiment, shape (n_config, n_block, n_exp); DataRejected names what there is."""
         if self.constants is None or name not in self.constant_names:

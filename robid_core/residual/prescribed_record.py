@@ -61,7 +61,8 @@ def _prescribed(robot: Robot, run: DenseRun) -> DenseRun:
     if not run.valid.all():
         raise DataRejected("samples are missing in the record; cut the recording there")
     channel = run.channel("motor_torque")
-    position, torque = (_joined(run.values(name)) for name in ("motor_position", "motor_torque"))
+    lanes = (run.lanes(name) for name in ("motor_position", "motor_torque"))
+    position, torque = (values.reshape(len(run.valid), -1, *values.shape[1:]) for values in lanes)
     highest = min(HIGHEST_HZ, 0.4 / run.sample_time_s)
     motion = true_motion(robot, windowed_motion_of(position, torque, run.sample_time_s, highest))
 
@@ -86,6 +87,7 @@ def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
     n_bin, n_axis = len(motion.bin), len(rms)
     whitener = np.zeros((n_bin, n_axis, n_axis), dtype=np.complex128)
     whitener[:] = np.diag(np.sqrt(n_bin) / (MODEL_ERROR * rms))
+    vibration, prior = free_vibration(robot, motion), rms_vibration(robot, robot.joint_angle(middle), motion)
     deviation, best, before = None, motion.torque, np.inf
     for _ in range(ROUNDS):
         state = state_at_first(robot, moved.angle, moved.speed, deviation)
@@ -97,13 +99,6 @@ def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
         if left > BETTER * before or robot.mechanism.n_coordinate == robot.n_axis:
             break
         before = left
-        prior = rms_vibration(robot, robot.joint_angle(middle), motion)
-        more = deviation_of(residual, free_vibration(robot, motion), whitener, prior)
+        more = deviation_of(residual, vibration, whitener, prior)
         deviation = more if deviation is None else deviation + more
     return best
-
-
-def _joined(values: FloatArray) -> FloatArray:
-    """Periods of an experiment one after another, shape (n_config, n_exp, n_sample, n_axis)."""
-    n_config, n_block, n_exp, n_period, n_sample, n_axis = values.shape
-    return values.reshape(n_config, n_block * n_exp, n_period * n_sample, n_axis)

@@ -52,11 +52,10 @@ def recorded_lanes(run: DenseRun) -> RecordedLanes:
         raise DataRejected("samples are missing in the record; a simulation needs the whole reference")
 
     def joined(name: str) -> FloatArray:
-        values = run.values(name)
+        values = run.lanes(name)
         if not np.isfinite(values).all():
             raise DataRejected(f"{name} was not recorded on every axis; a simulation needs all")
-        n_config, n_block, n_exp, n_period, n_sample, n_axis = values.shape
-        return values.reshape(n_config * n_block * n_exp, n_period * n_sample, n_axis)
+        return values
 
     position_reference = joined("position_reference") if "position_reference" in run.channels else None
     if "speed_reference" in run.channels:
