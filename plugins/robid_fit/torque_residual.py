@@ -31,32 +31,20 @@ from robid_core import (
 from robid_core.residual import (
     Solution,
     TorqueProblem,
+    default_patterns,
+    estimated_robot,
+    functions_of_speed,
     misfit,
     misfit_table,
     solve,
+    torque_problem,
 )
-from robid_fit.torque_data import block_of, functions_of_speed, spectra_of, variants_of
 from robid_fit.torque_gain import common_scale_problem
-from robid_fit.torque_model import model_of
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
-
-
-def _bare(robot: Robot) -> Robot:
-    """Return a robot without the friction of its motors that functions of speed stand for."""
-    levels = [n for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))]
-    return robot.with_parameters(dict.fromkeys(levels, 0.0))
-
-
-def default_patterns(robot: Robot) -> tuple[str, ...]:
-    """Springs, dampers, viscous friction and inertia, as far as the robot has them."""
-    heads = {name.partition(".")[0] for name in robot.layout}
-    nouns = ("gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping", "rotor_inertia")
-    found = [noun for noun in (*nouns, "mass", "centre_of_mass", "inertia") if noun in heads]
-    return ("friction.*.viscous", *(f"{noun}.*" for noun in found))
 
 
 def _why_not_free(robot: Robot, name: str) -> str:
@@ -124,7 +112,7 @@ class TorqueResidualFit(Estimator):
             lambda seen: context.log.info("%s", seen),
         )
         motions = [block.motion for block in problem.blocks]
-        model = model_of(
+        model = estimated_robot(
             robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance
         )
         return self._result(problem, solution).replace(model=model)
@@ -142,14 +130,16 @@ class TorqueResidualFit(Estimator):
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
-        names = chosen_names(list(robot.layout), patterns, self.fixed)
-        free = FreeParameters.of_robot(_bare(robot), names, self.prior)
-        parts = [
-            (spectra_of(part, self.discard, self.highest_hz), _bare(own))
-            for part, own in variants_of(record, robot, self.robots, free.names)
-        ]
-        laws = functions_of_speed(robot, [motion for motion, _ in parts], self.friction_widths)
-        return TorqueProblem(free, tuple(block_of(motion, own, laws) for motion, own in parts), laws.names)
+        return torque_problem(
+            record,
+            robot,
+            chosen_names(list(robot.layout), patterns, self.fixed),
+            self.prior,
+            lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths),
+            robots=self.robots,
+            discard=self.discard,
+            highest_hz=self.highest_hz,
+        )
 
     # What is stated
 

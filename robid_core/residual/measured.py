@@ -1,4 +1,4 @@
-"""What `fit.torque_residual` minimises: spectra of records, variants under their robots, functions of speed."""
+"""What was measured, as blocks of a torque problem: spectra of records, variants under their robots."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from robid_core import ConfigurationError, DataRejected, Record, Robot, RobotName
+from robid_core.artifacts import Record
+from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
+from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
-from robid_core.residual import PeriodicBlock, WindowedBlock
+from robid_core.residual.periodic_block import PeriodicBlock
+from robid_core.residual.windowed_block import WindowedBlock
+from robid_core.robot import Robot
+from robid_core.settings_types import RobotName
 
 
 def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotion | WindowedMotion:
@@ -18,7 +23,7 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
     run = record.run
     if record.torque_hold != "zero_order_hold":
         raise DataRejected(
-            f"the torque is said to be {record.torque_hold}; fit.torque_residual needs a held one"
+            f"the torque is said to be {record.torque_hold}; the torque residual needs a held one"
         )
     if not run.valid[:, :, :, discard:].all():
         raise DataRejected("a sample is missing in a period that is kept; drop its period")
@@ -39,7 +44,7 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
 
 
 def functions_of_speed(
-    robot: Robot, motions: Sequence[PeriodicMotion | WindowedMotion], widths: tuple[float, ...] | None
+    robot: Robot, motions: Sequence[MotionSpectra], widths: tuple[float, ...] | None
 ) -> SpeedFunctions:
     """Return the free functions of speed, the same for all records."""
     if widths is not None:
@@ -51,6 +56,7 @@ def functions_of_speed(
 def block_of(
     motion: PeriodicMotion | WindowedMotion, robot: Robot, laws: SpeedFunctions
 ) -> PeriodicBlock | WindowedBlock:
+    """Return the block of one record under its robot."""
     if isinstance(motion, PeriodicMotion):
         return PeriodicBlock.of_record(robot, motion, laws)
     return WindowedBlock.of_record(robot, motion, laws)

@@ -11,15 +11,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import FloatArray, FreeParameters, Model, Robot
-from robid_core.estimation.torque.periodic import PeriodicMotion
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Model
+from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-from robid_core.estimation.torque.windowed import WindowedMotion
+from robid_core.parameters import FreeParameters
+from robid_core.robot import Robot
 
 
-def model_of(
+def estimated_robot(
     robot: Robot,
-    motions: Sequence[PeriodicMotion | WindowedMotion],
+    motions: Sequence[MotionSpectra],
     laws: SpeedFunctions,
     free: FreeParameters,
     point: FloatArray,
