@@ -8,7 +8,7 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
@@ -78,6 +78,8 @@ class TorqueResidualFit(Estimator):
     `friction.*.speed` and up to the speeds that were measured."""
     model_error: PositiveFloat = 2e-4
     """Relative error of the model's torque per bin and axis, beside the noise."""
+    delays: Literal["common", "each"] = "common"
+    """Whether the measured torques of all axes have one delay, or each its own."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt = 0
@@ -109,7 +111,7 @@ class TorqueResidualFit(Estimator):
             self.model_error,
             context.progress,
             self._start_points(problem.free, context.generator),
-            lambda seen: context.log.info("%s", seen),
+            tell=lambda seen: context.log.info("%s", seen),
         )
         motions = [block.motion for block in problem.blocks]
         model = estimated_robot(
@@ -139,6 +141,7 @@ class TorqueResidualFit(Estimator):
             robots=self.robots,
             discard=self.discard,
             highest_hz=self.highest_hz,
+            each_delay=self.delays == "each",
         )
 
     # What is stated
@@ -156,7 +159,7 @@ class TorqueResidualFit(Estimator):
         at_bound = np.concatenate(
             (np.abs(point[:n]) >= free.upper * (1 - 1e-9), np.zeros(len(nuisances), dtype=bool))
         )
-        units = ["N m"] * (len(nuisances) - 1) + ["s"]
+        units = ["N m"] * (len(nuisances) - problem.n_delay) + ["s"] * problem.n_delay
         table = ParameterTable(
             names=free.names + nuisances,
             units=tuple(robot.parameter_unit(name) for name in free.names) + tuple(units),
@@ -175,7 +178,8 @@ class TorqueResidualFit(Estimator):
         )
         if np.isfinite(solution.contraction):
             status += f" (a pass leaves {solution.contraction:.2g} of a deviation)"
-        status += f"; torque lags by {1e6 * point[-1]:.3g} us"
+        delay = problem.delay(point)
+        status += f"; torque lags by {', '.join(f'{1e6 * own:.3g}' for own in delay)} us"
         return Fit(
             method="torque residual in all bins, friction as free functions of speed",
             status=status,
@@ -188,13 +192,13 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=_late(float(point[-1]), problem.blocks[0].motion.sample_time_s),
+            stated_doubts=_late(delay, problem.blocks[0].motion.sample_time_s),
         )
 
 
-def _late(delay: float, sample_time: float) -> tuple[Doubt, ...]:
+def _late(delay: FloatArray, sample_time: float) -> tuple[Doubt, ...]:
     """Doubt channels that are further apart than those of one drive are."""
-    samples = delay / sample_time
+    samples = float(delay[np.argmax(np.abs(delay))]) / sample_time
     if abs(samples) <= LATEST:
         return ()
     way = "lags" if samples > 0 else "leads"

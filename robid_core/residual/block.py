@@ -1,6 +1,6 @@
 """One record under one variant of the robot: what was measured, and what torque the model gives for its motion.
 
-``T = e^(-i w d) (Z(p) A + g(p) + N + sum_k c_k Phi_k)``: T and A are spectra of measured torque and acceleration, Z the
+``e^(i w d) T = Z(p) A + g(p) + N + sum_k c_k Phi_k``: T and A are spectra of measured torque and acceleration, Z the
 inverse response of the linear model and g what holds its weight, N what a prescribed motion of the nonlinear model adds
 (held while the unknowns move, renewed between passes), Phi_k functions of the measured speed, d the torque's delay.
 """
@@ -166,10 +166,13 @@ class TorqueBlock(ABC, Generic[M]):
                 torque += (coordinates - self.signals_about)[of_signal.index] * of_signal.torque
         return torque
 
-    def residual(self, predicted: ComplexArray, delay: float) -> ComplexArray:
-        """Measured less predicted torque, N m, shape (n_config, n_exp, n_bin, n_axis)."""
-        turn = np.exp(-1j * self.motion.omega * delay)[:, None]
-        difference: ComplexArray = self.motion.torque_spectrum - turn * predicted
+    def residual(self, predicted: ComplexArray, delay: FloatArray) -> ComplexArray:
+        """Measured torque, its delay taken off, less the predicted one, N m, (n_config, n_exp, n_bin, n_axis).
+
+        `delay` has shape (1,), or (n_axis,).
+        """
+        turn = np.exp(1j * self.motion.omega[:, None] * delay)
+        difference: ComplexArray = turn * self.motion.torque_spectrum - predicted
         return difference
 
     def renew_signals(self, free: FreeParameters, coordinates: FloatArray) -> None:
@@ -257,12 +260,12 @@ class TorqueBlock(ABC, Generic[M]):
     # Derivatives
 
     def columns(
-        self, free: FreeParameters, coordinates: FloatArray, predicted: ComplexArray
+        self, free: FreeParameters, coordinates: FloatArray, predicted: ComplexArray, each_delay: bool
     ) -> Iterator[Iterator[ComplexArray]]:
         """Derivatives of the torque: of one configuration after another, a few bins at a time.
 
         Shape (n_bin, n_exp, n_axis, n_unknown) each; unknowns are the free parameters, the size of each function of
-        speed at each axis, the delay. Whole they would fill the memory.
+        speed at each axis, the delay (of each axis). Whole they would fill the memory.
         """
         robot, motion, n_free = self.robot_at(free, coordinates), self.motion, len(free.names)
         n_law, n_config, n_exp, n_bin, n_axis = self.friction.shape
@@ -275,7 +278,8 @@ class TorqueBlock(ABC, Generic[M]):
             for first in range(0, n_bin, BINS_AT_ONCE):
                 bins = slice(first, first + BINS_AT_ONCE)
                 omega = motion.omega[bins]
-                shape = (len(omega), n_exp, n_axis, n_free + n_law * n_axis + 1)
+                n_delay = n_axis if each_delay else 1
+                shape = (len(omega), n_exp, n_axis, n_free + n_law * n_axis + n_delay)
                 found = np.zeros(shape, dtype=np.complex128)
                 parts = swing[bins], passive[c, bins], bodies, found[..., :n_free]
                 parameter_columns(free, robot, motion, c, bins, *parts)
@@ -287,7 +291,12 @@ class TorqueBlock(ABC, Generic[M]):
                 for a in range(n_axis):
                     laws = self.friction[:, c, :, bins, a].transpose(2, 1, 0)
                     found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws
-                found[..., -1] = (-1j * omega[:, None] * predicted[c][:, bins]).transpose(1, 0, 2)
+                late = (-1j * omega[:, None] * predicted[c][:, bins]).transpose(1, 0, 2)
+                if each_delay:
+                    for a in range(n_axis):
+                        found[:, :, a, a - n_axis] = late[:, :, a]
+                else:
+                    found[..., -1] = late
                 yield found
 
         return (of_configuration(c) for c in range(n_config))

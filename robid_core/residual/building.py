@@ -36,6 +36,7 @@ def torque_problem(
     robots: Mapping[str, RobotName] | None = None,
     discard: int = 0,
     highest_hz: float = 100.0,
+    each_delay: bool = False,
 ) -> TorqueProblem:
     """Prepare what is minimised.
 
@@ -55,6 +56,8 @@ def torque_problem(
         Leading periods dropped as transient.
     highest_hz
         Bins above are left out.
+    each_delay
+        Whether each axis has a delay of its own.
 
     Raises
     ------
@@ -70,7 +73,7 @@ def torque_problem(
     ]
     laws = speed_functions(robot, [motion for motion, _ in parts])
     blocks: tuple[Any, ...] = tuple(block_of(motion, own, laws) for motion, own in parts)
-    return TorqueProblem(free, blocks, laws.names)
+    return TorqueProblem(free, blocks, laws.names, each_delay=each_delay)
 
 
 def _bare(robot: Robot) -> Robot:

@@ -41,7 +41,7 @@ def estimated_robot(
         The parameters that were free.
     point, covariance
         The unknowns that were found: coordinates of the free parameters, coefficients of the functions of speed and
-        of a constant torque (N m, axis by axis for each), a delay; (n_unknown,) and (n_unknown, n_unknown).
+        of a constant torque (N m, axis by axis for each), delays; (n_unknown,) and (n_unknown, n_unknown).
     """
     n, n_axis = len(free.names), robot.n_axis
     slope = np.eye(len(point))
@@ -50,7 +50,7 @@ def estimated_robot(
     place = {name: i for i, name in enumerate(free.names)}
     rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
     rows = {name: np.eye(len(point))[i] for name, i in place.items() if name not in rubbing}
-    coefficients = np.arange(n, len(point) - 1).reshape(-1, n_axis)
+    coefficients = n + np.arange(len(laws.names) * n_axis).reshape(-1, n_axis)
     speed = np.concatenate([motion.rate(1).reshape(-1, n_axis) for motion in motions])
     for a, axis in enumerate(robot.axis_names):
         viscous = place.get(rubbing[a])

@@ -61,6 +61,9 @@ def solve(
     model_error: float,
     progress: Callable[[int, int, str], None],
     starts: Sequence[FloatArray] = (),
+    *,
+    begin: FloatArray | None = None,
+    reweigh: bool = True,
     tell: Callable[[Visibility], None] = lambda seen: None,
 ) -> Solution:
     """Minimise the residual.
@@ -78,6 +81,11 @@ def solve(
     starts
         Coordinates of the free parameters, each (n_free,), from which the linear model is fitted as well; passes go on
         from the best.
+    begin
+        All unknowns of a problem that differs little, (n_unknown,), from which passes go on; None: from the best fit of
+        the linear model.
+    reweigh
+        Whether a doubtful misfit changes the weights to what the model leaves.
     tell
         Told what can be seen, before the first pass.
 
@@ -86,7 +94,10 @@ def solve(
     NotIdentifiable
         Where the data tell nothing of a spring or an effect that was not known before either.
     """
-    point, agree = best_start(problem, (np.zeros(problem.n_free), *starts), passes, progress)
+    if begin is None:
+        point, agree = best_start(problem, (np.zeros(problem.n_free), *starts), passes, progress)
+    else:
+        point, agree = begin, 1
     watched = _watched(problem)
     changes: list[float] = []
     about: Linearisation | None = None
@@ -123,7 +134,7 @@ def solve(
         arrived = fresh or gained > 0 or changes[-2] < NEARLY
         settled = changes[-1] < ENOUGH and gained <= MUCH and arrived
         fresh = gained > MUCH or gained <= 0
-        if settled and not doubted and left > DOUBTFUL:
+        if settled and reweigh and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True
         elif settled:
             break
@@ -150,7 +161,7 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
             continue
         whitener, before = block.weight(robot, size, model_error), np.inf
         for _ in range(INITIAL_STATES):
-            residual = block.residual(block.predicted(robot, coordinates, size), point[-1])
+            residual = block.residual(block.predicted(robot, coordinates, size), problem.delay(point))
             left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
             if left > BETTER * before:
                 break

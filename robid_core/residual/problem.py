@@ -1,7 +1,7 @@
 """The torque residual as a least-squares problem: blocks of records that share parameters, and priors.
 
 Unknowns, in this order: coordinates of the free parameters (natural scales, zero at the start); sizes of the friction
-functions, of each axis; a common delay of the measured torques.
+functions, of each axis; delays of the measured torques, one in common or one of each axis.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ class TorqueProblem:
     """Of the functions of speed."""
     mean_counts: bool = True
     """Whether the mean torque is among the data."""
+    each_delay: bool = False
+    """Whether each axis has a delay of its own."""
 
     # Unknowns
 
@@ -56,21 +58,26 @@ class TorqueProblem:
     @property
     def n_unknown(self) -> int:
         """Number of all unknowns."""
-        return self.n_free + len(self.friction_names) * self.free.robot.n_axis + 1
+        return self.n_free + len(self.friction_names) * self.free.robot.n_axis + self.n_delay
+
+    @property
+    def n_delay(self) -> int:
+        """Number of delays."""
+        return self.free.robot.n_axis if self.each_delay else 1
 
     @property
     def prior(self) -> FloatArray:
         """Standard deviation of each unknown about zero, shape (n_unknown,)."""
         limit = FRICTION_PRIOR * self.free.robot.drives.torque_limit
-        delay = self.blocks[0].motion.sample_time_s
-        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), [delay]))
+        delay = np.full(self.n_delay, self.blocks[0].motion.sample_time_s)
+        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), delay))
 
     def nuisance_names(self) -> tuple[str, ...]:
         """Names of the unknowns that are no parameters of the robot, in their order."""
         axes = self.free.robot.axis_names
         return (
             *(f"friction_function.{a}.{law}" for law in self.friction_names for a in axes),
-            "torque_delay",
+            *((f"torque_delay.{a}" for a in axes) if self.each_delay else ("torque_delay",)),
         )
 
     def without_inertia(self) -> TorqueProblem:
@@ -88,14 +95,19 @@ class TorqueProblem:
 
     def friction_size(self, point: FloatArray) -> FloatArray:
         """Sizes of the functions of speed, N m, shape (n_law, n_axis)."""
-        return point[self.n_free : -1].reshape(len(self.friction_names), -1)
+        return point[self.n_free : -self.n_delay].reshape(len(self.friction_names), -1)
+
+    def delay(self, point: FloatArray) -> FloatArray:
+        """Delays of the measured torques, s, shape (1,) or (n_axis,)."""
+        return point[-self.n_delay :]
 
     # Residuals
 
     def residuals(self, point: FloatArray) -> list[ComplexArray]:
         """Measured less predicted torque of each block, N m, shape (n_config, n_exp, n_bin, n_axis)."""
         predicted = self.predicted(point)
-        return [block.residual(p, point[-1]) for block, p in zip(self.blocks, predicted, strict=True)]
+        delay = self.delay(point)
+        return [block.residual(p, delay) for block, p in zip(self.blocks, predicted, strict=True)]
 
     def predicted(self, point: FloatArray) -> list[ComplexArray]:
         """Torque spectra of each block without the delay."""
@@ -129,7 +141,7 @@ class TorqueProblem:
         """Weighted derivatives at a point."""
         coordinates, rows, matrices = point[: self.n_free], [], []
         for block, weight, predicted in zip(self.blocks, weights, self.predicted(point), strict=True):
-            for config, runs in enumerate(block.columns(self.free, coordinates, predicted)):
+            for config, runs in enumerate(block.columns(self.free, coordinates, predicted, self.each_delay)):
                 rows.append(weight.columns(config, runs))
                 matrices.append(rows[-1].T @ rows[-1])
         whole = np.sum(matrices, axis=0) + np.diag(1 / self.prior**2)

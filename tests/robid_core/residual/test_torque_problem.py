@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -40,15 +42,16 @@ def motion_of(robot: Robot, poses: np.ndarray, seed: int) -> PeriodicMotion:
     return periodic_motion_of(angle, torque, T, np.array([9, 41, 130]), 80.0)
 
 
-def problem_of(robot: Robot, *motions: PeriodicMotion) -> TorqueProblem:
+def problem_of(robot: Robot, *motions: PeriodicMotion, each_delay: bool = False) -> TorqueProblem:
     free = FreeParameters.of_robot(robot, chosen_names(list(robot.layout), NOUNS))
     blocks = tuple(PeriodicBlock.of_record(robot, motion, LAWS) for motion in motions)
-    return TorqueProblem(free, blocks, LAWS.names)
+    return TorqueProblem(free, blocks, LAWS.names, each_delay=each_delay)
 
 
-def test_derivatives_are_differences_of_the_residual(robot: Robot) -> None:
-    """For every spring, damper, friction, inertial number, friction function and the delay; the mean torque too."""
-    problem = problem_of(robot, motion_of(robot, POSES, 1))
+@pytest.mark.parametrize("each_delay", [False, True])
+def test_derivatives_are_differences_of_the_residual(robot: Robot, each_delay: bool) -> None:
+    """For every spring, damper, friction, inertial number, friction function and delay; the mean torque too."""
+    problem = problem_of(robot, motion_of(robot, POSES, 1), each_delay=each_delay)
     point = np.zeros(problem.n_unknown)
     point[problem.n_free :] = 0.01 * np.random.default_rng(2).standard_normal(
         problem.n_unknown - problem.n_free
@@ -56,19 +59,18 @@ def test_derivatives_are_differences_of_the_residual(robot: Robot) -> None:
     point[-1] = 2e-4
     (block,) = problem.blocks
     (predicted,) = problem.predicted(point)
-    columns = block.columns(problem.free, point[: problem.n_free], predicted)
+    late = np.exp(-1j * block.motion.omega[:, None] * problem.delay(point)) * predicted
+    block.motion = dataclasses.replace(block.motion, torque_spectrum=late)
+    columns = block.columns(problem.free, point[: problem.n_free], predicted, each_delay)
     found = np.stack([np.concatenate(list(runs)) for runs in columns]).transpose(4, 0, 2, 1, 3)
-    turn = np.exp(-1j * block.motion.omega * point[-1])[
-        :, None
-    ]  # turns columns, too; left out: a tenth of a radian
     for i, name in enumerate((*problem.free.names, *problem.nuisance_names())):
-        h = 1e-7 if name == "torque_delay" else 1e-3
+        h = 1e-7 if name.startswith("torque_delay") else 1e-3
         ends = []
         for sign in (1, -1):
             moved = point.copy()
             moved[i] += sign * h
             ends.append(problem.residuals(moved)[0])
-        expected = (ends[1] - ends[0]) / (2 * h) / turn
+        expected = (ends[1] - ends[0]) / (2 * h)
         size = abs(expected).max()
         # The equilibrium moves with springs and bodies (a factor gravity over spring stiffness, below 1 %), and images
         # of a held torque are not in the derivative (below 1e-3).
