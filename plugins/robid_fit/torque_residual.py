@@ -133,7 +133,7 @@ class TorqueResidualFit(Estimator):
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
         return torque_problem(
-            record,
+            (record,),
             robot,
             chosen_names(list(robot.layout), patterns, self.fixed),
             self.prior,

@@ -87,6 +87,13 @@ class TorqueBlock(ABC, Generic[M]):
         """
 
     @abstractmethod
+    def coordinates(self, robot: Robot) -> FloatArray:
+        """All coordinates of a robot in this motion at the samples, as the last prescribed motion left them.
+
+        Shape (n_config * n_exp, n_sample, n_coordinate), rad or m.
+        """
+
+    @abstractmethod
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual, shape (n_bin, n_axis, n_axis); arguments as of `predicted`."""
 
@@ -175,15 +182,27 @@ class TorqueBlock(ABC, Generic[M]):
         difference: ComplexArray = turn * self.motion.torque_spectrum - predicted
         return difference
 
-    def renew_signals(self, free: FreeParameters, coordinates: FloatArray) -> None:
-        """Evaluate laws on signals anew, and their derivatives."""
+    def expected(self, residual: ComplexArray, delay: FloatArray) -> M:
+        """Return the motion with the torques that the model predicts: measured ones less a residual at a delay."""
+        turn = np.exp(-1j * self.motion.omega[:, None] * delay)
+        return self.motion.less(turn * residual)
+
+    def renew_signals(
+        self, free: FreeParameters, coordinates: FloatArray, residual: ComplexArray, delay: FloatArray
+    ) -> None:
+        """Evaluate laws on signals anew, and their derivatives.
+
+        Along the torque that is expected: a law in proportion to the measured one would fit its noise. `residual` and
+        `delay` are those at these coordinates.
+        """
         robot = self.robot_at(free, coordinates)
         if not robot.signals:
             return
         self.motion = true_motion(robot, self.recorded)
-        self.added = added_torque(robot, self.motion)
+        expected = self.expected(residual, delay)
+        self.added = added_torque(robot, expected)
         z = impedance(robot, self.angle, self.motion, "zero_order_hold")
-        self.signal_columns = signal_columns(free, coordinates, robot, self.motion, z)
+        self.signal_columns = signal_columns(free, coordinates, robot, expected, z)
         self.signals_about = coordinates.copy()
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:

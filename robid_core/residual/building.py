@@ -27,7 +27,7 @@ def default_patterns(robot: Robot) -> tuple[str, ...]:
 
 
 def torque_problem(
-    record: Record,
+    records: Sequence[Record],
     robot: Robot,
     names: Sequence[str],
     prior: Mapping[str, float],
@@ -42,7 +42,7 @@ def torque_problem(
 
     Parameters
     ----------
-    record, robot
+    records, robot
         What was measured, and the robot that a fit begins with.
     names
         Parameters that are free.
@@ -69,6 +69,7 @@ def torque_problem(
     free = FreeParameters.of_robot(_bare(robot), names, dict(prior))
     parts = [
         (spectra_of(part, discard, highest_hz), _bare(own))
+        for record in records
         for part, own in variants_of(record, robot, robots or {}, free.names)
     ]
     laws = speed_functions(robot, [motion for motion, _ in parts])

@@ -146,6 +146,17 @@ def solve(
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
 
 
+def linearise_at(problem: TorqueProblem, point: FloatArray, model_error: float) -> Linearisation:
+    """Prescribe the motions to the robots at a point and differentiate there: all that a question beside a fit needs.
+
+    Weights are the noise and a model error relative to the torque, never what the model leaves.
+    """
+    _renew_signals(problem, point)
+    _renew(problem, point, model_error, improve=False)
+    _renew_derivatives(problem, point)
+    return _linearised(problem, point, model_error, doubted=False)
+
+
 def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
     """Numbers of springs and effects: what the passes must not change any more."""
     kinds = [problem.free.robot.parameter_kind(name) for name in problem.free.names]
@@ -171,8 +182,9 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
 
 
 def _renew_signals(problem: TorqueProblem, point: FloatArray) -> None:
-    for block in problem.blocks:
-        block.renew_signals(problem.free, point[: problem.n_free])
+    delay = problem.delay(point)
+    for block, residual in zip(problem.blocks, problem.residuals(point), strict=True):
+        block.renew_signals(problem.free, point[: problem.n_free], residual, delay)
 
 
 def _renew_derivatives(problem: TorqueProblem, point: FloatArray) -> None:

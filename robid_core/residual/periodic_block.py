@@ -51,13 +51,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
 
     def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
-        motion = self.motion
-        n_sample, n_axis = motion.angle.shape[2:]
-        if self.smooth is None or self.smooth[0] is not motion:
-            angle = motion.angle.reshape(-1, n_sample, n_axis)
-            smooth = periodic_motion(angle, motion.sample_time_s, robots[0].step_s, MOTION_BAND_HZ)
-            self.smooth = motion, smooth
-        whole = self.smooth[1]
+        motion, whole = self.motion, self._smooth(robots[0].step_s)
+        n_sample = motion.angle.shape[2]
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
         several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
         linear = [linear_state(robot, motion, whole) for robot in robots]
@@ -66,6 +61,24 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         if final:
             self.state = _shifted(runs[0].state, linear[0], -1.0)
         return [motion.spectrum_of(run.torque[:, -n_sample:].reshape(motion.angle.shape)) for run in runs]
+
+    def coordinates(self, robot: Robot) -> FloatArray:
+        """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
+        whole = self._smooth(robot.step_s)
+        state = linear_state(robot, self.motion, whole)
+        if self.state is not None:
+            state = _shifted(state, self.state, 1.0)
+        run = robot.prescribe(whole, state, keep_coordinates=True)
+        assert run.coordinates is not None
+        return run.coordinates
+
+    def _smooth(self, step: float) -> MotorMotion:
+        """One period of the motors in the integrator's steps, one lane an experiment."""
+        motion = self.motion
+        if self.smooth is None or self.smooth[0] is not motion:
+            angle = motion.angle.reshape(-1, *motion.angle.shape[2:])
+            self.smooth = motion, periodic_motion(angle, motion.sample_time_s, step, MOTION_BAND_HZ)
+        return self.smooth[1]
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
         """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.

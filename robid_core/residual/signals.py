@@ -16,6 +16,7 @@ from robid_core.effect import SignalEffect
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.mechanics.law_along import signal_along
+from robid_core.mechanics.terms import SignalTerm
 from robid_core.parameters import FreeParameters
 from robid_core.robot import Robot
 from robid_core.robot.effect_columns import effect_columns
@@ -118,17 +119,40 @@ def signal_columns(
         if label in of_signals:
             side = of_signals[label]
             along = np.stack([_along(robot, name, side, motion, c) for c in range(len(motion.angle))])
-            torque = _of_change(robot, label, side, slopes[i] * along, motion, impedance)
+            torque = torque_of_change(robot, label, side, slopes[i] * along, motion, impedance)
             found.append(SignalColumn(i, torque))
     return tuple(found)
 
 
-def _of_change(
+def signal_change(robot: Robot, term: SignalTerm, motion: MotionSpectra) -> FloatArray:
+    """What one law makes of its channel in a motion, less what it was given, as `torque_of_change` takes it."""
+    if term.channel == "torque":
+        angle, speed, signal = _within_steps(robot, motion)
+        step, settle = robot.step_s, _steps(robot) * motion.settling
+    else:
+        angle, speed, step, settle = motion.angle, motion.rate(1), motion.sample_time_s, motion.settling
+        signal = angle if term.channel == "position" else motion.torque
+    change = np.zeros_like(signal)
+    change[..., term.axis] = _of_term(term, signal, angle, speed, step, settle) - signal[..., term.axis]
+    return change
+
+
+def torque_of_change(
     robot: Robot, label: str, side: str, change: FloatArray, motion: MotionSpectra, impedance: ComplexArray
 ) -> ComplexArray:
     """Derivative of the predicted torque where a law on a channel gives so much more, (n_config, n_exp, n_bin, n_axis).
 
     A record that shows more of what does not act counts as if the model had said so.
+
+    Parameters
+    ----------
+    robot, label, side
+        The robot with the law, what the law is called, and its channel.
+    change
+        Of the signal, (n_config, n_exp, n_time, n_axis): in the middle of the steps of integration where the law is on
+        the motor torque, at the samples else.
+    motion, impedance
+        From `true_motion`; motor torque per acceleration, shape (n_config, n_bin, n_axis, n_axis).
     """
     if side == "torque":
         return -_of_steps(robot, motion, change)
@@ -200,12 +224,19 @@ def _heard(
     for term in robot.signals:
         if term.channel != channel:
             continue
-        lanes, seen, moving = (
-            np.ascontiguousarray(v[..., term.axis]).reshape(-1, v.shape[2]) for v in (result, angle, speed)
-        )
-        heard = signal_along(term, lanes, seen, moving, step, settle=settle)
-        result[..., term.axis] = heard.reshape(result.shape[:3])
+        result[..., term.axis] = _of_term(term, result, angle, speed, step, settle)
     return result
+
+
+def _of_term(
+    term: SignalTerm, signal: FloatArray, angle: FloatArray, speed: FloatArray, step: float, settle: int
+) -> FloatArray:
+    """What one law makes of the signal of its axis, (n_config, n_exp, n_time)."""
+    heard, seen, moving = (
+        np.ascontiguousarray(v[..., term.axis]).reshape(-1, v.shape[2]) for v in (signal, angle, speed)
+    )
+    result = signal_along(term, heard, seen, moving, step, settle=settle)
+    return result.reshape(signal.shape[:3])
 
 
 def _steps(robot: Robot) -> int:

@@ -77,19 +77,32 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         )
         return super(WindowedBlock, few).thinned(keep)
 
-    def renew_signals(self, free: FreeParameters, coordinates: FloatArray) -> None:
+    def renew_signals(
+        self, free: FreeParameters, coordinates: FloatArray, residual: ComplexArray, delay: FloatArray
+    ) -> None:
         """Evaluate laws on signals anew; a motion that they change is prescribed anew."""
-        super().renew_signals(free, coordinates)
+        super().renew_signals(free, coordinates, residual, delay)
         self.prescribed = None if self.signal_columns else self.prescribed
 
     def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
-        if self.prescribed is None:
-            self.prescribed = self.motion.motor_motion(robots[0].step_s)
-        motion = self.prescribed
+        motion = self._prescribed(robots[0].step_s)
         begin = motion.angle, motion.speed, self.deviation
         runs = prescribe_many(robots, motion, [state_at_first(robot, *begin) for robot in robots])
         return [self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape)) for run in runs]
+
+    def coordinates(self, robot: Robot) -> FloatArray:
+        """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
+        motion = self._prescribed(robot.step_s)
+        state = state_at_first(robot, motion.angle, motion.speed, self.deviation)
+        run = robot.prescribe(motion, state, keep_coordinates=True)
+        assert run.coordinates is not None
+        return run.coordinates
+
+    def _prescribed(self, step: float) -> MotorMotion:
+        if self.prescribed is None:
+            self.prescribed = self.motion.motor_motion(step)
+        return self.prescribed
 
     @property
     def initial_state_unknown(self) -> bool:

@@ -104,6 +104,17 @@ class MotionSpectra(ABC):
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> Self:
         """Return the same with other angles and torques, shape of `angle`."""
 
+    def less(self, residual: ComplexArray) -> Self:
+        """Return the same with torques over time less a residual, (n_config, n_exp, n_bin, n_axis); spectra stay.
+
+        What a law is asked about must not hold the noise that its answer is compared with.
+        """
+        return replace(self, torque=self.torque - self.over_time(residual))
+
+    @abstractmethod
+    def over_time(self, spectrum: ComplexArray) -> FloatArray:
+        """Values of spectra at the samples, shape of `angle`: the inverse of `spectrum_of` in these bins."""
+
     @property
     @abstractmethod
     def settling(self) -> int:

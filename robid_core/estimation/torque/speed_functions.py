@@ -12,10 +12,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from robid_core.arrays import FloatArray
 
 NEAR = (0.5, 0.75, 1.1, 1.7)  # of the told speed
+NEAR_ALONE = (0.5, 0.7, 1.0, 1.4, 2.0)  # likewise, of Coulomb friction alone
 FAR = 5  # widths above, up to TOP
 TOP = 2.0  # of the rms speed
 LEAST_TOP = 6.0  # of the told speed: for motions that are slower
@@ -39,6 +41,38 @@ class SpeedFunctions:
         share = np.arange(1, FAR + 1)[:, None] / FAR
         far = near[-1] * (top / near[-1]) ** share
         return cls(np.concatenate((near, far)), np.stack((EVEN * told, far[1], far[3])))
+
+    @classmethod
+    def near(cls, told: FloatArray) -> SpeedFunctions:
+        """Return odd functions about the told speed, (n_axis,): Coulomb friction whose zero-speed width is uncertain.
+
+        Between half and twice the told width ``tanh(v / w)`` is a sum of these but for 1 % of its level at Gaussian
+        speeds of five widths; other shapes (Stribeck, directions) are not.
+        """
+        return cls(np.multiply.outer(NEAR_ALONE, told), np.zeros((0, len(told))))
+
+    def width_of(self, size: FloatArray, speed: FloatArray) -> FloatArray:
+        """Width of the one ``tanh(v / w)`` that is nearest to a sum of odd functions, rad/s, (n_axis,).
+
+        Parameters
+        ----------
+        size
+            Of the odd functions, (n_odd, n_axis).
+        speed
+            Over which they are compared, rad/s, (n_sample, n_axis).
+        """
+        found = np.empty(size.shape[1])
+        for a, own in enumerate(size.T):
+            total = np.tanh(np.divide.outer(speed[:, a], self.odd[:, a])) @ own
+
+            def left(log_width: float, a: int = a, total: FloatArray = total) -> float:
+                law = np.tanh(speed[:, a] / np.exp(log_width))
+                return float(total @ total - (law @ total) ** 2 / (law @ law))
+
+            ends = np.log(self.odd[:, a].min() / 2), np.log(self.odd[:, a].max() * 2)
+            best = scipy.optimize.minimize_scalar(left, bounds=ends, method="bounded")
+            found[a] = float(np.exp(best.x))
+        return found
 
     @classmethod
     def of_widths(cls, widths: Sequence[float], n_axis: int) -> SpeedFunctions:

@@ -26,6 +26,7 @@ from robid_core.estimation.torque.spectra import (
 )
 from robid_core.mechanics import MotorMotion, periodic_motion
 
+VISIBLE = 0.5  # of the window: below, a sample says little of what was there
 TAPER = 0.06  # of the length, at either end
 
 
@@ -45,6 +46,17 @@ class WindowedMotion(MotionSpectra):
         weighted = values * _window(n)[:, None]
         spectrum: ComplexArray = scipy.fft.rfft(weighted, axis=2)[:, :, self.bin] / n
         return spectrum
+
+    def over_time(self, spectrum: ComplexArray) -> FloatArray:
+        """Values of spectra at the samples, shape of `angle`; nothing where the window shows little."""
+        whole = np.zeros(
+            (*self.angle.shape[:2], self.n_sample // 2 + 1, spectrum.shape[-1]), dtype=np.complex128
+        )
+        whole[:, :, self.bin] = spectrum
+        window = _window(self.n_sample)[:, None]
+        values = scipy.fft.irfft(whole, n=self.n_sample, axis=2) * self.n_sample
+        shown: FloatArray = np.divide(values, window, out=np.zeros_like(values), where=window > VISIBLE)
+        return shown
 
     def fine_speed(self) -> FloatArray:
         """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""

@@ -87,8 +87,8 @@ def test_columns_of_signals_are_differences_of_residuals(robot: Robot) -> None:
     )
 
     def residual(point: np.ndarray) -> np.ndarray:
-        block.renew_signals(free, point)
-        return block.residual(block.predicted(block.robot_at(free, point), point, size), 0.0)
+        block.renew_signals(free, point, np.zeros_like(record.torque_spectrum), np.zeros(1))
+        return block.residual(block.predicted(block.robot_at(free, point), point, size), np.zeros(1))
 
     middle = np.zeros(len(free.names))
     residual(middle)

@@ -44,7 +44,7 @@ def test_shares_are_those_of_the_whole_inverse(robot: Robot) -> None:
     names = (SPRING, "gear_damping.axis_1", "mass.axis_1", "effect.cog.phase", "friction.axis_1.viscous")
     problem = problem_of(robot, robot, names)
     (block,), point = problem.blocks, np.zeros(problem.n_unknown)
-    block.renew_signals(problem.free, np.zeros(5))
+    block.renew_signals(problem.free, np.zeros(5), np.zeros_like(block.motion.torque_spectrum), np.zeros(1))
     weights = problem.weightings(point, [block.weight(robot, np.zeros((3, 1)), 1e-3)])
     about = problem.linearise(point, weights)
     seen = visibility(problem, about)

@@ -1,0 +1,169 @@
+"""Torque that effects would add along a measured motion: how a law that no fit has in it is held against the data.
+
+The motion behind the motors is that of the fitted robot. A force f along a direction d, which a law gives there, takes
+the torque ``x(w)^T d f(w)`` of the motors, x all coordinates per motor angle of the linear model about that motion.
+What the law does to the motion itself is left out: it is of second order in the law's size.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import scipy
+
+from robid_core.arrays import ComplexArray, FloatArray
+from robid_core.effect import ForceEffect, SignalEffect
+from robid_core.estimation.torque.periodic import PeriodicMotion
+from robid_core.mechanics import ForceTerm, SignalTerm
+from robid_core.mechanics.law_along import law_along
+from robid_core.residual.block import TorqueBlock
+from robid_core.residual.columns import passive_motion
+from robid_core.residual.free_vibration import SLOW
+from robid_core.residual.impedance import impedance
+from robid_core.residual.signals import signal_change, torque_of_change
+from robid_core.robot import Robot
+from robid_core.robot.effects import BoundEffect
+from robid_core.robot.forces_along import RobotMotion, forces_along
+
+FINER = 4  # points a sample on which laws are evaluated
+
+
+class EffectTorque:
+    """The motion of one block about a fitted robot, and the torque that any effect would add to it."""
+
+    def __init__(
+        self, block: TorqueBlock[Any], robot: Robot, residual: ComplexArray, delay: FloatArray
+    ) -> None:
+        """Prepare.
+
+        Parameters
+        ----------
+        block
+            As the last pass of a fit left it.
+        robot
+            The block's robot as it was fitted.
+        residual, delay
+            What this robot leaves, (n_config, n_exp, n_bin, n_axis), and the delay of the torques, (1,) or (n_axis,):
+            laws on torques are asked about what is expected, whose noise is not that of the data.
+        """
+        self.block, self.robot = block, robot
+        self.motion = block.expected(residual, delay)
+        self._seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+        self._transfers: dict[bytes, ComplexArray] = {}
+
+    @functools.cached_property
+    def along(self) -> RobotMotion:
+        """All coordinates between the samples, and the torques of the motors, one lane an experiment."""
+        motion, coordinates = self.motion, self.block.coordinates(self.robot)
+        torque = np.repeat(motion.torque.reshape(-1, *motion.torque.shape[2:]), FINER, axis=1)
+        time = motion.sample_time_s
+        if isinstance(motion, PeriodicMotion):
+            moved = RobotMotion.periodic(coordinates, time, FINER)
+            return RobotMotion(moved.position, moved.speed, moved.step, moved.settle, torque)
+        spline = scipy.interpolate.CubicSpline(np.arange(coordinates.shape[1]), coordinates, axis=1)
+        between = np.arange(FINER * coordinates.shape[1]) / FINER
+        return RobotMotion(spline(between), spline(between, 1) / time, time / FINER, 0, torque)
+
+    @functools.cached_property
+    def load(self) -> FloatArray:
+        """Torque that the transmissions pass, joint side, N m, (n_lane, n_time, n_axis)."""
+        return forces_along(self.robot, self.along, ()).load
+
+    def seen(self, row: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and speed of a row over the coordinates, (n_lane, n_time) each."""
+        key = row.tobytes()
+        if key not in self._seen:
+            self._seen[key] = self.along.position @ row, self.along.speed @ row
+        return self._seen[key]
+
+    def load_of(self, row: FloatArray) -> FloatArray:
+        """Load that a row over the transmissions weighs, (n_lane, n_time); zero where it weighs none."""
+        known: FloatArray = self.load[..., row != 0] @ row[row != 0]
+        return known
+
+    # Torques, (n_config, n_exp, n_bin, n_axis)
+
+    def of_force(self, direction: FloatArray, force: FloatArray) -> ComplexArray:
+        """Motor torques that a force along a direction takes, the force (n_lane, n_time) on the finer grid."""
+        motion = self.motion
+        lanes = force.reshape(*motion.angle.shape[:2], -1, 1)
+        torque: ComplexArray = motion.held_spectrum(lanes) * self._transfer(direction)[:, None]
+        return torque
+
+    def of_effect(self, bound: BoundEffect) -> ComplexArray:
+        """All that an effect does with its parameters."""
+        terms = bound.effect.bind(bound.parameters, bound.place)
+        if issubclass(bound.effect, SignalEffect):
+            (term,) = terms
+            assert isinstance(term, SignalTerm)
+            return self._of_signal(bound, signal_change(self.robot, term, self.motion))
+        total: ComplexArray = np.zeros_like(self.motion.torque_spectrum)
+        for term in terms:
+            assert isinstance(term, ForceTerm)
+            at = *self.seen(term.coordinate), self.load_of(term.load)
+            run = law_along(term, *at, self.along.step, settle=self.along.settle if term.n_state else 0)
+            total += self.of_force(term.direction, run.force)
+        return total
+
+    def units(self, bound: BoundEffect) -> dict[str, ComplexArray]:
+        """Torque per unit of each parameter in which the effect is linear; empty where there is none."""
+        place = bound.place
+        if issubclass(bound.effect, ForceEffect):
+            terms = bound.effect.bind(bound.parameters, place)
+            if len(terms) != 1:
+                return {}
+            (term,) = terms
+            assert isinstance(term, ForceTerm)
+            at = *self.seen(term.coordinate), self.load_of(term.load)
+            unit = bound.effect.regressor(*at, bound.parameters, place)
+            return {name: self.of_force(term.direction, force) for name, force in unit.items()}
+        motion, axis = self.motion, place.axis
+        finer = round(self.robot.sample_time_s / self.robot.step_s) if place.side == "torque" else 1
+        shift = 0.5 * self.robot.step_s if place.side == "torque" else 0.0
+        angle, speed = (motion.rate(order, finer, shift)[..., axis] for order in (0, 1))
+        torque = np.repeat(motion.torque[..., axis], finer, axis=2)
+        signal = angle if place.side == "position" else torque
+        unit = bound.effect.regressor(signal, angle, speed, bound.parameters, place)
+        found = {}
+        for name, values in unit.items():
+            change = np.zeros((*values.shape, self.robot.n_axis))
+            change[..., axis] = values
+            found[name] = self._of_signal(bound, change)
+        return found
+
+    def of_structure(self, changed: Robot) -> ComplexArray:
+        """What another robot takes more of this motion: by the linear model, of long ways by prescribed motions."""
+        motion, block = self.motion, self.block
+        if block.moves_far:
+            before, after = block.simulated_torques((self.robot, changed), final=False)
+            return after - before
+        other = impedance(changed, block.angle, motion, "zero_order_hold")
+        torque: ComplexArray = np.matmul(
+            (other - self.impedance)[:, None], motion.acceleration_spectrum[..., None]
+        )[..., 0]
+        weight = changed.gravity_torque(block.angle) - self.robot.gravity_torque(block.angle)
+        torque += motion.constant[:, None] * weight[:, None, None]
+        return torque
+
+    @functools.cached_property
+    def impedance(self) -> ComplexArray:
+        """Motor torque per motor acceleration, (n_config, n_bin, n_axis, n_axis)."""
+        return impedance(self.robot, self.block.angle, self.motion, "zero_order_hold")
+
+    def _of_signal(self, bound: BoundEffect, change: FloatArray) -> ComplexArray:
+        with_law = (bound.label, bound.place.side, change, self.motion, self.impedance)
+        return torque_of_change(self.robot, *with_law)
+
+    @functools.cached_property
+    def _passive(self) -> ComplexArray:
+        omega = self.motion.omega
+        return passive_motion(self.robot, self.block.angle, np.concatenate((omega[1:2] / SLOW, omega[1:])))
+
+    def _transfer(self, direction: FloatArray) -> ComplexArray:
+        """Motor torque per force along a direction, (n_config, n_bin, n_axis)."""
+        key = direction.tobytes()
+        if key not in self._transfers:
+            self._transfers[key] = np.einsum("cfna,n->cfa", self._passive, direction, optimize=True)
+        return self._transfers[key]

@@ -1,0 +1,76 @@
+"""Torque that effects would add along a motion, against motions prescribed to robots that have them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robid_core import Robot
+from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.mechanics import mean_over_held
+from robid_core.residual import EffectTorque, PeriodicBlock
+from robid_core.robot.effects import BoundEffect
+
+T, N = 1e-3, 2000
+POSE = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2]])
+ROUNDS = 4  # of periods until bearings have rung out: 20 s
+SMALL = 1e-3  # of an effect's size: then what it does to the motion itself is of second order
+
+BY_LOAD = {"coulomb": 0.0, "load_coulomb": 0.05, "load_excess": 0.0, "speed": 2.0}
+SIZES = ("coulomb", "load_coulomb", "cubic", "stiffness", "damping", "viscous")
+PLACES = {
+    "motor": ("friction.coulomb_tanh", "axis_2", None, {"coulomb": 0.3, "speed": 2.0}),
+    "by load": ("friction.load_dependent", "axis_3", None, BY_LOAD),
+    "gear": ("transmission.stiffening", "axis_3", None, {"cubic": 1e10}),
+    "bearing": ("friction.viscous", "axis_1_x", "bearing", {"viscous": 50.0}),
+    "joint": ("load.cable_spring", "axis_4", None, {"stiffness": 20.0, "damping": 3.0, "rest_angle": 0.5}),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    nominal = Robot.load("six_axis")
+    return nominal.with_parameters({n: 0.0 for n in nominal.layout if n.endswith((".coulomb", ".offset"))})
+
+
+@pytest.fixture(scope="module")
+def block(robot: Robot) -> PeriodicBlock:
+    """Six motors on three lines each; torques are those that this motion takes of the robot."""
+    generator, time = np.random.default_rng(1), T * np.arange(N)
+    angle = np.zeros((1, 1, 1, 2, N, robot.n_axis)) + robot.motor_angle(POSE)
+    for bin_ in (5, 21, 70):
+        phase = generator.uniform(0, 2 * np.pi, robot.n_axis)
+        angle += 4.0 / bin_ * np.sin(2 * np.pi * bin_ / (N * T) * time[:, None] + phase)
+    motion: PeriodicMotion = periodic_motion_of(angle, np.zeros_like(angle), T, np.array([5, 21, 70]), 80.0)
+    block = PeriodicBlock.of_record(robot, motion, SpeedFunctions.of_widths((0.5,), 6))
+    (torque,) = block.simulated_torques([robot], final=True)
+    moved = motion.with_signals(motion.angle, motion.over_time(torque))
+    block = PeriodicBlock.of_record(robot, moved, block.laws)
+    for _ in range(ROUNDS):
+        block.simulated_torques([robot], final=True)
+    return block
+
+
+def bound_at(robot: Robot, place: str, share: float) -> tuple[Robot, BoundEffect]:
+    use, on, side, values = PLACES[place]
+    scaled = {name: value * share if name in SIZES else value for name, value in values.items()}
+    changed = robot.with_effect("extra", use, on, side, scaled)
+    return changed, changed.effects[-1]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_an_effect_adds_what_a_prescribed_motion_takes_more(
+    robot: Robot, block: PeriodicBlock, place: str
+) -> None:
+    """Torques of all motors, within 2 % of the largest: the transfer is that of the linear model at rest; a
+    joint is bent by no mean torque, which would move the arm."""
+    changed, bound = bound_at(robot, place, SMALL)
+    plain, _ = bound_at(robot, place, 0.0)
+    before, after = block.simulated_torques([plain, changed], final=False)
+    expected = (after - before)[:, :, 1:]
+    along = EffectTorque(block, robot, np.zeros_like(block.motion.torque_spectrum), np.zeros(1))
+    found = along.of_effect(bound)[:, :, 1:]
+    held = mean_over_held(block.motion.frequency_hz[1:], T, robot.step_s)[:, None]
+    error = abs(found - expected / held).max() / abs(expected).max()
+    assert error < 0.02
