@@ -11,9 +11,9 @@ _HOME = {
     "robid_core.arrays": ("BoolArray", "ComplexArray", "FloatArray", "IntArray"),
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
-        "Doubt", "Excitation", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
-        "PredictionErrors", "Record", "Report", "ResponseComparison", "TimeComparison", "Truth", "array",
-        "frozen", "mean_travel",
+        "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
+        "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "TimeComparison",
+        "Truth", "array", "frozen", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -64,6 +64,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Diagnosis as Diagnosis,
         Doubt as Doubt,
         Excitation as Excitation,
+        Finding as Finding,
         Fit as Fit,
         Frf as Frf,
         MisfitTable as MisfitTable,
@@ -73,6 +74,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Record as Record,
         Report as Report,
         ResponseComparison as ResponseComparison,
+        SearchRecord as SearchRecord,
         TimeComparison as TimeComparison,
         Truth as Truth,
         array as array,

@@ -36,12 +36,12 @@ from robid_diagnosis.intervals import intervals, over_axes, relative_errors, sum
 REFERENCES = ("position_reference", "speed_reference")
 STILL = 1e-3  # of travel at the joint, rad or m: an axis that goes less hardly moves
 ORDER = 4  # of the low-pass, forwards and backwards
-TOLD, FITTED = "robot file", "fit"
+TOLD, FITTED, EXTENDED = "robot file", "fit", "extended robot"
 OPEN, CLOSED = "torque in open loop", "speed in closed loop"
 
 
 class Prediction(DiagnosisStage):
-    """Predicts a record with the robot file's model and, where there is a fit, with the fitted one.
+    """Predicts a record with the robot file's model and, where there are, with that of a fit and of a diagnosis.
 
     Of a record that has experiments of the role `test` it takes those; else give it one that the fit did not see::
 
@@ -61,10 +61,19 @@ class Prediction(DiagnosisStage):
     start: Literal["rest", "motion"] = "motion"
     """How experiments begin in closed loop."""
 
-    def run(self, record: Record, robot: Robot, context: Context, fit: Fit | None = None) -> Diagnosis:
+    def run(
+        self,
+        record: Record,
+        robot: Robot,
+        context: Context,
+        fit: Fit | None = None,
+        explained: Diagnosis | None = None,
+    ) -> Diagnosis:
         """Predict and compare."""
         record, seen = _held_out(record)
         models = {TOLD: robot} | ({FITTED: identified(robot, fit)} if fit is not None else {})
+        if explained is not None and explained.model is not None:
+            models[EXTENDED] = Robot.of_model(explained.model)
         asked = any(name in run.channels for run in record.runs for name in REFERENCES)
         closed = asked if self.closed_loop is None else self.closed_loop
         n_step, torques, speeds = len(models) * (1 + closed), [], []
@@ -89,7 +98,7 @@ class Prediction(DiagnosisStage):
                                             still, record, context)  # fmt: skip
                 errors += rows
                 verdict.append(_sentence(rows, gain))
-        if seen and fit is not None:
+        if seen and len(models) > 1:
             verdict.append(
                 "The record has no experiments of the role test: if the fit saw it, this is no prediction."
             )

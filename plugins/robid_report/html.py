@@ -32,6 +32,7 @@ from robid_core import (
 )
 from robid_report import responses, traces
 from robid_report.beside import comparison, fit_with_response, other_fits
+from robid_report.causes import cause_sections
 from robid_report.findings import facts, findings, steps
 from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
@@ -210,7 +211,8 @@ class HtmlReport(ReportStage):
             "axes": robot.axis_names,
             "findings": findings(frf, fit, record, design, truth),
             "facts": facts(frf, fit, record, design, diagnosis, truth),
-            "verdict": diagnosis.verdict if diagnosis is not None else "",
+            "verdict": diagnosis.verdict.split("\n") if diagnosis is not None else [],
+            "causes": cause_sections(diagnosis),
             "rows": [row for row in table if row.reported],
             "nuisances": [row for row in table if not row.reported],
             "plant": truth.plant if truth is not None else "",

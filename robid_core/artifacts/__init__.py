@@ -9,6 +9,7 @@ from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation, mean_travel
+from robid_core.artifacts.finding import Finding, SearchRecord
 from robid_core.artifacts.fit import (
     Diagnosis,
     Fit,
@@ -33,6 +34,7 @@ __all__ = [
     "Diagnosis",
     "Doubt",
     "Excitation",
+    "Finding",
     "Fit",
     "Frf",
     "MisfitTable",
@@ -42,6 +44,7 @@ __all__ = [
     "Record",
     "Report",
     "ResponseComparison",
+    "SearchRecord",
     "TimeComparison",
     "Truth",
     "array",

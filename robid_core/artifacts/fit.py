@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
+from robid_core.artifacts.finding import Finding, SearchRecord
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 
@@ -127,7 +128,8 @@ class Fit(Artifact):
 class Diagnosis(Artifact):
     """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words.
 
-    `model` is the robot that was found, where the diagnosis changes the one that it was given.
+    `model` is the robot that was found, where the diagnosis changes the one that it was given. `findings` are causes,
+    first the one that gains most; `values` all that was estimated beside them; `search` what was tried.
     """
 
     method: str
@@ -136,3 +138,6 @@ class Diagnosis(Artifact):
     response: ResponseComparison | None = None
     model: Model | None = None
     errors: tuple[PredictionErrors, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    values: ParameterTable | None = None
+    search: SearchRecord | None = None

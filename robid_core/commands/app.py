@@ -21,6 +21,7 @@ COMMANDS = {
     "plan": "Show who feeds whom, and how long the robot will move.",
     "validate": "Check a pipeline file and tell all its mistakes.",
     "stages": "List the plugins, effects included, or explain one: settings, meaning, YAML to paste.",
+    "diagnose": "Find what a robot's simulation gets wrong, from records of its motion.",
     "show": "Show a result readably.",
     "diff": "Compare two runs: settings, versions, results.",
     "adopt": "Put what a fit found into the robot file.",

@@ -101,10 +101,11 @@ def command(
 
         typer.echo("\n".join(preview_lines(preview_run(pipeline, options))))
         return
-    _run(pipeline, options, command_words(file, overrides, data, last), quiet, verbose)
+    run_and_tell(pipeline, options, command_words(file, overrides, data, last), quiet, verbose)
 
 
-def _run(pipeline: Pipeline, options: RunOptions, again: str, quiet: bool, verbose: bool) -> None:
+def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: bool, verbose: bool) -> None:
+    """Run a pipeline, with progress and what it made on the screen; `again` is the command that goes on."""
     from robid_core.commands.run_screen import headline, last_page, last_screen, listening
     from robid_core.run import run_pipeline
 

@@ -64,6 +64,10 @@ class RunFolder:
         """The robot that a stage found, as a robot file."""
         return self.path / f"robot.{stage}.yaml"
 
+    def verdict(self, stage: str) -> Path:
+        """What a diagnosis found, as JSON."""
+        return self.path / f"verdict.{stage}.json"
+
     @property
     def lock(self) -> Path:
         """The file whose lock a run holds."""

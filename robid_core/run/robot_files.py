@@ -16,6 +16,7 @@ from robid_core.robot.file.derived_file import derived_yaml
 from robid_core.robot.file.reading import PACKAGED_FILES
 from robid_core.run.folder import RunFolder
 from robid_core.run.identity import Surroundings
+from robid_core.run.verdict_file import verdict_json
 from robid_core.stage import MODELLED
 from robid_core.store import Entry, Store, failures_named
 
@@ -26,6 +27,9 @@ def keep_robot(node: StageNode, entry: Entry, shared: Surroundings, store: Store
         return
     artifact = store.read(entry, node.stage.output)
     assert isinstance(artifact, Fit | Diagnosis)
+    if isinstance(artifact, Diagnosis) and artifact.search is not None:
+        verdict = verdict_json(artifact, shared.pipeline.robot.written, shared.robot_hash)
+        store.write(RunFolder.of(shared.pipeline).verdict(node.name), verdict.encode("utf-8"))
     told = artifact.status if isinstance(artifact, Fit) else artifact.verdict
     usable = artifact.converged if isinstance(artifact, Fit) else True
     if artifact.model is None or not usable:
@@ -60,9 +64,10 @@ def refuse_own_robot(shared: Surroundings) -> None:
 
 def drop_robot(node: StageNode, shared: Surroundings, store: Store) -> None:
     """Take away the robot file of a stage, where there is one."""
-    path = RunFolder.of(shared.pipeline).robot(node.name)
-    with failures_named("remove", path):
-        store.files.remove(path)
+    folder = RunFolder.of(shared.pipeline)
+    for path in (folder.robot(node.name), folder.verdict(node.name)):
+        with failures_named("remove", path):
+            store.files.remove(path)
 
 
 def robot_text(model: Model, heading: str, shared: Surroundings, folder: Path) -> str:

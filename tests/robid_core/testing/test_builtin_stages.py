@@ -37,6 +37,7 @@ ELSEWHERE = {
     "compensate.simulation": "robid_compensation/test_simulation_compensation.py",
     "design.candidates": "robid_design/test_candidates.py",
     "diagnosis.closed_loop": "robid_diagnosis/test_closed_loop.py",
+    "diagnosis.effects": "robid_diagnosis/test_effects.py",
     "diagnosis.prediction": "robid_diagnosis/test_prediction.py",
     "excitation.fourier": "robid_excitation/test_fourier_stage.py",
     "frf.ari": "robid_frf/test_closed_loop_estimators.py",

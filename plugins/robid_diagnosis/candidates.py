@@ -1,0 +1,219 @@
+"""Candidates: every effect of the catalogue at every place that it allows, with values to begin from.
+
+How a parameter is searched is told by its effect where that says it (`regressor`: the law is linear in it), and by its
+unit and the motion where it says nothing: orders are counted through, phases come as sine and cosine, speeds and gaps
+are shares of what is moved through, levels follow the friction that is told. An effect of a stranger needs no more.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robid_core import (
+    ConfigurationError,
+    Effect,
+    FloatArray,
+    ForceEffect,
+    Parameter,
+    Place,
+    Robot,
+    SignalEffect,
+)
+from robid_core.registry import EFFECTS, load_plugin, registry
+from robid_core.robot.effects import BoundEffect, place_of
+
+LABEL = "candidate"
+ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0, 12.0, 16.0, 18.0, 20.0, 24.0)
+SPEEDS = (0.15, 0.5)  # of the rms speed
+GAPS = (0.1, 0.4, 1.0)  # of the deflection that is hardly exceeded, both ways
+WAYS = (0.01, 0.1, 1.0)  # of the rms position: until a law with memory slides
+LIMITS = (0.7, 0.85, 0.95)  # of the largest signal
+TIMES = (0.5, 2.0)  # samples
+SEEN = 0.02  # of the limit: friction where none is told
+HARDLY = 0.98  # quantile of a deflection
+BOTH_SPRINGS = ("gear", "bearing")
+ZERO_SPEED = "speed"  # parameter of the width of a sign at zero: the fit has told it
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place for an effect: axis, bearing or body, and side or channel."""
+
+    on: str | None
+    side: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """What the motion at a place is like."""
+
+    speed: float
+    """Rms, rad/s."""
+    position: float
+    """Rms about the mean of each experiment, rad."""
+    deflection: float
+    """Hardly exceeded, rad."""
+    signal: float
+    """Largest size."""
+    level: float
+    """Of a friction torque, N m."""
+    friction_speed: float
+    """Zero-speed width that is told, rad/s at the place."""
+    sample_time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect at a place, with the values about which it is tried."""
+
+    use: str
+    spot: Spot
+    effect: type[Effect]
+    values: Mapping[str, float]
+    place: Place | None = None
+    """Null for a change of the structure."""
+    shape: tuple[str, ...] = field(default=())
+    """Parameters in which the law is not linear, and that a search may move."""
+
+    @property
+    def key(self) -> tuple[str, str | None, str | None]:
+        """Effect and place, whatever the values."""
+        return self.use, self.spot.on, self.spot.side
+
+    def bound(self, values: Mapping[str, float] | None = None) -> BoundEffect:
+        """Return the effect at its place, with some values changed."""
+        assert self.place is not None
+        assert issubclass(self.effect, ForceEffect | SignalEffect)
+        numbers = {**self.values, **(values or {})}
+        row = np.array([numbers[parameter.name] for parameter in self.effect.parameters])
+        return BoundEffect(LABEL, self.effect, row, self.place)
+
+
+def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str]:
+    """Return the effects that are tried, by name, strangers' included."""
+    names = registry().names(EFFECTS)
+    return [name for name in names if name not in exclude and (not only or name in only)]
+
+
+def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
+    """Where an effect may sit in a robot; friction on one side only, which the data hardly tell from the others."""
+    if issubclass(effect, SignalEffect):
+        yield from (Spot(on, channel) for channel in effect.channels for on in robot.axis_names)
+    elif issubclass(effect, ForceEffect):
+        first: str = effect.sides[0]
+        springs = [side for side in effect.sides if side in BOTH_SPRINGS]
+        for side in springs if first in BOTH_SPRINGS else [first]:
+            for on in robot.structure.bearings if side == "bearing" else robot.axis_names:
+                yield Spot(on, side)
+
+
+def place_at(robot: Robot, spot: Spot) -> Place | None:
+    """Return a place of a force or a signal; none where a robot lacks it (a gear that is rigid)."""
+    assert spot.side is not None
+    try:
+        return place_of(robot, LABEL, spot.on, spot.side)
+    except ConfigurationError:
+        return None
+
+
+def grid(effect: type[Effect], linear: Sequence[str], scales: Scales) -> list[dict[str, float]]:
+    """Values to begin from: products of those of each parameter in which the law is not linear."""
+    rows = effect.parameters
+    wave = {"order", "phase"} <= {row.name for row in rows}
+    linear = [row.name for row in rows if row.name not in ("order", "phase")] if wave else linear
+    levels = [row for row in rows if row.unit == "N m" and row.name not in linear]
+    choices = [_choices(row, row.name in linear, levels, scales) for row in rows]
+    names = [row.name for row in rows]
+    return [dict(zip(names, values, strict=True)) for values in itertools.product(*choices)]
+
+
+def _choices(row: Parameter, linear: bool, levels: Sequence[Parameter], scales: Scales) -> list[float]:
+    """Values of one parameter, within its bounds."""
+    found: list[float]
+    if linear:
+        found = [row.default]
+    elif row.name == ZERO_SPEED and row.unit == "rad/s":
+        found = [scales.friction_speed]
+    elif row.unit == "rad/s":
+        found = [share * scales.speed for share in SPEEDS]
+    elif row.unit == "1/turn":
+        found = list(ORDERS)
+    elif row.unit == "rad" and row.name != "phase" and row.default > 0:
+        found = [2 * share * scales.deflection for share in GAPS]
+    elif row.unit == "s" and row.upper <= 1.0 and row.default > 0:
+        found = [share * scales.sample_time for share in TIMES]
+    elif row.unit == "N m" and levels:
+        size = row.default / levels[0].default if levels[0].default else 1.0
+        found = [size * scales.level]
+        if scales.signal:
+            found = [share * size * scales.signal for share in LIMITS]
+    elif row.unit == "N m/rad" and levels:
+        found = [scales.level / (share * scales.position) for share in WAYS]
+    else:
+        found = [row.default]
+    clipped = np.clip(found, row.lower, row.upper)
+    return list(dict.fromkeys(clipped.tolist()))
+
+
+def shape_of(effect: type[Effect], linear: Sequence[str]) -> tuple[str, ...]:
+    """Parameters that a search may move: not linear, no phase, free to vary between bounds, begun from the motion."""
+    if {"order", "phase"} <= {row.name for row in effect.parameters}:
+        return ("order",)
+    units = ["rad/s", "1/turn", "rad", "s", "N m/rad"] + ["N m"] * issubclass(effect, SignalEffect)
+    held = (*linear, "phase", ZERO_SPEED)
+    return tuple(
+        row.name
+        for row in effect.parameters
+        if row.name not in held and row.unit in units and row.default > 0
+    )
+
+
+def load(use: str) -> type[Effect]:
+    """Return an effect by name."""
+    effect: type[Effect] = load_plugin(EFFECTS, use)
+    return effect
+
+
+def scales_at(
+    robot: Robot,
+    place: Place,
+    position: FloatArray,
+    speed: FloatArray,
+    signal: FloatArray | None,
+    friction_speed: float,
+) -> Scales:
+    """Return what the motion at a place is like.
+
+    Parameters
+    ----------
+    robot, place
+        Where.
+    position, speed
+        Of the coordinate that the law sees, (n_lane, n_time).
+    signal
+        Of the channel; None: the place has none.
+    friction_speed
+        Zero-speed width of the motor's friction, rad/s.
+    """
+    swing = position - position.mean(axis=1, keepdims=True)
+    axis, drives = place.axis, robot.drives
+    ratio = place.gear_ratio if place.side not in ("motor", *_CHANNELS) else 1.0
+    told = max(float(drives.coulomb[axis]), SEEN * float(drives.torque_limit[axis]))
+    at_spring = place.side in BOTH_SPRINGS
+    deflection = float(np.quantile(np.abs(position), HARDLY))
+    return Scales(
+        speed=float(np.sqrt((speed**2).mean())),
+        position=float(np.sqrt((swing**2).mean())),
+        deflection=deflection,
+        signal=0.0 if signal is None else float(np.abs(signal).max()),
+        level=0.1 * place.stiffness * deflection if at_spring else told * ratio,
+        friction_speed=friction_speed / ratio,
+        sample_time=place.sample_time,
+    )
+
+
+_CHANNELS = ("torque", "position", "torque_measurement")

@@ -1,0 +1,94 @@
+"""Ceilings: what free functions at a place gain, of which every law of the place is a special case, or nearly.
+
+A law that reaches little of its ceiling is not the cause, only the nearest of the catalogue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid_core import FloatArray
+from robid_diagnosis.columns import Motion
+from robid_diagnosis.projection import Projection
+
+KNOTS = (0.0, 0.05, 0.12, 0.25, 0.5, 0.8, 1.2, 1.8, 2.6)  # of the rms speed
+BENDS = (-0.8, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 0.8)  # of a deflection hardly exceeded
+ORDERS = (1, 2, 3, 4, 6, 8, 12)
+WIDTHS = (0.5, 1.0, 2.0)  # of friction's zero-speed width
+HARDLY = 0.99
+PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """What free functions of one variable gain at one axis."""
+
+    axis: str
+    variable: str
+    """In words: motor speed, load and speed, gear deflection, motor angle."""
+    gain: float
+    """Of twice the log-likelihood, less what as many numbers gain by chance."""
+    freedom: int
+    """Number of functions."""
+
+
+def ceilings(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> list[Ceiling]:
+    """Gains of free functions at some axes, largest first."""
+    found = []
+    for axis in axes:
+        for variable, direction, functions in _families(motion, axis):
+            rows = []
+            for function in functions:
+                spectra = [one.of_force(direction, function(k)) for k, one in enumerate(motion.along)]
+                rows.append(motion.weighted(spectra))
+            sums = projection.sums(np.stack(rows))
+            gain = projection.gain(sums, [False] * len(rows), blind=1e-4, together=True)
+            total = gain.total - PER_NUMBER * gain.freedom
+            found.append(Ceiling(motion.robot.axis_names[axis], variable, total, gain.freedom))
+    return sorted(found, key=lambda one: -one.gain)
+
+
+Family = tuple[str, FloatArray, list[Callable[[int], FloatArray]]]
+
+
+def _families(motion: Motion, axis: int) -> Iterator[Family]:
+    """Free functions at one axis, each of the number of a block: what they depend on, and along what they act."""
+    robot, along = motion.robot, motion.along
+    motor = np.eye(robot.mechanism.n_coordinate)[axis]
+    angle, speed = ([one.seen(motor)[k] for one in along] for k in (0, 1))
+    rms, width = float(np.std(np.concatenate(speed))), float(motion.friction_speed[axis])
+    odd = [lambda b, k=k: np.sign(speed[b]) * np.clip(np.abs(speed[b]) - k * rms, 0, None) for k in KNOTS]
+    even = [lambda b, k=k: np.clip(np.abs(speed[b]) - k * rms, 0, None) for k in KNOTS]
+    signs = [lambda b, w=w: np.tanh(speed[b] / (w * width)) for w in WIDTHS]
+    yield "motor speed", motor, [*odd, *even, *signs, lambda b: np.tanh(np.abs(speed[b]) / width)]
+    weigh = robot.drives.gear[:, axis]
+    load = [one.load_of(weigh) for one in along]
+    size = float(np.std(np.concatenate(load))) + 1e-12
+    sign = [np.tanh(v / width) for v in speed]
+    yield (
+        "load and speed",
+        motor,
+        [
+            lambda b: load[b],
+            lambda b: np.abs(load[b]),
+            lambda b: np.abs(load[b]) * sign[b],
+            lambda b: load[b] * sign[b],
+            lambda b: np.abs(load[b]) * speed[b] / rms,
+            lambda b: load[b] ** 2 / size * sign[b],
+            lambda b: np.abs(load[b]) * sign[b] * np.exp(-((speed[b] / (0.3 * rms)) ** 2)),
+        ],
+    )
+    if robot.mechanism.elastic_gear[axis]:
+        row = robot.mechanism.spring_directions[int(robot.mechanism.elastic_gear[:axis].sum())]
+        bent, rate = ([one.seen(row)[k] for one in along] for k in (0, 1))
+        most = float(np.quantile(np.abs(np.concatenate(bent)), HARDLY))
+        fast = 0.1 * float(np.std(np.concatenate(rate)))
+        bends = [lambda b, k=k: np.clip(bent[b] / most - k, 0, None) for k in BENDS]
+        yield "gear deflection", row, [*bends, lambda b: np.tanh(rate[b] / fast)]
+    waves = [lambda b, o=o, f=f: f(o * angle[b]) for o in ORDERS for f in (np.sin, np.cos)]
+    joint = robot.drives.gear[axis, axis]
+    turns = [lambda b: np.sin(joint * angle[b]), lambda b: np.cos(joint * angle[b])]
+    yield "motor angle", motor, [*waves, *turns]

@@ -1,0 +1,133 @@
+"""Columns of candidates: what each would add to the torque of all blocks, in standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robid_core import ComplexArray, FloatArray, Robot, SignalEffect
+from robid_core.residual import EffectTorque, TorqueProblem, Weighting
+from robid_diagnosis.candidates import (
+    Candidate,
+    Scales,
+    Spot,
+    grid,
+    load,
+    place_at,
+    scales_at,
+    shape_of,
+    spots,
+)
+from robid_diagnosis.projection import Rows
+
+WHOLE = "*"  # name of the column of a law that is linear in nothing: all that it does
+PHASES = (0.0, np.pi / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Weighted columns of a candidate, and what they are of."""
+
+    rows: Rows
+    """(n_column, n_row)."""
+    names: tuple[str, ...]
+    """Parameter of each; `*` for all that a law does."""
+    phases: tuple[float, ...]
+    """rad, where columns come in pairs."""
+    positive: tuple[bool, ...]
+    """Whether a size must not be negative."""
+
+    @property
+    def paired(self) -> bool:
+        """Whether columns are sines and cosines."""
+        return len(set(self.phases)) > 1
+
+
+class Motion:
+    """The motion of all blocks about fitted robots, and the weights of their residuals."""
+
+    def __init__(self, problem: TorqueProblem, point: FloatArray, weights: Sequence[Weighting]) -> None:
+        parts = zip(problem.blocks, problem.robots(point), problem.residuals(point), strict=True)
+        self.along = [
+            EffectTorque(block, robot, residual, problem.delay(point)) for block, robot, residual in parts
+        ]
+        self.weights = tuple(weights)
+        self.friction_speed: FloatArray = np.median(problem.blocks[0].laws.odd, axis=0)
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of the first block."""
+        return self.along[0].robot
+
+    def weighted(self, spectra: Sequence[ComplexArray]) -> Rows:
+        """One column, (n_row,), from its spectra in each block."""
+        parts = [weight.residual(one).ravel() for weight, one in zip(self.weights, spectra, strict=True)]
+        return np.concatenate(parts)
+
+    def scales(self, candidate_place: Any, effect: Any) -> Scales:
+        """What the motion at a place is like, over all blocks."""
+        row = candidate_place.direction
+        seen = [one.seen(row) for one in self.along]
+        signal = None
+        if issubclass(effect, SignalEffect):
+            axis = candidate_place.axis
+            kind = "angle" if candidate_place.side == "position" else "torque"
+            signal = np.concatenate([getattr(o.motion, kind)[..., axis].ravel() for o in self.along])
+        position, speed = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+        width = float(self.friction_speed[candidate_place.axis])
+        return scales_at(self.robot, candidate_place, position, speed, signal, width)
+
+    def candidates(self, use: str) -> list[Candidate]:
+        """An effect at every place, with every value to begin from."""
+        effect, found = load(use), list[Candidate]()
+        for spot in spots(self.robot, effect):
+            place = place_at(self.robot, spot)
+            if place is not None:
+                found += self._at(use, effect, spot, place)
+        return found
+
+    def _at(self, use: str, effect: Any, spot: Spot, place: Any) -> list[Candidate]:
+        probe = {row.name: row.default for row in effect.parameters}
+        first = Candidate(use, spot, effect, probe, place)
+        linear = _linear_names(first)
+        shape = shape_of(effect, linear)
+        values = grid(effect, linear, self.scales(place, effect))
+        return [Candidate(use, spot, effect, one, place, shape) for one in values]
+
+    def whole(self, candidate: Candidate, values: Mapping[str, float]) -> FloatArray:
+        """All that an effect does with some values, in standard deviations, (n_row,)."""
+        bound = candidate.bound(values)
+        return self.weighted([one.of_effect(bound) for one in self.along])
+
+    def columns(self, candidate: Candidate, values: Mapping[str, float] | None = None) -> Columns:
+        """Evaluate a candidate along the motion."""
+        rows = {row.name: row for row in candidate.effect.parameters}
+        phases = PHASES if "phase" in rows else (0.0,)
+        spectra: dict[tuple[str, float], list[ComplexArray]] = {}
+        for one in self.along:
+            for phase in phases:
+                told = {**(values or {}), **({"phase": phase} if "phase" in rows else {})}
+                bound = candidate.bound(told)
+                units = one.units(bound) or {WHOLE: one.of_effect(bound)}
+                for name, torque in units.items():
+                    spectra.setdefault((name, phase), []).append(torque)
+        keys = list(spectra)
+        weighted = np.stack([self.weighted(spectra[key]) for key in keys])
+        positive = [name != WHOLE and rows[name].lower >= 0 and len(phases) == 1 for name, _ in keys]
+        return Columns(
+            weighted,
+            tuple(name for name, _ in keys),
+            tuple(phase for _, phase in keys),
+            tuple(p or name == WHOLE for p, (name, _) in zip(positive, keys, strict=True)),
+        )
+
+
+def _linear_names(candidate: Candidate) -> tuple[str, ...]:
+    """Parameters in which a law is linear, as its regressor says."""
+    bound = candidate.bound()
+    one = np.zeros((1, 4))
+    found: dict[str, FloatArray] = bound.effect.regressor(one, one, one, bound.parameters, bound.place)
+    return tuple(found)

@@ -1,0 +1,189 @@
+"""Hypotheses: a robot with effects more and priors wider, fitted to the record by the engine of all torque fits."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from robid_core import FloatArray, Record, Robot, chosen_names
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.residual import (
+    Linearisation,
+    Solution,
+    TorqueProblem,
+    default_patterns,
+    linearise_at,
+    misfit,
+    solve,
+    torque_problem,
+)
+
+PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
+"""What is believed of springs and dampers before the data, in natural scales."""
+THINNED = 5  # every so many samples of the speeds tell a width
+DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
+
+
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """An effect that a hypothesis puts into the robot."""
+
+    label: str
+    use: str
+    on: str | None
+    side: str | None
+    values: Mapping[str, float]
+    free: tuple[str, ...]
+    """Parameters that are estimated."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the free parameters, as the robot has them."""
+        return tuple(f"effect.{self.label}.{name}" for name in self.free)
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What the robot may have beside what it was told to have."""
+
+    additions: tuple[Addition, ...] = ()
+    widened: tuple[str, ...] = ()
+    """Parameters whose prior is given up."""
+
+    def with_addition(self, addition: Addition) -> Hypothesis:
+        """Return it with an effect more."""
+        return replace(self, additions=(*self.additions, addition))
+
+    def with_widened(self, names: tuple[str, ...]) -> Hypothesis:
+        """Return it with priors given up."""
+        return replace(self, widened=(*self.widened, *names))
+
+    def without(self, names: Sequence[str]) -> Hypothesis:
+        """Return it without the effect, or the wider priors, of some parameters."""
+        kept = tuple(one for one in self.additions if not set(one.names) & set(names))
+        return Hypothesis(kept, tuple(name for name in self.widened if name not in names))
+
+    def robot(self, told: Robot) -> Robot:
+        """Return the robot with all effects."""
+        for one in self.additions:
+            told = told.with_effect(one.label, one.use, one.on, one.side, one.values)
+        return told
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A hypothesis fitted to the record."""
+
+    hypothesis: Hypothesis
+    problem: TorqueProblem
+    solution: Solution
+    model_error: float
+
+    @property
+    def point(self) -> FloatArray:
+        """All unknowns, (n_unknown,)."""
+        return self.solution.point
+
+    @cached_property
+    def about(self) -> Linearisation:
+        """Derivatives and weights at the point; the problem's motions are those of this point from then on."""
+        return linearise_at(self.problem, self.point, self.model_error)
+
+    @cached_property
+    def misfit(self) -> float:
+        """Per degree of freedom, against the noise."""
+        return misfit(self.problem, self.point)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """As it was fitted; the friction of its motors is in functions of speed."""
+        return self.problem.free.robot_at(self.point[: self.problem.n_free])
+
+    def cost(self, about: Linearisation) -> float:
+        """Twice the negative log-likelihood with the weights of some fit, and the priors."""
+        weighted = self.problem.weighted(self.point, about.weights)
+        return 2 * self.problem.cost(self.point, weighted)
+
+    def estimate(self, name: str) -> tuple[float, float]:
+        """Value of a free parameter and its standard error, in its own unit."""
+        i, n = self.problem.free.names.index(name), self.problem.n_free
+        slope = self.problem.free.jacobian(self.point[:n])[i]
+        variance = slope @ self.solution.covariance[:n, :n] @ slope
+        return self.problem.free.values(self.point[:n])[name], float(np.sqrt(variance))
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Records and the robot that is told, with how hypotheses about them are fitted."""
+
+    records: tuple[Record, ...]
+    told: Robot
+    priors: Mapping[str, float]
+    highest_hz: float
+    discard: int
+    passes: int
+    model_error: float
+    friction_speed: FloatArray | None = None
+    """Zero-speed width of the motors' friction, rad/s, (n_axis,); null: as it is told."""
+
+    def with_fitted_width(self, fitted: Fitted) -> Case:
+        """Return the case with the width of the friction as a fit found it: then Coulomb friction is fitted exactly."""
+        problem = fitted.problem
+        speed = np.concatenate(
+            [
+                block.motion.rate(1)[..., ::THINNED, :].reshape(-1, self.told.n_axis)
+                for block in problem.blocks
+            ]
+        )
+        laws = problem.blocks[0].laws
+        size = problem.friction_size(fitted.point)[: len(laws.odd)]
+        return replace(self, friction_speed=laws.width_of(size, speed))
+
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        progress: Callable[[float, float, str], None],
+        begin: Fitted | None = None,
+        passes: int | None = None,
+    ) -> Fitted:
+        """Fit a hypothesis, from the start or from where another one ended."""
+        robot = hypothesis.robot(self.told)
+        known = list(robot.layout)
+        patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
+        names = chosen_names(known, patterns)
+        priors = {
+            **{pattern: deviation for pattern, deviation in PRIORS.items() if fnmatch.filter(names, pattern)},
+            **self.priors,
+            **dict.fromkeys(hypothesis.widened, DROPPED),
+        }
+        width = self.friction_speed
+        problem = torque_problem(
+            self.records,
+            robot,
+            names,
+            priors,
+            lambda told, _: SpeedFunctions.near(width if width is not None else told.drives.friction_speed),
+            discard=self.discard,
+            highest_hz=self.highest_hz,
+            each_delay=True,
+        )
+        solution = solve(
+            problem,
+            passes or self.passes,
+            self.model_error,
+            progress,
+            begin=None if begin is None else _carried(begin, problem),
+            reweigh=False,
+        )
+        return Fitted(hypothesis, problem, solution, self.model_error)
+
+
+def _carried(begin: Fitted, problem: TorqueProblem) -> FloatArray:
+    """Unknowns of another fit, in the order of this problem; what it did not have begins at zero."""
+    known = dict(zip(begin.problem.free.names, begin.point, strict=False))
+    own = [known.get(name, 0.0) if name in begin.problem.free.names else 0.0 for name in problem.free.names]
+    return np.concatenate((own, begin.point[begin.problem.n_free :]))

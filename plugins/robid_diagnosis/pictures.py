@@ -1,0 +1,68 @@
+"""One picture of a cause: what it leaves together with what it does, over the variable in which its law lives.
+
+Mean torques over parts of the variable that hold equally many samples (a component-plus-residual plot): where the law
+is right, dots follow its line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid_core import FloatArray, SignalEffect
+from robid_diagnosis.columns import Motion
+from robid_diagnosis.hypothesis import Addition, Fitted
+
+PARTS = 48
+BY_DEFLECTION, BY_POSITION = "transmission.", "load."
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Mean torques of one motor, N m, (n_part,), over a variable."""
+
+    variable: str
+    abscissa: FloatArray
+    residual: FloatArray
+    explained: FloatArray
+
+
+def picture_of(fitted: Fitted, addition: Addition) -> Picture:
+    """Return the picture of an effect in a fitted robot."""
+    motion = Motion(fitted.problem, fitted.point, fitted.about.weights)
+    bound = next(one for one in motion.robot.effects if one.label == addition.label)
+    axis = bound.place.axis
+    residuals = fitted.problem.residuals(fitted.point)
+    abscissa, left, done = [], [], []
+    for one, residual in zip(motion.along, residuals, strict=True):
+        name, values = _variable(one, addition, bound)
+        abscissa.append(values.ravel())
+        left.append(one.motion.over_time(residual)[..., axis].ravel())
+        done.append(one.motion.over_time(one.of_effect(bound))[..., axis].ravel())
+    x, law = np.concatenate(abscissa), np.concatenate(done)
+    order = np.array_split(np.argsort(x), PARTS)
+    means = (
+        np.array([values[part].mean() for part in order]) for values in (x, np.concatenate(left) + law, law)
+    )
+    return Picture(name, *means)
+
+
+def _variable(along, addition, bound) -> tuple[str, FloatArray]:  # type: ignore[no-untyped-def]
+    """What a law is drawn over, at the samples: its name with the unit, and its values."""
+    shape = along.motion.angle.shape[:3]
+    finer = along.along.position.shape[1] // shape[2]
+    place = bound.place
+    motor, speed = along.seen(place.motor)
+    if any(row.name == "order" for row in bound.effect.parameters):
+        turn = np.mod(motor[:, ::finer], 2 * np.pi)
+        return "angle of the motor within a turn, rad", turn.reshape(shape)
+    if addition.use.startswith(BY_DEFLECTION):
+        bent, _ = along.seen(place.direction)
+        return "deflection, rad", bent[:, ::finer].reshape(shape)
+    if addition.use.startswith(BY_POSITION):
+        where, _ = along.seen(place.direction)
+        return "joint angle, rad", where[:, ::finer].reshape(shape)
+    if issubclass(bound.effect, SignalEffect):
+        return "motor torque, N m", along.motion.torque[..., place.axis]
+    return "motor speed, rad/s", speed[:, ::finer].reshape(shape)

@@ -1,0 +1,237 @@
+"""The search: every candidate's gain, the best values of its shape, and what the largest gain of all means.
+
+A largest gain among many means less than the same gain of one law that was asked for. How much less is drawn: noise of
+the stated covariance in place of the residual, through the same projection and the same candidates; from the smallest
+p-values of the draws comes the number of independent trials that the search is worth (Sidak's), and with it the p-value
+after the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from robid_core import ConfigurationError, FloatArray, RobidError, SignalEffect
+from robid_diagnosis.candidates import Candidate
+from robid_diagnosis.columns import WHOLE, Columns, Motion
+from robid_diagnosis.projection import Gain, Projection, Rows
+from robid_diagnosis.sums import Sums
+
+DRAWS = 100
+PRICE = 3.0  # of a number that the data choose, in twice the log-likelihood
+BLIND = 1e-4  # of a law's square that the fit's unknowns cannot do: its torque is not computed better
+EXACT = 1e-7  # likewise of what acts on signals, which are known better
+STEPS = 60  # of the search for a shape
+FACTOR = 3.0  # by which a shape may leave the value that it was tried with
+SHARP = 0.02  # of a shape's logarithm: nearer is not looked
+
+
+@dataclass(frozen=True, eq=False)
+class Hit:
+    """A candidate with what it gains."""
+
+    candidate: Candidate
+    values: dict[str, float]
+    """Shape with which it gains most."""
+    columns: Columns
+    sums: Sums
+    gain: Gain
+
+    @property
+    def freedom(self) -> int:
+        """Numbers that were chosen by the data: sizes and shapes."""
+        return self.gain.freedom + len(self.candidate.shape)
+
+    @property
+    def worth(self) -> float:
+        """What it gains, less what as many numbers gain by chance."""
+        return self.gain.total - PRICE * self.freedom
+
+    @property
+    def log_p(self) -> float:
+        """Logarithm of the p-value without a search."""
+        return float(scipy.stats.chi2.logsf(self.gain.total, max(self.freedom, 1)))
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A candidate that could not be tried."""
+
+    use: str
+    on: str | None
+    side: str | None
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Result of a search: the best of every effect at every place, best first."""
+
+    hits: tuple[Hit, ...]
+    failures: tuple[Failure, ...]
+    trials: float
+    """Independent trials that the search is worth."""
+    n_tried: int
+    """Candidates with their values."""
+
+    def p_value(self, hit: Hit) -> float:
+        """p-value after the search."""
+        return float(-np.expm1(self.trials * np.log1p(-np.exp(min(hit.log_p, -1e-16)))))
+
+
+class Search:
+    """Candidates against the residual of one fitted problem."""
+
+    def __init__(self, motion: Motion, projection: Projection, generator: np.random.Generator) -> None:
+        self.motion, self.projection, self.generator = motion, projection, generator
+
+    def run(
+        self,
+        uses: Sequence[str],
+        places: Mapping[str, Collection[str]],
+        progress: Callable[[float, float, str], None],
+    ) -> Found:
+        """Try every effect at every place; those of `places` at these only."""
+        best: dict[tuple[str, str | None, str | None], Hit] = {}
+        smallest, failures, n_tried = np.zeros(DRAWS), list[Failure](), 0
+        for number, use in enumerate(uses):
+            progress(number, len(uses), f"trying {use}")
+            try:
+                candidates = self.motion.candidates(use)
+            except RobidError as error:
+                failures.append(Failure(use, None, None, str(error)))
+                continue
+            for candidate in candidates:
+                if use in places and candidate.spot.on not in places[use]:
+                    continue
+                n_tried += 1
+                try:
+                    hit = self.hit(candidate, {})
+                except (RobidError, ArithmeticError, ValueError) as error:
+                    failures.append(Failure(*candidate.key, f"{type(error).__name__}: {error}"))
+                    continue
+                if not hit.gain.freedom:
+                    continue
+                smallest = np.minimum(smallest, self._by_chance(hit))
+                known = best.get(candidate.key)
+                if known is None or hit.gain.total > known.gain.total:
+                    best[candidate.key] = hit
+        hits = sorted(best.values(), key=lambda one: one.worth, reverse=True)
+        rate = -np.log1p(-np.exp(np.minimum(smallest, -1e-12))).mean()
+        return Found(tuple(hits), tuple(failures), float(max(1.0, 1.0 / rate)) if rate > 0 else 1.0, n_tried)
+
+    def hit(self, candidate: Candidate, values: dict[str, float]) -> Hit:
+        """Evaluate one candidate at a shape."""
+        columns = self.motion.columns(candidate, values)
+        if not np.isfinite(columns.rows).all():
+            raise ConfigurationError("the law gives NaN or infinite values along this motion")
+        sums = self.projection.sums(columns.rows)
+        blind = EXACT if issubclass(candidate.effect, SignalEffect) else BLIND
+        gain = self.projection.gain(sums, columns.positive, blind, columns.paired)
+        shape = {name: float(candidate.values[name]) for name in candidate.shape}
+        return Hit(candidate, {**shape, **values}, columns, sums, gain)
+
+    def refined(self, hit: Hit, *, as_it_is: bool = False) -> Hit:
+        """Move the shape of a candidate to where it gains most; `as_it_is`: with the law neither grown nor shrunk."""
+        names = hit.candidate.shape
+        if not names:
+            return hit
+        rows = {row.name: row for row in hit.candidate.effect.parameters}
+        start = np.array([hit.values[name] for name in names])
+        best, most = hit, self._worth(hit, as_it_is)
+
+        def values_at(way: FloatArray) -> dict[str, float]:
+            """Orders move by periods, all else by its logarithm."""
+            moved = [
+                value + step if name == "order" else value * np.exp(step)
+                for name, value, step in zip(names, start, way, strict=True)
+            ]
+            return {
+                name: float(np.clip(value, rows[name].lower, rows[name].upper))
+                for name, value in zip(names, moved, strict=True)
+            }
+
+        def loss(way: FloatArray) -> float:
+            nonlocal best, most
+            if (np.abs(way) > np.log(FACTOR)).any():
+                return 0.0
+            try:
+                tried = self.hit(hit.candidate, values_at(way))
+            except RobidError:
+                return 0.0
+            worth = self._worth(tried, as_it_is)
+            if worth > most:
+                best, most = tried, worth
+            return -worth
+
+        simplex = np.vstack([np.zeros(len(names)), 0.3 * np.eye(len(names))])
+        options = {"maxfev": STEPS, "xatol": SHARP, "fatol": 0.5, "initial_simplex": simplex}
+        scipy.optimize.minimize(loss, np.zeros(len(names)), method="Nelder-Mead", options=options)
+        return best
+
+    def _worth(self, hit: Hit, as_it_is: bool) -> float:
+        """What a hit gains; with sizes of one, where it must stay as it is."""
+        if not as_it_is:
+            return hit.gain.total
+        matrix, slope = self.projection.normal(hit.sums)
+        return float(2 * slope.sum() - matrix.sum())
+
+    @cached_property
+    def _noise(self) -> tuple[Rows, Rows]:
+        """Noise in place of the residual, (n_row, DRAWS), and what the fit takes of it, (n_unknown, DRAWS)."""
+        rows = self.projection.fitted
+        drawn = self.generator.standard_normal((len(rows), DRAWS))
+        return drawn, rows.T @ drawn
+
+    def _by_chance(self, hit: Hit) -> FloatArray:
+        """Logarithm of the p-value that noise gives a candidate in each draw, (DRAWS,)."""
+        drawn, taken = self._noise
+        matrix, _ = self.projection.normal(hit.sums)
+        chosen = list(hit.gain.chosen)
+        slope = hit.columns.rows[chosen] @ drawn - hit.sums.cross.sum(axis=0)[:, chosen].T @ taken
+        inverse = np.linalg.pinv(matrix[np.ix_(chosen, chosen)], hermitian=True)
+        total = np.einsum("id,ij,jd->d", slope, inverse, slope)
+        result: FloatArray = scipy.stats.chi2.logsf(total, len(chosen))
+        return result
+
+
+def parameters_of(hit: Hit, scaled: Sequence[str]) -> dict[str, float]:
+    """Values of all parameters of the effect that a hit means.
+
+    `scaled` are those to which, all together, a law is proportional that is linear in none; empty where it is not.
+    """
+    rows = {row.name: row for row in hit.candidate.effect.parameters}
+    found = {**hit.candidate.values, **hit.values}
+    columns, gain = hit.columns, hit.gain
+    sizes = dict.fromkeys(range(len(columns.names)), 0.0) | dict(
+        zip(gain.chosen, gain.size.tolist(), strict=True)
+    )
+    if columns.paired:
+        names = list(dict.fromkeys(columns.names))
+        waves = {
+            name: sum(
+                size * np.exp(1j * columns.phases[i]) for i, size in sizes.items() if columns.names[i] == name
+            )
+            for name in names
+        }
+        largest = max(names, key=lambda name: abs(waves[name]))
+        found["phase"] = float(np.angle(waves[largest]))
+        turned = {name: float((wave * np.exp(-1j * found["phase"])).real) for name, wave in waves.items()}
+        if WHOLE in turned:
+            found |= {name: turned[WHOLE] * found[name] for name in scaled}
+        else:
+            found |= turned
+    elif columns.names == (WHOLE,):
+        found |= {name: sizes[0] * found[name] for name in scaled}
+    else:
+        found |= {name: sizes[i] for i, name in enumerate(columns.names)}
+    return {name: float(np.clip(value, rows[name].lower, rows[name].upper)) for name, value in found.items()}
+
+
+def with_values(hit: Hit, values: dict[str, float]) -> Hit:
+    """Return a hit whose candidate has other values."""
+    return replace(hit, candidate=replace(hit.candidate, values={**hit.candidate.values, **values}))

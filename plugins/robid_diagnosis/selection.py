@@ -1,0 +1,367 @@
+"""Forward search with refits: what the data demand beside the told robot, one cause after another.
+
+The best candidates of a search are refined in their shape, put into the robot and fitted by the engine, all unknowns
+with them; the best fit is taken where it is significant after the search and where data that were held out agree. Then
+the search begins again about that robot, until nothing is significant. Wrong values compete with effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid_core import FloatArray, RobidError
+from robid_diagnosis.ceilings import Ceiling, ceilings
+from robid_diagnosis.columns import WHOLE, Motion
+from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.pictures import Picture, picture_of
+from robid_diagnosis.projection import Projection
+from robid_diagnosis.search import PRICE, Failure, Found, Hit, Search, parameters_of
+from robid_diagnosis.values import ValueHit, value_hits
+
+LEVEL = 1e-3  # p-value after the search: what is larger is chance
+LEAST = 30.0  # of twice the log-likelihood: what gains less is not named
+NAMED = 1e-3  # of what was named before: three percent of an effect left over is no effect
+RIVALS = 4  # candidates that are fitted in turn
+NEAR = 0.3  # of the largest gain: rivals gain at least that
+CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
+TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
+PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
+CHANGE = 0.01  # of a parameter
+SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
+PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
+DOUBTFUL = 1.1  # misfit: above, something is left to explain
+TRIAL_PASSES = 5
+
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A cause that was accepted."""
+
+    kind: str
+    """effect, or body, rotor, spring for wrong values."""
+    use: str
+    on: str | None
+    side: str | None
+    names: tuple[str, ...]
+    """Parameters of the robot that belong to it."""
+    gain: float
+    """Of twice the log-likelihood, by the refit."""
+    p_value: float
+    """After the search."""
+    held_out: FloatArray
+    """Gain in each configuration with sizes that the others tell, (n_config,)."""
+    by_configuration: FloatArray
+    """Gain in each configuration, (n_config,)."""
+    ties: tuple[tuple[str, str | None, str | None], ...]
+    """Effects and places that explain the data as well."""
+    share: float
+    """Gain over that of the best free functions at the axis; NaN where there are none."""
+    picture: Picture | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """All that a search told."""
+
+    base: Fitted
+    final: Fitted
+    steps: tuple[Step, ...]
+    searches: tuple[Found, ...]
+    """One for each step, and the last that found nothing."""
+    left: Ceiling | None
+    """The free functions that would still gain most, where the misfit is doubtful."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    fitted: Fitted
+    gain: float
+    hit: Hit | ValueHit
+    addition: Addition | None
+
+    @property
+    def worth(self) -> float:
+        """What the fit gains, less what as many numbers gain by chance."""
+        return self.gain - PRICE * self.hit.freedom
+
+
+class Selection:
+    """The search about one case."""
+
+    def __init__(
+        self,
+        case: Case,
+        uses: Sequence[str],
+        places: Mapping[str, Collection[str]],
+        generator: np.random.Generator,
+        progress: Progress,
+        most: int,
+    ) -> None:
+        self.case, self.uses, self.places, self.generator, self.most = (
+            case,
+            list(uses),
+            places,
+            generator,
+            most,
+        )
+        self.progress = progress
+        self.failures: list[Failure] = []
+
+    def run(self) -> Outcome:
+        """Search until nothing is significant."""
+        first = self.case.fit(Hypothesis(), self.progress)
+        self.case = self.case.with_fitted_width(first)
+        current = base = self.case.fit(Hypothesis(), self.progress, begin=first)
+        steps, searches = list[Step](), list[Found]()
+        while True:
+            projection, groups = self._projection(current)
+            search = Search(
+                Motion(current.problem, current.point, current.about.weights), projection, self.generator
+            )
+            found = search.run(self.uses, self.places, self.progress)
+            searches.append(found)
+            if len(steps) == self.most:
+                break
+            taken = self._next(current, search, found, groups, steps)
+            if taken is None:
+                break
+            current, step = taken
+            steps.append(step)
+            current, steps = self._without_the_needless(current, steps)
+        left = None
+        if current.misfit > DOUBTFUL:
+            axes = tuple(range(self.case.told.n_axis))
+            left = ceilings(search.motion, projection, axes)[0]
+        return Outcome(base, current, tuple(steps), tuple(searches), left)
+
+    def _next(
+        self,
+        current: Fitted,
+        search: Search,
+        found: Found,
+        groups: Sequence[Sequence[int]],
+        before: Sequence[Step],
+    ) -> tuple[Fitted, Step] | None:
+        """Return the best hypothesis that has one cause more, where there is one."""
+        scale = max(1.0, current.misfit)
+        least = LEAST * scale + NAMED * sum(step.gain for step in before)
+        known = {(step.use, step.on, step.side) for step in before}
+        hits = [hit for hit in found.hits if hit.candidate.key not in known]
+        significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least]
+        values = value_hits(current.problem, current.point, current.about)
+        named = {name for step in before for name in step.names}
+        n_value = len(values)
+        values = [
+            hit
+            for hit in values
+            if n_value * np.exp(hit.log_p) < LEVEL and hit.gain > least and not named & set(hit.names)
+        ]
+        rivals: list[Hit | ValueHit] = [
+            search.refined(hit, as_it_is=_is_fixed(hit, search)) for hit in significant[: 2 * RIVALS]
+        ]
+        rivals += values[:RIVALS]
+        if not rivals:
+            return None
+        rivals.sort(key=lambda hit: hit.worth, reverse=True)
+        most = max(_total(hit) for hit in rivals)
+        rivals = [hit for hit in rivals if _total(hit) > NEAR * most or hit is rivals[0]][:RIVALS]
+        trials = [trial for hit in rivals if (trial := self._trial(current, hit, search)) is not None]
+        trials = [trial for trial in trials if trial.gain > least]
+        trials = self._settled(trials, current)
+        for trial in trials:
+            step = self._judged(trial, trials, search, found, groups, n_value)
+            if step is not None and not step.share < PART:
+                if trial.addition is not None:
+                    step = replace(step, picture=picture_of(trial.fitted, trial.addition))
+                return trial.fitted, step
+        return None
+
+    def _settled(self, trials: Sequence[_Trial], current: Fitted) -> list[_Trial]:
+        """Fit those that gain nearly as much as the best to the end, and return all, the best first."""
+        most = max((trial.gain for trial in trials), default=0.0)
+        found = []
+        for trial in trials:
+            if trial.gain <= CLOSE * most:
+                found.append(trial)
+                continue
+            try:
+                fitted = self.case.fit(trial.fitted.hypothesis, self.progress, begin=trial.fitted)
+            except RobidError as error:
+                self.failures.append(Failure(*_key(trial.hit), str(error)))
+                continue
+            gain = current.cost(current.about) - fitted.cost(current.about)
+            found.append(replace(trial, fitted=fitted, gain=gain))
+        return sorted(found, key=lambda trial: trial.worth, reverse=True)
+
+    def _without_the_needless(self, current: Fitted, steps: list[Step]) -> tuple[Fitted, list[Step]]:
+        """Drop what was accepted before and what the last cause explains as well."""
+        for step in steps[:-1]:
+            rest = [one for one in steps if one is not step]
+            hypothesis = current.hypothesis.without(step.names)
+            try:
+                fitted = self.case.fit(hypothesis, self.progress, begin=current)
+            except RobidError as error:
+                self.failures.append(Failure(step.use, step.on, step.side, str(error)))
+                continue
+            lost = fitted.cost(current.about) - current.cost(current.about)
+            if lost < LEAST * max(1.0, current.misfit):
+                return self._without_the_needless(fitted, rest)
+        return current, steps
+
+    def _trial(self, current: Fitted, hit: Hit | ValueHit, search: Search) -> _Trial | None:
+        """Fit the robot with one cause more; none where the engine cannot."""
+        addition = None
+        if isinstance(hit, ValueHit):
+            hypothesis = current.hypothesis.with_widened(hit.names)
+        try:
+            if isinstance(hit, Hit):
+                addition = self._addition(hit, search, _label(hit, current.hypothesis))
+                hypothesis = current.hypothesis.with_addition(addition)
+            fitted = self.case.fit(hypothesis, self.progress, begin=current, passes=TRIAL_PASSES)
+        except RobidError as error:
+            self.failures.append(Failure(*_key(hit), str(error)))
+            return None
+        gain = current.cost(current.about) - fitted.cost(current.about)
+        return _Trial(fitted, gain, hit, addition)
+
+    def _addition(self, hit: Hit, search: Search, label: str) -> Addition:
+        """Return the effect with the values that the search found."""
+        candidate = hit.candidate
+        scaled = _scaled(hit, search)
+        values = parameters_of(hit, scaled)
+        rows = {row.name: row for row in candidate.effect.parameters}
+        free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
+        free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
+        whole = search.motion.whole(candidate, values)
+
+        def counts(name: str) -> bool:
+            """Whether a parameter is within its bounds, and the torque changes with it."""
+            row, value = rows[name], values[name]
+            if not row.lower < value < row.upper and name != "phase":
+                return False
+            moved = {**values, name: value + CHANGE if name in ("order", "phase") else value * (1 + CHANGE)}
+            try:
+                change = search.motion.whole(candidate, moved) - whole
+            except RobidError:
+                return True
+            return bool(np.linalg.norm(change) > SMALL * CHANGE * np.linalg.norm(whole))
+
+        kept = tuple(row.name for row in candidate.effect.parameters if row.name in free and counts(row.name))
+        return Addition(label, candidate.use, candidate.spot.on, candidate.spot.side, values, kept)
+
+    def _judged(
+        self,
+        trial: _Trial,
+        trials: Sequence[_Trial],
+        search: Search,
+        found: Found,
+        groups: Sequence[Sequence[int]],
+        n_value: int,
+    ) -> Step | None:
+        """Return the step that a trial is, none where held-out data do not agree."""
+        ties = [_key(other.hit) for other in trials if other is not trial and other.worth > trial.worth - TIE]
+        if isinstance(trial.hit, ValueHit):
+            hit, nothing = trial.hit, np.full(len(groups), np.nan)
+            p_value = float(min(1.0, n_value * np.exp(hit.log_p)))
+            return Step(
+                hit.kind,
+                hit.kind,
+                hit.on,
+                None,
+                hit.names,
+                trial.gain,
+                p_value,
+                nothing,
+                nothing,
+                tuple(ties),
+                float("nan"),
+            )
+        assert trial.addition is not None
+        projection, whole = search.projection, trial.hit
+        held = projection.held_out(whole.sums, whole.gain, groups)
+        if held.sum() < LEAST / 2:
+            single = [[i] for i in range(len(projection.folds))]
+            if projection.held_out(whole.sums, whole.gain, single).sum() < LEAST / 2:
+                return None
+        return Step(
+            "effect",
+            trial.addition.use,
+            trial.addition.on,
+            trial.addition.side,
+            trial.addition.names,
+            trial.gain,
+            found.p_value(whole),
+            held,
+            projection.by_group(whole.sums, whole.gain, groups),
+            tuple(ties),
+            self._share(trial, search),
+        )
+
+    def _share(self, trial: _Trial, search: Search) -> float:
+        """Gain over that of the best free functions at the axis."""
+        assert isinstance(trial.hit, Hit)
+        assert trial.hit.candidate.place is not None
+        best = ceilings(search.motion, search.projection, (trial.hit.candidate.place.axis,))[0]
+        return trial.gain / best.gain if best.gain > LEAST else float("nan")
+
+    def _projection(self, fitted: Fitted) -> tuple[Projection, list[list[int]]]:
+        """Prepare what was fitted; folds are experiments, groups those of one configuration."""
+        about = fitted.about
+        weighted = fitted.problem.weighted(fitted.point, about.weights)
+        folds, groups, first = list[slice](), list[list[int]](), 0
+        for own in weighted:
+            for experiments in own:
+                groups.append([])
+                for rows in experiments:
+                    groups[-1].append(len(folds))
+                    folds.append(slice(first, first + len(rows)))
+                    first += len(rows)
+        residual = np.concatenate([own.ravel() for own in weighted])
+        pull = fitted.point / fitted.problem.prior**2
+        projection = Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
+        return projection, groups
+
+
+def _label(hit: Hit, hypothesis: Hypothesis) -> str:
+    """Name of an effect in the robot file: what it is and where, `stribeck_axis_1`."""
+    name = f"{hit.candidate.use.rpartition('.')[2]}_{hit.candidate.spot.on}"
+    taken = sum(one.label.startswith(name) for one in hypothesis.additions)
+    return f"{name}_{taken + 1}" if taken else name
+
+
+def _total(hit: Hit | ValueHit) -> float:
+    return hit.gain if isinstance(hit, ValueHit) else hit.gain.total
+
+
+def _key(hit: Hit | ValueHit) -> tuple[str, str | None, str | None]:
+    return (hit.kind, hit.on, None) if isinstance(hit, ValueHit) else hit.candidate.key
+
+
+def _is_fixed(hit: Hit, search: Search) -> bool:
+    """Whether a law is in proportion to none of its parameters: its size is told by its shape alone."""
+    return hit.columns.names == (WHOLE,) and not _scaled(hit, search)
+
+
+def _scaled(hit: Hit, search: Search) -> tuple[str, ...]:
+    """Parameters to which, all together, a law is proportional that is linear in none; empty where it is not."""
+    if WHOLE not in hit.columns.names:
+        return ()
+    rows = hit.candidate.effect.parameters
+    if hit.columns.paired:
+        names = tuple(row.name for row in rows if row.name not in ("order", "phase"))
+    else:
+        names = tuple(row.name for row in rows if row.unit.startswith("N m"))
+    if not names:
+        return ()
+    half = {name: 0.5 * {**hit.candidate.values, **hit.values}[name] for name in names}
+    try:
+        less = search.motion.columns(hit.candidate, {**hit.values, **half}).rows
+    except RobidError:
+        return ()
+    off = np.linalg.norm(2 * less - hit.columns.rows) / np.linalg.norm(hit.columns.rows)
+    return names if off < PROPORTIONAL else ()

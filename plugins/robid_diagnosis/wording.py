@@ -1,0 +1,80 @@
+"""The verdict in words: one line a finding, then values and timing, then where nothing was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robid_core import Finding, FloatArray
+
+LATE = 0.1  # of a sample: a delay that is told
+SURE = 5.0  # standard errors from zero: likewise
+MANY_DIGITS = 4
+
+
+def finding_line(finding: Finding, n_config: int) -> str:
+    """One line: where, what, how large, how sure."""
+    if finding.kind == "unknown" and not finding.names:
+        return (
+            f"{finding.on}: nothing in the catalogue explains what is left; {finding.effect} would "
+            f"(gain {finding.gain:.3g} of twice the log-likelihood)."
+        )
+    what = {
+        "cause": "{}",
+        "partial": "{} explains a part; nothing in the catalogue explains the rest",
+        "value": "wrong value: {}",
+    }[finding.kind].format(finding.effect if finding.kind != "value" else f"{finding.effect} of {finding.on}")
+    sizes = ", ".join(
+        _size(name, value, error, told, unit)
+        for name, value, error, told, unit in zip(
+            finding.names, finding.value, finding.standard_error, finding.told, finding.units, strict=True
+        )
+    )
+    seen = ""
+    if np.isfinite(finding.by_configuration).all():
+        seen = f"; seen in {finding.n_seen} of {n_config} configurations"
+    chance = "p < 0.001" if finding.p_value < 1e-3 else f"p = {finding.p_value:.2g}"
+    ties = f"these data cannot tell it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
+    return f"{finding.where}: {what} ({sizes}){seen}; {chance} after the search; {ties}."
+
+
+def timing_lines(axis_names: Sequence[str], delay: FloatArray, error: FloatArray, sample: float) -> list[str]:
+    """Delays between the channels of each axis that are worth telling."""
+    found = []
+    for axis, value, sd in zip(axis_names, delay / sample, error / sample, strict=True):
+        if abs(value) > LATE and abs(value) > SURE * sd:
+            way = "lags" if value > 0 else "leads"
+            found.append(
+                f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
+            )
+    return found
+
+
+def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful: bool) -> str:
+    """Say at which axes nothing was found; `doubtful`: something is left that nothing explains."""
+    silent = [name for name in axis_names if not any(finding.on.startswith(name) for finding in findings)]
+    if len(silent) == len(axis_names):
+        if doubtful:
+            return "No effect that was tried explains what the refitted model leaves."
+        return "Nothing significant: the told model with fitted values explains these data."
+    return f"{', '.join(silent)}: nothing significant." if silent else ""
+
+
+def asked_line(use: str, on: str | None, side: str | None, gain: float, p_value: float) -> str:
+    """Say of an effect that was asked for and not found how sure that is."""
+    return (
+        f"{use} at {on} ({side}): p = {p_value:.2g}, gain {max(gain, 0.0):.1f} of twice the log-likelihood."
+    )
+
+
+def _size(name: str, value: float, error: float, told: float, unit: str) -> str:
+    """A number with its standard error, its unit, and what was told where it was."""
+    text = f"{name} {plain(value)} ± {error:.2g}"
+    text += f" {unit}" if unit not in ("", "1") else ""
+    return text + (f", told {plain(told)}" if np.isfinite(told) else "")
+
+
+def plain(value: float) -> str:
+    """Four digits."""
+    return f"{value:.{MANY_DIGITS}g}"

@@ -1,0 +1,65 @@
+"""Findings of a diagnosis: what data demand beside the model that was told, one cause each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid_core.arrays import FloatArray
+from robid_core.artifacts.artifact import Artifact, array
+
+
+@dataclass(frozen=True, eq=False)
+class Finding(Artifact):
+    """One thing that the simulation gets wrong.
+
+    `kind` is `cause` (an effect that explains what free functions at its place do), `partial` or `unknown` (it explains
+    less: the nearest of the catalogue), or `value` (numbers that are told wrong). `effect` is the effect's plugin, or
+    body, rotor or spring for values; `on` and `side` say where. `gain` is of twice the log-likelihood, `p_value` counts
+    the search. `share` is the gain over that of the best free functions at the place, NaN where there are none.
+    `by_configuration` is the gain in each configuration, `held_out` with sizes that the other configurations tell. The
+    picture shows mean residual torques over a variable, and what the effect does there.
+    """
+
+    kind: str
+    effect: str
+    on: str
+    side: str
+    gain: float
+    p_value: float
+    share: float
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    told: FloatArray = array("n_parameter", finite=False)
+    value: FloatArray = array("n_parameter")
+    standard_error: FloatArray = array("n_parameter", finite=False)
+    by_configuration: FloatArray = array("n_config", finite=False)
+    held_out: FloatArray = array("n_config", finite=False)
+    ties: tuple[str, ...] = ()
+    variable: str = ""
+    abscissa: FloatArray | None = array("n_point", optional=True)
+    residual: FloatArray | None = array("n_point", "N m", optional=True)
+    explained: FloatArray | None = array("n_point", "N m", optional=True)
+
+    @property
+    def where(self) -> str:
+        """Where it acts, in words."""
+        return f"{self.on} ({self.side})" if self.side else self.on
+
+    @property
+    def n_seen(self) -> int:
+        """Configurations in which it is seen."""
+        return int((self.by_configuration > SEEN).sum())
+
+
+SEEN = 9.0  # of twice the log-likelihood: three standard errors
+
+
+@dataclass(frozen=True, eq=False)
+class SearchRecord(Artifact):
+    """What a diagnosis tried: `trials` independent ones by their p-values; `failed` with the reason of each."""
+
+    n_tried: int
+    trials: float
+    effects: tuple[str, ...]
+    excluded: tuple[str, ...]
+    failed: tuple[str, ...]

@@ -1,0 +1,101 @@
+"""The verdict of a diagnosis as JSON, for programs: `verdict.<stage>.json` in the folder of a run.
+
+Fields: `verdict` (sentences), `robot` (name and hash of the one that was told), `findings` (kind, effect, axis, side,
+parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
+after the search, share of the gain of free functions, ties, gain in each configuration and where held out), `values`
+(all that was estimated), `errors` (torque that each model leaves), `searched` (how many, which, excluded, failed).
+Numbers that do not exist are null.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from robid_core.arrays import FloatArray
+from robid_core.artifacts import Diagnosis, Finding
+
+VERSION = 1
+SURE = 1.96  # standard errors to either side
+
+
+def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
+    """Return the text of the file."""
+    values, search = diagnosis.values, diagnosis.search
+    told: dict[str, Any] = {
+        "robid_verdict": VERSION,
+        "robot": {"name": robot, "sha256": sha256},
+        "method": diagnosis.method,
+        "verdict": diagnosis.verdict.split("\n"),
+        "findings": [_finding(one) for one in diagnosis.findings],
+        "values": []
+        if values is None
+        else [
+            _value(*row)
+            for row in zip(
+                values.names, values.units, values.start, values.estimate, values.standard_error, strict=True
+            )
+        ],
+        "errors": [
+            {
+                "model": one.model,
+                "quantity": one.quantity,
+                "unit": one.unit_symbol,
+                "axes": {
+                    axis: {"rms": rms, "relative": _number(share), "interval": [_number(low), _number(high)]}
+                    for axis, rms, share, low, high in zip(
+                        one.axis_names, one.rms.tolist(), one.relative, one.low, one.high, strict=True
+                    )
+                },
+            }
+            for one in diagnosis.errors
+        ],
+        "searched": None
+        if search is None
+        else {
+            "tried": search.n_tried,
+            "independent_trials": search.trials,
+            "effects": list(search.effects),
+            "excluded": list(search.excluded),
+            "failed": list(search.failed),
+        },
+    }
+    return json.dumps(told, indent=1, allow_nan=False) + "\n"
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    rows = zip(finding.names, finding.units, finding.told, finding.value, finding.standard_error, strict=True)
+    return {
+        "kind": finding.kind,
+        "effect": finding.effect,
+        "on": finding.on,
+        "side": finding.side or None,
+        "parameters": [_value(*row) for row in rows],
+        "gain": finding.gain,
+        "p_value": finding.p_value,
+        "share_of_ceiling": _number(finding.share),
+        "ties": list(finding.ties),
+        "by_configuration": _numbers(finding.by_configuration),
+        "held_out": _numbers(finding.held_out),
+    }
+
+
+def _value(name: str, unit: str, told: float, value: float, error: float) -> dict[str, Any]:
+    interval = [_number(value - SURE * error), _number(value + SURE * error)]
+    return {
+        "name": name,
+        "unit": unit,
+        "told": _number(told),
+        "estimate": _number(value),
+        "standard_error": _number(error),
+        "interval": interval,
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    return [_number(value) for value in values.tolist()]

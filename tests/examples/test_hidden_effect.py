@@ -1,0 +1,66 @@
+"""The example: an effect that only the plant has is found, and the extended robot predicts other poses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robid_core.artifacts import Diagnosis
+from robid_core.pipeline import Pipeline
+from robid_core.run import run_pipeline
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "hidden_effect"
+HIDDEN = 0.05
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run's folder."""
+    project = tmp_path_factory.mktemp("hidden_effect")
+    for name in ("pipeline.yaml", "plant.yaml"):
+        shutil.copy(EXAMPLE / name, project / name)
+    result = run_pipeline(Pipeline.load(project / "pipeline.yaml"))
+    assert result.exit_code == 0
+    return project / "runs" / "hidden_effect"
+
+
+def test_the_verdict_names_the_effect_with_its_size(folder: Path) -> None:
+    """Nothing else is found; the interval of the size, widened to four standard errors, holds the truth."""
+    told = json.loads((folder / "verdict.explain.json").read_text(encoding="utf-8"))
+    (finding,) = told["findings"]
+    assert (finding["kind"], finding["effect"], finding["on"]) == (
+        "cause",
+        "friction.load_dependent",
+        "axis_1",
+    )
+    (size,) = finding["parameters"]
+    assert size["name"] == "load_coulomb"
+    assert size["told"] is None
+    assert abs(size["estimate"] - HIDDEN) < 4 * size["standard_error"]
+    assert told["searched"]["failed"] == []
+
+
+def test_the_extended_robot_predicts_poses_that_the_diagnosis_did_not_see(folder: Path) -> None:
+    """Torque and speed a hundred times nearer than with the robot file."""
+    check = Diagnosis.read(folder / "artifacts" / "check.h5")
+    errors = {(one.model, one.quantity): float(one.relative[0]) for one in check.errors}
+    quantities = {quantity for _, quantity in errors}
+    assert len(quantities) == 2
+    for quantity in quantities:
+        assert errors["extended robot", quantity] < 0.01 * errors["robot file", quantity]
+
+
+def test_the_page_shows_the_cause_and_a_picture(folder: Path) -> None:
+    """Dots of the residual follow the law's line: the picture's values agree within a tenth of their range."""
+    page = (folder / "artifacts" / "page.html").read_text(encoding="utf-8")
+    assert "Cause: friction.load_dependent, axis_1 (motor)" in page
+    assert '<svg viewBox="0 0 560 254" class="cause"' in page
+    (finding,) = Diagnosis.read(folder / "artifacts" / "explain.h5").findings
+    assert finding.residual is not None
+    assert finding.explained is not None
+    off = np.abs(finding.residual - finding.explained).max()
+    assert off < 0.1 * np.ptp(finding.explained)
