@@ -1,0 +1,232 @@
+"""A plant on MuJoCo with one or two hidden laws: bodies, springs and integration are MuJoCo's, all else stands here.
+
+Controller, encoder, friction and hidden laws are a callback in machine code that MuJoCo calls in each of the four
+stages of Runge and Kutta's method.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numba as nb
+import numpy as np
+import numpy.typing as npt
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+from oracles.drives import of_axes
+from oracles.mjcf import mjcf
+from oracles.mujoco_robot import MujocoRobot
+
+from blind import laws
+from robid_core import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+STAGES, MOST, NUMBERS = 4, 2, 8  # of an integration step; hidden laws; numbers of a law
+ADDRESSES = np.zeros(20, dtype=np.int64)
+(POSITION, SPEED, APPLIED, CONTROL, REFERENCE, NOISE, MEASURED, DEMANDED, MOTORS, LOOP, COUNTS, LAWS, SEEN, GEARS,
+ MEMORY) = range(15)  # fmt: skip
+(N_AXIS, N_STEP, N_DOF, CALL) = range(4)
+(COULOMB, VISCOUS, ZERO_SPEED, SPEED_GAIN, INTEGRAL_GAIN, POSITION_GAIN, FEEDFORWARD, LIMIT, COUNTS_PER_RAD, STIFFNESS,
+ DAMPING, LATE) = range(12)  # fmt: skip
+(WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS, TIME, FILTERED) = range(7)
+(LAW, AXIS) = range(2)  # of LAWS, before the numbers
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenLaw:
+    """A law and where it acts."""
+
+    law: int
+    axis: int
+    numbers: tuple[float, ...]
+    """First, second, ..., as `laws` names them; the place's spring and damper are put in."""
+    row: FloatArray
+    """Coordinate over MuJoCo's, (n_dof,)."""
+
+
+@intrinsic
+def _pointer(_context: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    assert isinstance(address, types.Integer)
+    return types.voidptr(address), generate
+
+
+_TABLE = ADDRESSES.ctypes.data
+
+
+@nb.njit
+def _table(which, rows, columns):  # type: ignore[no-untyped-def]
+    addresses = nb.carray(_pointer(_TABLE), (20,), np.int64)
+    return nb.carray(_pointer(addresses[which]), (rows, columns), np.float64)
+
+
+def _act(_model, _data):  # type: ignore[no-untyped-def]
+    addresses = nb.carray(_pointer(_TABLE), (20,), np.int64)
+    counts = nb.carray(_pointer(addresses[COUNTS]), (4,), np.int64)
+    n_axis, n_step, n_dof, call = counts[N_AXIS], counts[N_STEP], counts[N_DOF], counts[CALL]
+    counts[CALL] = call + 1
+    step, stage = call // STAGES, call % STAGES
+    sample, part = step // n_step, step % n_step
+    position, speed = _table(POSITION, 1, n_dof)[0], _table(SPEED, 1, n_dof)[0]
+    applied, control = _table(APPLIED, 1, n_dof)[0], _table(CONTROL, 1, n_axis)[0]
+    motors, loop = _table(MOTORS, 12, n_axis), _table(LOOP, 7, n_axis)
+    hidden, rows, gears = _table(LAWS, 2, 10), _table(SEEN, 2, n_dof), _table(GEARS, n_axis, n_dof)
+    memory, time = _table(MEMORY, 2, 2), loop[TIME, 0]
+    if stage == 0 and part == 0:
+        reference, noise = (
+            _table(REFERENCE, sample + 1, n_axis)[sample],
+            _table(NOISE, sample + 1, n_axis)[sample],
+        )
+        measured, demanded = _table(MEASURED, sample + 1, n_axis), _table(DEMANDED, sample + 1, n_axis)
+        for a in range(n_axis):
+            angle = position[a] + noise[a]
+            for h in range(2):
+                if hidden[h, LAW] == laws.RESOLVER and hidden[h, AXIS] == a:
+                    angle += hidden[h, 2] * np.sin(hidden[h, 3] * position[a] + hidden[h, 4])
+            if motors[COUNTS_PER_RAD, a] > 0:
+                angle = np.rint(angle * motors[COUNTS_PER_RAD, a]) / motors[COUNTS_PER_RAD, a]
+            rate = (angle - loop[LAST, a]) / time if sample > 0 else 0.0
+            loop[LAST, a] = angle
+            error = motors[FEEDFORWARD, a] * reference[a] - rate
+            error += motors[POSITION_GAIN, a] * (loop[WANTED, a] - angle)
+            loop[WANTED, a] += time * reference[a]
+            loop[INTEGRAL, a] += time * motors[INTEGRAL_GAIN, a] * error
+            loop[PREVIOUS, a] = loop[TORQUE, a]
+            torque = motors[SPEED_GAIN, a] * error + loop[INTEGRAL, a]
+            loop[TORQUE, a] = min(max(torque, -motors[LIMIT, a]), motors[LIMIT, a])
+            measured[sample, a] = angle
+            demanded[sample, a] = loop[TORQUE, a]
+    for d in range(n_dof):
+        applied[d] = 0.0
+    for a in range(n_axis):
+        row = PREVIOUS if part < motors[LATE, a] * n_step else TORQUE
+        torque, v = loop[row, a], speed[a]
+        for h in range(2):
+            if hidden[h, AXIS] != a:
+                continue
+            if hidden[h, LAW] == laws.RIPPLE:
+                torque += hidden[h, 2] * np.sin(hidden[h, 3] * position[a] + hidden[h, 4])
+            elif hidden[h, LAW] == laws.SATURATION:
+                torque = min(max(torque, -hidden[h, 2]), hidden[h, 2])
+            elif hidden[h, LAW] == laws.LAG:
+                if stage == 0:
+                    share = np.exp(-time / n_step / hidden[h, 2])
+                    loop[FILTERED, a] = torque + (loop[FILTERED, a] - torque) * share
+                torque = loop[FILTERED, a]
+        control[a] = torque
+        applied[a] -= motors[COULOMB, a] * np.tanh(v / motors[ZERO_SPEED, a]) + motors[VISCOUS, a] * v
+    for h in range(2):
+        law, a = int(hidden[h, LAW]), int(hidden[h, AXIS])
+        if law in (laws.NOTHING, laws.RESOLVER, laws.RIPPLE, laws.SATURATION, laws.LAG):
+            continue
+        x = v = bent = rate = 0.0
+        for d in range(n_dof):
+            x += rows[h, d] * position[d]
+            v += rows[h, d] * speed[d]
+            bent += gears[a, d] * position[d]
+            rate += gears[a, d] * speed[d]
+        number = hidden[h, 2:]
+        if law == laws.GEAR_WAVE:
+            phase = number[1] * position[a] + number[2]
+            wave, slope = number[0] * np.sin(phase), number[0] * number[1] * np.cos(phase)
+            more = motors[STIFFNESS, a] * wave + motors[DAMPING, a] * slope * speed[a]
+            whole = motors[STIFFNESS, a] * (bent + wave) + motors[DAMPING, a] * (rate + slope * speed[a])
+            for d in range(n_dof):
+                applied[d] -= gears[a, d] * more
+            applied[a] -= slope * whole
+            continue
+        load = gears[a, a] * (motors[STIFFNESS, a] * bent + motors[DAMPING, a] * rate)
+        pull = laws.force(law, number, x, v, load, memory[h])
+        if stage == 0:
+            laws.move_on(law, number, v, memory[h], time / n_step)
+        for d in range(n_dof):
+            applied[d] -= rows[h, d] * pull
+
+
+@functools.cache
+def _compiled() -> Any:
+    return nb.cfunc("void(voidptr, voidptr)")(_act)
+
+
+class ForeignPlant:
+    """MuJoCo's model of a robot, in closed loop, with hidden laws.
+
+    Parameters
+    ----------
+    robot
+        With its true numbers; effects have no counterpart.
+    hidden
+        At most two laws.
+    late
+        Samples after which a torque acts.
+    steps
+        Of MuJoCo, a sample.
+    """
+
+    def __init__(self, robot: Robot, hidden: list[HiddenLaw], late: float = 0.0, steps: int = 8) -> None:
+        self.robot, self.steps = robot, steps
+        self.oracle = MujocoRobot(robot)
+        self.model = mujoco.MjModel.from_xml_string(mjcf(robot, "RK4", robot.sample_time_s / steps))
+        self.data = mujoco.MjData(self.model)
+        axes = robot.description.axes.values()
+        springs = [[axis.gear.stiffness, axis.gear.damping] if axis.gear else [0.0, 0.0] for axis in axes]
+        friction = [of_axes(robot, "friction", key) for key in ("coulomb", "viscous", "speed")]
+        keys = ("speed_gain", "integral_gain", "position_gain", "speed_feedforward")
+        loop = [of_axes(robot, "controller", key) for key in keys]
+        counts = of_axes(robot, "sensors", "encoder_counts") / (2 * np.pi)
+        delay = np.full(robot.n_axis, round(late * steps) / steps)
+        self.motors = np.array(
+            [*friction, *loop, of_axes(robot, "torque_limit"), counts, *np.array(springs).T, delay]
+        )
+        self.laws, self.rows = np.zeros((MOST, 2 + NUMBERS)), np.zeros((MOST, self.model.nv))
+        for h, one in enumerate(hidden):
+            numbers = np.zeros(NUMBERS)
+            numbers[: len(one.numbers)] = one.numbers
+            numbers[laws.WIDTH] = self.motors[ZERO_SPEED, one.axis]
+            numbers[laws.SPRING : laws.DAMPER + 1] = springs[one.axis]
+            self.laws[h] = [one.law, one.axis, *numbers]
+            self.rows[h] = one.row
+        rows = robot.mechanism.spring_directions[: robot.n_axis]
+        self.gears = np.ascontiguousarray(rows @ self.oracle.from_joints)
+
+    def measure(
+        self, reference: FloatArray, angle: FloatArray, generator: np.random.Generator, noise: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Measured motor angle and torque of one experiment, (n_sample, n_axis) each; `noise` of the torque, N m."""
+        robot, data, n_axis = self.robot, self.data, self.robot.n_axis
+        reference = np.ascontiguousarray(reference, dtype=np.float64)
+        angles = generator.standard_normal(reference.shape) * of_axes(robot, "sensors", "position_noise")
+        measured, demanded = np.zeros_like(reference), np.zeros_like(reference)
+        rest, hold = robot.equilibrium(angle[None]).position[0], robot.gravity_torque(angle[None])[0]
+        mujoco.mj_resetData(self.model, data)
+        data.qpos[:] = self.oracle.to_joints @ rest
+        loop = np.zeros((7, n_axis))
+        loop[WANTED] = loop[LAST] = rest[:n_axis]
+        loop[INTEGRAL] = loop[TORQUE] = loop[PREVIOUS] = loop[FILTERED] = hold
+        loop[TIME] = robot.sample_time_s
+        counts = np.array([n_axis, self.steps, self.model.nv, 0], dtype=np.int64)
+        arrays = (data.qpos, data.qvel, data.qfrc_applied, data.ctrl, reference, angles, measured, demanded)
+        more = (self.motors, loop, counts, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
+        with _callback((*arrays, *more)):
+            mujoco.mj_step(self.model, data, len(reference) * self.steps)
+        if not np.isfinite(measured).all():
+            raise RuntimeError("MuJoCo's simulation left all bounds")
+        return measured, demanded + generator.standard_normal(demanded.shape) * noise
+
+
+@contextmanager
+def _callback(arrays: tuple[npt.NDArray[Any], ...]) -> Iterator[None]:
+    ADDRESSES[: len(arrays)] = [array.ctypes.data for array in arrays]
+    mujoco.set_mjcb_control(_compiled().ctypes)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_control(None)
