@@ -47,8 +47,8 @@ FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 class Effects(DiagnosisStage):
     """Names what a model lacks, extends it, and says how much better it is.
 
-    Effects on forces and signals are searched; of bodies, rotors and springs it says whether they are told wrong. Changes of
-    the structure (elastic coordinates, foundations) and records of several payloads are not searched yet.
+    Effects on forces and signals are searched; of bodies, rotors and springs it says whether they are told wrong. Not
+    searched yet: changes of the structure (elastic coordinates, foundations), and records of several payloads.
 
     Example::
 

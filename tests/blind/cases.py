@@ -163,7 +163,7 @@ def _law(kind: str, robot: Robot, axis: int, generator: np.random.Generator) -> 
         "friction.load_dependent": (laws.BY_LOAD, (0.03 * size,), motor),
         "friction.dahl": (laws.DAHL, (0.3 * size * level, 60 * size * level), motor),
         "friction.lugre": (laws.LUGRE, (0.3 * size * level, 60 * size * level, 0.1 * size * level, 1.5), motor),
-        "transmission.backlash": (laws.BACKLASH, (0.5 * size * bent,), gear),
+        "transmission.backlash": (laws.BACKLASH, (0.1 * size * bent,), gear),
         "transmission.stiffening": (laws.STIFFENING, (0.1 * size * stiffness / bent**2,), gear),
         "transmission.hysteresis": (laws.HYSTERESIS, (0.02 * size * stiffness * bent, 0.05 * size * stiffness), gear),
         "drive.torque_ripple": (laws.RIPPLE, (0.03 * size * level, order, phase), motor),

@@ -69,7 +69,9 @@ HIDDEN: dict[str, tuple[str, Values, str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", HIDDEN)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=[pytest.mark.full] * (case == "hysteresis")) for case in HIDDEN]
+)
 def test_a_hidden_effect_is_named_and_sized(told: Robot, case: str) -> None:
     """First and alone, its size within four standard errors and 5 %; the extended robot leaves only noise."""
     use, values, name = HIDDEN[case]

@@ -132,3 +132,15 @@ def test_what_cannot_be_transformed_is_refused() -> None:
         motion_of(swings(), broken)
     with pytest.raises(DataRejected, match="a band up to 600 Hz"):
         periodic_motion_of(swings(), swings(), T, LINES, 600.0)
+
+
+def test_friction_of_any_width_nearby_is_a_sum_of_near_functions() -> None:
+    """Half to twice the told width, Gaussian speeds of five widths: 1 % of the level is left; the width is found."""
+    speed = 2.5 * np.random.default_rng(1).standard_normal((4000, 1))
+    laws = SpeedFunctions.near(np.array([0.5]))
+    functions = np.stack([torque[:, 0] for torque in laws.along(speed)], axis=1)
+    for width in (0.25, 0.33, 0.5, 0.8, 1.0):
+        friction = np.tanh(speed[:, 0] / width)
+        size, *_ = np.linalg.lstsq(functions, friction, rcond=None)
+        assert np.abs(functions @ size - friction).std() < 0.01
+        assert laws.width_of(size[:, None], speed)[0] == pytest.approx(width, rel=0.02)
