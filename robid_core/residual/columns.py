@@ -168,7 +168,7 @@ def _of_bodies(
     n_bin, n_exp, _ = moving.shape
     inside = np.ix_(coordinates, coordinates, members)
     matrix = np.concatenate((bodies.stiffness[config][inside], bodies.mass[config][inside])).reshape(
-        2 * n, -1
+        2 * n, n * count
     )
     rows = moving[:, :, coordinates]
     rows = np.concatenate((rows, -(omega**2) * rows), axis=2).reshape(n_bin * n_exp, 2 * n)

@@ -106,17 +106,17 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
 
     @property
     def initial_state_unknown(self) -> bool:
-        """Always so in a cut of a motion."""
-        return True
+        """So in a cut of a motion, where there is anything elastic behind the motors."""
+        return self.robot.mechanism.n_coordinate > self.robot.n_axis
 
-    def free_vibration(self, robot: Robot) -> ComplexArray:
+    def free_vibration(self, robot: Robot) -> ComplexArray | None:
         """Torques of unit deviations of the initial state, (n_config, n_exp, n_bin, n_axis, n_unknown)."""
-        return free_vibration(robot, self.motion)
+        return free_vibration(robot, self.motion) if self.initial_state_unknown else None
 
     def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
         """Begin the next prescribed motion as residuals tell, so that a linear model is enough for what is left."""
         prior = rms_vibration(robot, self.angle, self.motion)
-        more = deviation_of(residual, self.free_vibration(robot), whitener, prior)
+        more = deviation_of(residual, free_vibration(robot, self.motion), whitener, prior)
         self.deviation = more if self.deviation is None else self.deviation + more
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
