@@ -25,6 +25,9 @@ from robid_diagnosis.projection import Rows
 
 WHOLE = "*"  # name of the column of a law that is linear in nothing: all that it does
 PHASES = (0.0, np.pi / 2)
+TORQUES = ("torque", "torque_measurement")
+MERE_DELAY = 1e-3  # of a law's power: one that leaves less beside a delay is a delay
+ALIGNING = 6  # rounds of Newton's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,8 @@ class Columns:
     """rad, where columns come in pairs."""
     positive: tuple[bool, ...]
     """Whether a size must not be negative."""
+    delay: FloatArray | None = None
+    """Of each torque, s, (n_axis,), that was taken off a law on torques: the fit's own delays take its place."""
 
     @property
     def paired(self) -> bool:
@@ -55,6 +60,7 @@ class Motion:
             EffectTorque(block, robot, residual, problem.delay(point)) for block, robot, residual in parts
         ]
         self.weights = tuple(weights)
+        self.predicted = problem.predicted(point)
         self.friction_speed: FloatArray = np.median(problem.blocks[0].laws.odd, axis=0)
 
     @property
@@ -107,11 +113,17 @@ class Motion:
         rows = {row.name: row for row in candidate.effect.parameters}
         phases = PHASES if "phase" in rows else (0.0,)
         spectra: dict[tuple[str, float], list[ComplexArray]] = {}
-        for one in self.along:
+        delay = None
+        for one, predicted in zip(self.along, self.predicted, strict=True):
             for phase in phases:
                 told = {**(values or {}), **({"phase": phase} if "phase" in rows else {})}
                 bound = candidate.bound(told)
-                units = one.units(bound) or {WHOLE: one.of_effect(bound)}
+                units = one.units(bound)
+                if not units:
+                    whole = one.of_effect(bound)
+                    if bound.place.side in TORQUES:
+                        delay, whole = without_delay(whole, predicted, one.motion.omega)
+                    units = {WHOLE: whole}
                 for name, torque in units.items():
                     spectra.setdefault((name, phase), []).append(torque)
         keys = list(spectra)
@@ -122,7 +134,36 @@ class Motion:
             tuple(name for name, _ in keys),
             tuple(phase for _, phase in keys),
             tuple(p or name == WHOLE for p, (name, _) in zip(positive, keys, strict=True)),
+            delay,
         )
+
+
+def without_delay(
+    added: ComplexArray, predicted: ComplexArray, omega: FloatArray
+) -> tuple[FloatArray, ComplexArray]:
+    """Take the delay off what a law adds to torques: a fit has delays of its own, exact ones, and a column only slopes.
+
+    Parameters
+    ----------
+    added, predicted
+        Spectra, (n_config, n_exp, n_bin, n_axis).
+    omega
+        Of the bins, rad/s, (n_bin,).
+
+    Returns
+    -------
+    The delay d of each axis, s, with which ``e^(i w d) (predicted + added)`` is nearest to what is predicted, and what
+    is then left.
+    """
+    delay = np.zeros(predicted.shape[-1])
+    slope = 1j * omega[:, None] * predicted
+    size = np.maximum((np.abs(slope) ** 2).sum(axis=(0, 1, 2)), 1e-300)
+    left = added
+    for _ in range(ALIGNING):
+        delay -= (slope.conj() * left).real.sum(axis=(0, 1, 2)) / size
+        left = np.exp(1j * omega[:, None] * delay) * (predicted + added) - predicted
+    power, remains = ((np.abs(values) ** 2).sum() for values in (added, left))
+    return delay, left if remains > MERE_DELAY * power else np.zeros_like(left)
 
 
 def _linear_names(candidate: Candidate) -> tuple[str, ...]:

@@ -148,9 +148,10 @@ class Case:
         hypothesis: Hypothesis,
         progress: Callable[[float, float, str], None],
         begin: Fitted | None = None,
+        delay: FloatArray | None = None,
         passes: int | None = None,
     ) -> Fitted:
-        """Fit a hypothesis, from the start or from where another one ended."""
+        """Fit a hypothesis, from the start or from where another one ended, its delays moved by some, (n_axis,)."""
         robot = hypothesis.robot(self.told)
         known = list(robot.layout)
         patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
@@ -171,12 +172,15 @@ class Case:
             highest_hz=self.highest_hz,
             each_delay=True,
         )
+        point = None if begin is None else _carried(begin, problem)
+        if point is not None and delay is not None:
+            point[-problem.n_delay :] -= delay
         solution = solve(
             problem,
             passes or self.passes,
             self.model_error,
             progress,
-            begin=None if begin is None else _carried(begin, problem),
+            begin=point,
             reweigh=False,
         )
         return Fitted(hypothesis, problem, solution, self.model_error)

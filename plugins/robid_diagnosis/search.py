@@ -24,7 +24,7 @@ from robid_diagnosis.sums import Sums
 DRAWS = 100
 PRICE = 3.0  # of a number that the data choose, in twice the log-likelihood
 BLIND = 1e-4  # of a law's square that the fit's unknowns cannot do: its torque is not computed better
-EXACT = 1e-7  # likewise of what acts on signals, which are known better
+EXACT = 1e-7  # likewise of what is linear in a signal, which is known better
 STEPS = 60  # of the search for a shape
 FACTOR = 3.0  # by which a shape may leave the value that it was tried with
 SHARP = 0.02  # of a shape's logarithm: nearer is not looked
@@ -130,7 +130,8 @@ class Search:
         if not np.isfinite(columns.rows).all():
             raise ConfigurationError("the law gives NaN or infinite values along this motion")
         sums = self.projection.sums(columns.rows)
-        blind = EXACT if issubclass(candidate.effect, SignalEffect) else BLIND
+        linear = issubclass(candidate.effect, SignalEffect) and WHOLE not in columns.names
+        blind = EXACT if linear else BLIND
         gain = self.projection.gain(sums, columns.positive, blind, columns.paired)
         shape = {name: float(candidate.values[name]) for name in candidate.shape}
         return Hit(candidate, {**shape, **values}, columns, sums, gain)

@@ -222,7 +222,8 @@ class Selection:
             if isinstance(hit, Hit):
                 addition = self._addition(hit, search, _label(hit, current.hypothesis))
                 hypothesis = current.hypothesis.with_addition(addition)
-            fitted = self.case.fit(hypothesis, self.progress, begin=current, passes=TRIAL_PASSES)
+            delay = hit.columns.delay if isinstance(hit, Hit) else None
+            fitted = self.case.fit(hypothesis, self.progress, current, delay, TRIAL_PASSES)
         except RobidError as error:
             self.failures.append(Failure(*_key(hit), str(error)))
             return None

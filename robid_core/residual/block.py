@@ -183,9 +183,8 @@ class TorqueBlock(ABC, Generic[M]):
         return difference
 
     def expected(self, residual: ComplexArray, delay: FloatArray) -> M:
-        """Return the motion with the torques that the model predicts: measured ones less a residual at a delay."""
-        turn = np.exp(-1j * self.motion.omega[:, None] * delay)
-        return self.motion.less(turn * residual)
+        """Return the motion with the torques that the model predicts: measured without their delay and residual."""
+        return self.motion.less(residual, delay)
 
     def renew_signals(
         self, free: FreeParameters, coordinates: FloatArray, residual: ComplexArray, delay: FloatArray

@@ -104,12 +104,19 @@ class MotionSpectra(ABC):
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> Self:
         """Return the same with other angles and torques, shape of `angle`."""
 
-    def less(self, residual: ComplexArray) -> Self:
-        """Return the same with torques over time less a residual, (n_config, n_exp, n_bin, n_axis); spectra stay.
+    def less(self, residual: ComplexArray, delay: FloatArray) -> Self:
+        """Return the same with torques over time without a delay and less a residual; spectra stay.
+
+        The delay, s, has shape (1,) or (n_axis,), the residual (n_config, n_exp, n_bin, n_axis), without the delay.
 
         What a law is asked about must not hold the noise that its answer is compared with.
         """
-        return replace(self, torque=self.torque - self.over_time(residual))
+
+        def late(omega: FloatArray) -> ComplexArray:
+            turn: ComplexArray = np.exp(-1j * omega[:, None] * delay)
+            return turn
+
+        return replace(self, torque=self.divided(self.torque, late) - self.over_time(residual))
 
     @abstractmethod
     def over_time(self, spectrum: ComplexArray) -> FloatArray:
