@@ -12,35 +12,25 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-import scipy
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
-    ComplexArray,
     ConfigurationError,
     Context,
     DataRejected,
     Diagnosis,
     DiagnosisStage,
-    Finding,
-    FloatArray,
-    Model,
-    ParameterTable,
-    PredictionErrors,
     Record,
     Robot,
     SearchRecord,
 )
 from robid_core.registry import EFFECTS
-from robid_core.residual import estimated_robot
 from robid_diagnosis.candidates import catalogue
-from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.intervals import intervals, relative_errors
-from robid_diagnosis.selection import DOUBTFUL, LEAST, NAMED, Outcome, Selection, Step
+from robid_diagnosis.hypothesis import Case
+from robid_diagnosis.results import errors_of, finding_of, model_of, unknown_of, values_of
+from robid_diagnosis.selection import DOUBTFUL, Outcome, Selection
 from robid_diagnosis.wording import asked_line, finding_line, silent_line, timing_lines
 
-CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
-STILL = 1e-3  # of travel at the joint, rad or m
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 
@@ -115,13 +105,15 @@ class Effects(DiagnosisStage):
     ) -> Diagnosis:
         final = outcome.final
         problem = final.problem
-        findings = tuple(_finding(robot, final, step) for step in outcome.steps)
-        findings += _unknown(outcome)
+        findings = tuple(finding_of(robot, final, step) for step in outcome.steps)
+        findings += unknown_of(outcome)
         n_config = sum(len(block.motion.angle) for block in problem.blocks)
         lines = [finding_line(finding, n_config) for finding in findings]
         deviation = np.sqrt(np.diag(final.solution.covariance))[-problem.n_delay :]
         delay = problem.delay(final.point)
         lines += timing_lines(robot.axis_names, delay, deviation, problem.blocks[0].motion.sample_time_s)
+        if n_config == 1:
+            lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
         if self.only:
             last = outcome.searches[-1]
@@ -141,12 +133,12 @@ class Effects(DiagnosisStage):
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),
             findings=findings,
-            errors=_errors(records, robot, outcome, context.generator),
-            values=_values(final),
+            errors=errors_of(records, robot, outcome, context.generator),
+            values=values_of(final),
             search=SearchRecord(
                 outcome.searches[0].n_tried, outcome.searches[0].trials, tuple(uses), excluded, failed
             ),
-            model=_model(robot, selection.case, final),
+            model=model_of(robot, selection.case, final),
         )
 
 
@@ -183,144 +175,3 @@ def _check(records: Sequence[Record], robot: Robot) -> None:
             raise DataRejected(
                 f"the torque of {axis} never changes: the channel is dead, or the drive was off"
             )
-
-
-def _finding(robot: Robot, final: Fitted, step: Step) -> Finding:
-    names = step.names
-    estimates = [final.estimate(name) for name in names]
-    told = [robot.parameter(name) if name in robot.layout else float("nan") for name in names]
-    if step.kind != "effect":
-        kind = "value"
-    elif not step.share < CAUSE:
-        kind = "cause"
-    else:
-        kind = "partial"
-    picture = step.picture
-    return Finding(
-        kind=kind,
-        effect=step.use,
-        on=step.on or "",
-        side=step.side or "",
-        names=tuple(name.rpartition(".")[2] if step.kind == "effect" else name for name in names),
-        units=tuple(final.problem.free.robot.parameter_unit(name) for name in names),
-        told=np.array(told),
-        value=np.array([value for value, _ in estimates]),
-        standard_error=np.array([error for _, error in estimates]),
-        gain=step.gain,
-        p_value=step.p_value,
-        share=step.share,
-        ties=tuple(f"{use} at {on}" + (f" ({side})" if side else "") for use, on, side in step.ties),
-        by_configuration=step.by_configuration,
-        held_out=step.held_out,
-        variable=picture.variable if picture else "",
-        abscissa=picture.abscissa if picture else None,
-        residual=picture.residual if picture else None,
-        explained=picture.explained if picture else None,
-    )
-
-
-def _unknown(outcome: Outcome) -> tuple[Finding, ...]:
-    """What no effect explains and free functions of some variable would."""
-    left = outcome.left
-    least = LEAST * max(1.0, outcome.final.misfit) + NAMED * sum(step.gain for step in outcome.steps)
-    if left is None or left.gain <= least:
-        return ()
-    none = np.empty(0)
-    return (
-        Finding(
-            kind="unknown",
-            effect=f"a function of {left.variable}",
-            on=left.axis,
-            side="",
-            gain=left.gain,
-            p_value=float(outcome.searches[-1].trials * scipy.stats.chi2.sf(left.gain, left.freedom)),
-            share=float("nan"),
-            names=(),
-            units=(),
-            told=none,
-            value=none,
-            standard_error=none,
-            by_configuration=none,
-            held_out=none,
-        ),
-    )
-
-
-def _errors(
-    records: Sequence[Record], robot: Robot, outcome: Outcome, generator: np.random.Generator
-) -> tuple[PredictionErrors, ...]:
-    """Torque that each model leaves, of that which was measured; experiments are drawn again for intervals."""
-    models = {"robot file, values refitted": outcome.base, "extended robot": outcome.final}
-    if not outcome.steps:
-        models.popitem()
-    runs = [run for record in records for run in record.runs]
-    travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in runs]
-    still = np.concatenate(travels).max(axis=0) < STILL
-    error, power = [], None
-    for fitted in models.values():
-        residuals = fitted.problem.residuals(fitted.point)
-        error.append(_sums(residuals))
-        power = _sums([block.motion.torque_spectrum for block in fitted.problem.blocks])
-    assert power is not None
-    errors = np.stack(error)
-    found = intervals(errors, power, generator)
-    relative = relative_errors(errors.sum(axis=1), power.sum(axis=0))
-    return tuple(
-        PredictionErrors(
-            model=name,
-            quantity="torque that the model leaves, all bins but the mean",
-            unit_symbol=records[0].runs[0].channel("motor_torque").unit_symbol,
-            axis_names=robot.axis_names,
-            rms=np.sqrt(2 * errors[m].mean(axis=0)),
-            relative=relative[m],
-            low=found.relative[0, m],
-            high=found.relative[1, m],
-            still=still,
-        )
-        for m, name in enumerate(models)
-    )
-
-
-def _sums(spectra: Sequence[ComplexArray]) -> FloatArray:
-    """Power of each experiment, the mean left out, (n_experiment, n_axis)."""
-    return np.concatenate(
-        [(np.abs(one[:, :, 1:]) ** 2).sum(axis=2).reshape(-1, one.shape[-1]) for one in spectra]
-    )
-
-
-def _values(final: Fitted) -> ParameterTable:
-    """All parameters of the robot that were estimated: told, found, how sure."""
-    problem = final.problem
-    robot, names = problem.free.robot, problem.free.names
-    rows = [final.estimate(name) for name in names]
-    told = problem.free.start
-    slope = problem.free.jacobian(final.point[: problem.n_free])
-    prior = np.sqrt(((slope * problem.prior[: problem.n_free]) ** 2).sum(axis=1))
-    kinds = tuple(robot.parameter_kind(name) for name in names)
-    return ParameterTable(
-        names=names,
-        units=tuple(robot.parameter_unit(name) for name in names),
-        groups=kinds,
-        start=told,
-        estimate=np.array([value for value, _ in rows]),
-        standard_error=np.array([error for _, error in rows]),
-        reported=np.array([kind in ("stiffness", "effect") for kind in kinds]),
-        at_bound=np.zeros(len(names), dtype=bool),
-        prior=prior,
-    )
-
-
-def _model(robot: Robot, case: Case, final: Fitted) -> Model:
-    """The robot that was found, effects and all."""
-    problem = final.problem
-    extended = final.hypothesis.robot(robot)
-    if case.friction_speed is not None:
-        extended = extended.with_parameters(
-            {
-                f"friction.{axis}.speed": float(width)
-                for axis, width in zip(robot.axis_names, case.friction_speed, strict=True)
-            }
-        )
-    motions = [block.motion for block in problem.blocks]
-    laws = problem.blocks[0].laws
-    return estimated_robot(extended, motions, laws, problem.free, final.point, final.solution.covariance)

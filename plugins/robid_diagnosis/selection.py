@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid_core import FloatArray, RobidError
+from robid_diagnosis.additions import addition_of, is_fixed, label_of
 from robid_diagnosis.ceilings import Ceiling, ceilings
-from robid_diagnosis.columns import WHOLE, Motion
+from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.pictures import Picture, picture_of
 from robid_diagnosis.projection import Projection
-from robid_diagnosis.search import PRICE, Failure, Found, Hit, Search, parameters_of
+from robid_diagnosis.search import PRICE, Failure, Found, Hit, Search
 from robid_diagnosis.values import ValueHit, value_hits
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
@@ -28,9 +29,6 @@ RIVALS = 4  # candidates that are fitted in turn
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
-PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
-CHANGE = 0.01  # of a parameter
-SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 DOUBTFUL = 1.1  # misfit: above, something is left to explain
 TRIAL_PASSES = 5
@@ -102,14 +100,8 @@ class Selection:
         progress: Progress,
         most: int,
     ) -> None:
-        self.case, self.uses, self.places, self.generator, self.most = (
-            case,
-            list(uses),
-            places,
-            generator,
-            most,
-        )
-        self.progress = progress
+        self.case, self.uses, self.places = case, list(uses), places
+        self.generator, self.progress, self.most = generator, progress, most
         self.failures: list[Failure] = []
 
     def run(self) -> Outcome:
@@ -162,7 +154,7 @@ class Selection:
             if n_value * np.exp(hit.log_p) < LEVEL and hit.gain > least and not named & set(hit.names)
         ]
         rivals: list[Hit | ValueHit] = [
-            search.refined(hit, as_it_is=_is_fixed(hit, search)) for hit in significant[: 2 * RIVALS]
+            search.refined(hit, as_it_is=is_fixed(hit, search)) for hit in significant[: 2 * RIVALS]
         ]
         rivals += values[:RIVALS]
         if not rivals:
@@ -220,7 +212,7 @@ class Selection:
             hypothesis = current.hypothesis.with_widened(hit.names)
         try:
             if isinstance(hit, Hit):
-                addition = self._addition(hit, search, _label(hit, current.hypothesis))
+                addition = addition_of(hit, search, label_of(hit, current.hypothesis))
                 hypothesis = current.hypothesis.with_addition(addition)
             delay = hit.columns.delay if isinstance(hit, Hit) else None
             fitted = self.case.fit(hypothesis, self.progress, current, delay, TRIAL_PASSES)
@@ -229,31 +221,6 @@ class Selection:
             return None
         gain = current.cost(current.about) - fitted.cost(current.about)
         return _Trial(fitted, gain, hit, addition)
-
-    def _addition(self, hit: Hit, search: Search, label: str) -> Addition:
-        """Return the effect with the values that the search found."""
-        candidate = hit.candidate
-        scaled = _scaled(hit, search)
-        values = parameters_of(hit, scaled)
-        rows = {row.name: row for row in candidate.effect.parameters}
-        free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
-        free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
-        whole = search.motion.whole(candidate, values)
-
-        def counts(name: str) -> bool:
-            """Whether a parameter is within its bounds, and the torque changes with it."""
-            row, value = rows[name], values[name]
-            if not row.lower < value < row.upper and name != "phase":
-                return False
-            moved = {**values, name: value + CHANGE if name in ("order", "phase") else value * (1 + CHANGE)}
-            try:
-                change = search.motion.whole(candidate, moved) - whole
-            except RobidError:
-                return True
-            return bool(np.linalg.norm(change) > SMALL * CHANGE * np.linalg.norm(whole))
-
-        kept = tuple(row.name for row in candidate.effect.parameters if row.name in free and counts(row.name))
-        return Addition(label, candidate.use, candidate.spot.on, candidate.spot.side, values, kept)
 
     def _judged(
         self,
@@ -328,41 +295,9 @@ class Selection:
         return projection, groups
 
 
-def _label(hit: Hit, hypothesis: Hypothesis) -> str:
-    """Name of an effect in the robot file: what it is and where, `stribeck_axis_1`."""
-    name = f"{hit.candidate.use.rpartition('.')[2]}_{hit.candidate.spot.on}"
-    taken = sum(one.label.startswith(name) for one in hypothesis.additions)
-    return f"{name}_{taken + 1}" if taken else name
-
-
 def _total(hit: Hit | ValueHit) -> float:
     return hit.gain if isinstance(hit, ValueHit) else hit.gain.total
 
 
 def _key(hit: Hit | ValueHit) -> tuple[str, str | None, str | None]:
     return (hit.kind, hit.on, None) if isinstance(hit, ValueHit) else hit.candidate.key
-
-
-def _is_fixed(hit: Hit, search: Search) -> bool:
-    """Whether a law is in proportion to none of its parameters: its size is told by its shape alone."""
-    return hit.columns.names == (WHOLE,) and not _scaled(hit, search)
-
-
-def _scaled(hit: Hit, search: Search) -> tuple[str, ...]:
-    """Parameters to which, all together, a law is proportional that is linear in none; empty where it is not."""
-    if WHOLE not in hit.columns.names:
-        return ()
-    rows = hit.candidate.effect.parameters
-    if hit.columns.paired:
-        names = tuple(row.name for row in rows if row.name not in ("order", "phase"))
-    else:
-        names = tuple(row.name for row in rows if row.unit.startswith("N m"))
-    if not names:
-        return ()
-    half = {name: 0.5 * {**hit.candidate.values, **hit.values}[name] for name in names}
-    try:
-        less = search.motion.columns(hit.candidate, {**hit.values, **half}).rows
-    except RobidError:
-        return ()
-    off = np.linalg.norm(2 * less - hit.columns.rows) / np.linalg.norm(hit.columns.rows)
-    return names if off < PROPORTIONAL else ()

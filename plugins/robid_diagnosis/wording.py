@@ -11,6 +11,7 @@ from robid_core import Finding, FloatArray
 LATE = 0.1  # of a sample: a delay that is told
 SURE = 5.0  # standard errors from zero: likewise
 MANY_DIGITS = 4
+MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
 def finding_line(finding: Finding, n_config: int) -> str:
@@ -25,12 +26,11 @@ def finding_line(finding: Finding, n_config: int) -> str:
         "partial": "{} explains a part; nothing in the catalogue explains the rest",
         "value": "wrong value: {}",
     }[finding.kind].format(finding.effect if finding.kind != "value" else f"{finding.effect} of {finding.on}")
-    sizes = ", ".join(
-        _size(name, value, error, told, unit)
-        for name, value, error, told, unit in zip(
-            finding.names, finding.value, finding.standard_error, finding.told, finding.units, strict=True
-        )
+    rows = list(
+        zip(finding.names, finding.value, finding.standard_error, finding.told, finding.units, strict=True)
     )
+    moved = [row for row in rows if not abs(row[1] - row[3]) <= MOVED * row[2]]
+    sizes = ", ".join(_size(*row) for row in moved or rows)
     seen = ""
     if np.isfinite(finding.by_configuration).all():
         seen = f"; seen in {finding.n_seen} of {n_config} configurations"

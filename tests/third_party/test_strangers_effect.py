@@ -206,23 +206,32 @@ stages:
 """
 
 
-def test_the_effect_of_the_readme_is_freed_in_a_fit_without_a_line_of_code(tmp_path: Path) -> None:
-    """Installed as the README says, told half as strong in a robot file: `robid run` finds how strong it is."""
+@pytest.fixture(name="lab")
+def lab_environment(tmp_path: Path) -> dict[str, str]:
+    """An environment in which the effect of the README is installed as the README says."""
     readme = (HERE.parent.parent / "README.md").read_text(encoding="utf-8")
     (law,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "@kernel" in block)
     (entry,) = (b for b in re.findall(r"```toml\n(.*?)```", readme, re.DOTALL) if "robid.effects" in b)
-    target, folder = tmp_path / "installed", tmp_path / "project"
+    target = tmp_path / "installed"
     metadata = target / "robid_churning-1.0.dist-info"
-    for path in (metadata, folder):
-        path.mkdir(parents=True)
+    metadata.mkdir(parents=True)
     (target / "robid_churning.py").write_text(law)
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: robid-churning\nVersion: 1.0\n")
     table = re.sub(r'\[project.entry-points."(.*)"\]', r"[\1]", entry).replace('"', "")
     (metadata / "entry_points.txt").write_text(table)
+    return os.environ | {"PYTHONPATH": str(target)}
+
+
+def test_the_effect_of_the_readme_is_freed_in_a_fit_without_a_line_of_code(
+    lab: dict[str, str], tmp_path: Path
+) -> None:
+    """Told half as strong in a robot file: `robid run` finds how strong it is."""
+    folder = tmp_path / "project"
+    folder.mkdir()
     for name, drag in (("told", 2e-4), ("true", 4e-4)):
         (folder / f"{name}.yaml").write_text(LAB.replace("NAME", name).replace("DRAG", str(drag)))
     (folder / "pipeline.yaml").write_text(FIT)
-    done = robid("run", folder=folder, environment=os.environ | {"PYTHONPATH": str(target)})
+    done = robid("run", folder=folder, environment=lab)
     assert done.returncode == 0, done.stderr
     shown = (folder / "runs" / "oiled" / "robot.fit.yaml").read_text()
     found = re.search(r"effect.oil.drag: +([\d.e+-]+) .*standard error ([\d.e+-]+)", shown)
@@ -230,3 +239,34 @@ def test_the_effect_of_the_readme_is_freed_in_a_fit_without_a_line_of_code(tmp_p
     drag, error = map(float, found.groups())
     assert error < 2e-5
     assert abs(drag - 4e-4) < 3 * error
+
+
+EXPLAIN = """\
+robid: 1
+name: oiled
+seed: 5
+robot: one_axis
+drives: {use: simulated, with: {plant: true.yaml}}
+stages:
+  where: {use: design.candidates, with: {count: 3}}
+  excite:
+    use: excitation.multisine
+    with: {band_hz: [4, 60], lines: 20, period_s: 2, blocks: 2, slow_sine_rad_s: 15}
+  acquire: {use: acquisition.drives, with: {periods: 2}}
+  explain: {use: diagnosis.effects}
+"""
+
+
+def test_the_effect_of_the_readme_is_found_where_it_is_hidden(lab: dict[str, str], tmp_path: Path) -> None:
+    """Among all of the catalogue, by name and size: nothing in the package says how it is searched."""
+    folder = tmp_path / "project"
+    folder.mkdir()
+    (folder / "true.yaml").write_text(LAB.replace("NAME", "true").replace("DRAG", "4e-4"))
+    (folder / "pipeline.yaml").write_text(EXPLAIN)
+    done = robid("run", folder=folder, environment=lab)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((folder / "runs" / "oiled" / "verdict.explain.json").read_text())
+    (finding,) = told["findings"]
+    assert (finding["kind"], finding["effect"]) == ("cause", "friction.churning")
+    (size,) = finding["parameters"]
+    assert abs(size["estimate"] - 4e-4) < 4 * size["standard_error"]

@@ -1,0 +1,72 @@
+"""From a candidate that gains to an effect in the robot: its values, its name, which numbers are estimated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid_core import RobidError
+from robid_diagnosis.columns import WHOLE
+from robid_diagnosis.hypothesis import Addition, Hypothesis
+from robid_diagnosis.search import Hit, Search, parameters_of
+
+PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
+CHANGE = 0.01  # of a parameter
+SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
+
+
+def addition_of(hit: Hit, search: Search, label: str) -> Addition:
+    """Return the effect with the values that the search found."""
+    candidate = hit.candidate
+    scaled = scaled_parameters(hit, search)
+    values = parameters_of(hit, scaled)
+    rows = {row.name: row for row in candidate.effect.parameters}
+    free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
+    free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
+    whole = search.motion.whole(candidate, values)
+
+    def counts(name: str) -> bool:
+        """Whether a parameter is within its bounds, and the torque changes with it."""
+        row, value = rows[name], values[name]
+        if not row.lower < value < row.upper and name != "phase":
+            return False
+        moved = {**values, name: value + CHANGE if name in ("order", "phase") else value * (1 + CHANGE)}
+        try:
+            change = search.motion.whole(candidate, moved) - whole
+        except RobidError:
+            return True
+        return bool(np.linalg.norm(change) > SMALL * CHANGE * np.linalg.norm(whole))
+
+    kept = tuple(row.name for row in candidate.effect.parameters if row.name in free and counts(row.name))
+    return Addition(label, candidate.use, candidate.spot.on, candidate.spot.side, values, kept)
+
+
+def label_of(hit: Hit, hypothesis: Hypothesis) -> str:
+    """Name of an effect in the robot file: what it is and where, `stribeck_axis_1`."""
+    name = f"{hit.candidate.use.rpartition('.')[2]}_{hit.candidate.spot.on}"
+    taken = sum(one.label.startswith(name) for one in hypothesis.additions)
+    return f"{name}_{taken + 1}" if taken else name
+
+
+def is_fixed(hit: Hit, search: Search) -> bool:
+    """Whether a law is in proportion to none of its parameters: its size is told by its shape alone."""
+    return hit.columns.names == (WHOLE,) and not scaled_parameters(hit, search)
+
+
+def scaled_parameters(hit: Hit, search: Search) -> tuple[str, ...]:
+    """Parameters to which, all together, a law is proportional that is linear in none; empty where it is not."""
+    if WHOLE not in hit.columns.names:
+        return ()
+    rows = hit.candidate.effect.parameters
+    if hit.columns.paired:
+        names = tuple(row.name for row in rows if row.name not in ("order", "phase"))
+    else:
+        names = tuple(row.name for row in rows if row.unit.startswith("N m"))
+    if not names:
+        return ()
+    half = {name: 0.5 * {**hit.candidate.values, **hit.values}[name] for name in names}
+    try:
+        less = search.motion.columns(hit.candidate, {**hit.values, **half}).rows
+    except RobidError:
+        return ()
+    off = np.linalg.norm(2 * less - hit.columns.rows) / np.linalg.norm(hit.columns.rows)
+    return names if off < PROPORTIONAL else ()
