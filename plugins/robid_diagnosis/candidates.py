@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robid_core import (
-    ConfigurationError,
     Effect,
     FloatArray,
     ForceEffect,
@@ -23,8 +22,7 @@ from robid_core import (
     Robot,
     SignalEffect,
 )
-from robid_core.registry import EFFECTS, load_plugin, registry
-from robid_core.robot.effects import BoundEffect, place_of
+from robid_core.residual import BoundEffect, effect_names, place_in
 
 LABEL = "candidate"
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0, 12.0, 16.0, 18.0, 20.0, 24.0)
@@ -95,8 +93,7 @@ class Candidate:
 
 def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str]:
     """Return the effects that are tried, by name, strangers' included."""
-    names = registry().names(EFFECTS)
-    return [name for name in names if name not in exclude and (not only or name in only)]
+    return [name for name in effect_names() if name not in exclude and (not only or name in only)]
 
 
 def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
@@ -114,10 +111,7 @@ def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
 def place_at(robot: Robot, spot: Spot) -> Place | None:
     """Return a place of a force or a signal; none where a robot lacks it (a gear that is rigid)."""
     assert spot.side is not None
-    try:
-        return place_of(robot, LABEL, spot.on, spot.side)
-    except ConfigurationError:
-        return None
+    return place_in(robot, LABEL, spot.on, spot.side)
 
 
 def grid(effect: type[Effect], linear: Sequence[str], scales: Scales) -> list[dict[str, float]]:
@@ -170,12 +164,6 @@ def shape_of(effect: type[Effect], linear: Sequence[str]) -> tuple[str, ...]:
         for row in effect.parameters
         if row.name not in held and row.unit in units and row.default > 0
     )
-
-
-def load(use: str) -> type[Effect]:
-    """Return an effect by name."""
-    effect: type[Effect] = load_plugin(EFFECTS, use)
-    return effect
 
 
 def scales_at(

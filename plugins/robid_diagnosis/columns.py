@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from robid_core import ComplexArray, FloatArray, Robot, SignalEffect
-from robid_core.residual import EffectTorque, TorqueProblem, Weighting
+from robid_core.residual import EffectTorque, TorqueProblem, Weighting, effect_class
 from robid_diagnosis.candidates import (
     Candidate,
     Scales,
     Spot,
     grid,
-    load,
     place_at,
     scales_at,
     shape_of,
@@ -88,7 +87,7 @@ class Motion:
 
     def candidates(self, use: str) -> list[Candidate]:
         """An effect at every place, with every value to begin from."""
-        effect, found = load(use), list[Candidate]()
+        effect, found = effect_class(use), list[Candidate]()
         for spot in spots(self.robot, effect):
             place = place_at(self.robot, spot)
             if place is not None:

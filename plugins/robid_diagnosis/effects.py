@@ -24,7 +24,6 @@ from robid_core import (
     Robot,
     SearchRecord,
 )
-from robid_core.registry import EFFECTS
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.hypothesis import Case
 from robid_diagnosis.results import errors_of, finding_of, model_of, unknown_of, values_of
@@ -65,7 +64,7 @@ class Effects(DiagnosisStage):
     def uses(self) -> list[tuple[str, str]]:
         """Every effect that is tried, and may come into the robot."""
         asked = {one.partition("@")[0] for one in self.only}
-        return [(EFFECTS, name) for name in catalogue(self.exclude) if not asked or name in asked]
+        return [("robid.effects", name) for name in catalogue(self.exclude) if not asked or name in asked]
 
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""

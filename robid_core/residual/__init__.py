@@ -1,6 +1,7 @@
 """The torque residual: measured motor torque against what the measured motion takes; under fits and diagnoses."""
 
 from robid_core.residual.building import default_patterns, torque_problem
+from robid_core.residual.catalogue import effect_class, effect_names, place_in
 from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.estimated_robot import estimated_robot
 from robid_core.residual.measured import functions_of_speed
@@ -11,9 +12,10 @@ from robid_core.residual.prescribed_record import prescribe_record
 from robid_core.residual.problem import Linearisation, TorqueProblem
 from robid_core.residual.weighting import Weighting
 from robid_core.residual.windowed_block import WindowedBlock
+from robid_core.robot.effects import BoundEffect
 
 __all__ = [
-    "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting", "WindowedBlock",
-    "default_patterns", "estimated_robot", "functions_of_speed", "linearise_at", "misfit", "misfit_table",
-    "prescribe_record", "solve", "torque_problem",
+    "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting",
+    "WindowedBlock", "default_patterns", "effect_class", "effect_names", "estimated_robot", "functions_of_speed",
+    "linearise_at", "misfit", "misfit_table", "place_in", "prescribe_record", "solve", "torque_problem",
 ]  # fmt: skip

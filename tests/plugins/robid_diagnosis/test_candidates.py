@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from robid_core import ForceEffect, Robot, SignalEffect
+from robid_core.residual import effect_class as load
 from robid_diagnosis.candidates import (
     ORDERS,
     Candidate,
     Scales,
     catalogue,
     grid,
-    load,
     place_at,
     scales_at,
     shape_of,
