@@ -110,10 +110,16 @@ class Fitted:
 
     def estimate(self, name: str) -> tuple[float, float]:
         """Value of a free parameter and its standard error, in its own unit."""
-        i, n = self.problem.free.names.index(name), self.problem.n_free
-        slope = self.problem.free.jacobian(self.point[:n])[i]
-        variance = slope @ self.solution.covariance[:n, :n] @ slope
-        return self.problem.free.values(self.point[:n])[name], float(np.sqrt(variance))
+        values, errors = self._estimates
+        return values[name], errors[name]
+
+    @cached_property
+    def _estimates(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Values of all free parameters, and their standard errors."""
+        free, n = self.problem.free, self.problem.n_free
+        slope = free.jacobian(self.point[:n])
+        errors = np.sqrt(np.diag(slope @ self.solution.covariance[:n, :n] @ slope.T))
+        return free.values(self.point[:n]), dict(zip(free.names, errors.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
