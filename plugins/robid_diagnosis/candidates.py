@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,15 +34,16 @@ TIMES = (0.5, 2.0)  # samples
 SEEN = 0.02  # of the limit: friction where none is told
 HARDLY = 0.98  # quantile of a deflection
 BOTH_SPRINGS = ("gear", "bearing")
+BEHIND = (*BOTH_SPRINGS, "arm")  # the gear
 ZERO_SPEED = "speed"  # parameter of the width of a sign at zero: the fit has told it
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A place for an effect: axis, bearing or body, and side or channel."""
+    """A place for an effect: axis or bearing, and side or channel."""
 
-    on: str | None
-    side: str | None
+    on: str
+    side: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +73,17 @@ class Candidate:
     spot: Spot
     effect: type[Effect]
     values: Mapping[str, float]
-    place: Place | None = None
-    """Null for a change of the structure."""
-    shape: tuple[str, ...] = field(default=())
+    place: Place
+    shape: tuple[str, ...] = ()
     """Parameters in which the law is not linear, and that a search may move."""
 
     @property
-    def key(self) -> tuple[str, str | None, str | None]:
+    def key(self) -> tuple[str, str, str]:
         """Effect and place, whatever the values."""
         return self.use, self.spot.on, self.spot.side
 
     def bound(self, values: Mapping[str, float] | None = None) -> BoundEffect:
         """Return the effect at its place, with some values changed."""
-        assert self.place is not None
         assert issubclass(self.effect, ForceEffect | SignalEffect)
         numbers = {**self.values, **(values or {})}
         row = np.array([numbers[parameter.name] for parameter in self.effect.parameters])
@@ -110,7 +109,6 @@ def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
 
 def place_at(robot: Robot, spot: Spot) -> Place | None:
     """Return a place of a force or a signal; none where a robot lacks it (a gear that is rigid)."""
-    assert spot.side is not None
     return place_in(robot, LABEL, spot.on, spot.side)
 
 
@@ -189,7 +187,7 @@ def scales_at(
     """
     swing = position - position.mean(axis=1, keepdims=True)
     axis, drives = place.axis, robot.drives
-    ratio = place.gear_ratio if place.side not in ("motor", *_CHANNELS) else 1.0
+    ratio = place.gear_ratio if place.side in BEHIND else 1.0
     told = max(float(drives.coulomb[axis]), SEEN * float(drives.torque_limit[axis]))
     at_spring = place.side in BOTH_SPRINGS
     deflection = float(np.quantile(np.abs(position), HARDLY))
@@ -202,6 +200,3 @@ def scales_at(
         friction_speed=friction_speed / ratio,
         sample_time=place.sample_time,
     )
-
-
-_CHANNELS = ("torque", "position", "torque_measurement")

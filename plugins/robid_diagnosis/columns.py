@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from robid_core import ComplexArray, FloatArray, Robot, SignalEffect
+from robid_core import ComplexArray, Effect, FloatArray, Place, Robot, SignalEffect
 from robid_core.residual import EffectTorque, TorqueProblem, Weighting, effect_class
 from robid_diagnosis.candidates import (
     Candidate,
@@ -72,18 +71,18 @@ class Motion:
         parts = [weight.residual(one).ravel() for weight, one in zip(self.weights, spectra, strict=True)]
         return np.concatenate(parts)
 
-    def scales(self, candidate_place: Any, effect: Any) -> Scales:
+    def scales(self, place: Place, effect: type[Effect]) -> Scales:
         """What the motion at a place is like, over all blocks."""
-        row = candidate_place.direction
+        row = place.direction
         seen = [one.seen(row) for one in self.along]
         signal = None
         if issubclass(effect, SignalEffect):
-            axis = candidate_place.axis
-            kind = "angle" if candidate_place.side == "position" else "torque"
+            axis = place.axis
+            kind = "angle" if place.side == "position" else "torque"
             signal = np.concatenate([getattr(o.motion, kind)[..., axis].ravel() for o in self.along])
         position, speed = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-        width = float(self.friction_speed[candidate_place.axis])
-        return scales_at(self.robot, candidate_place, position, speed, signal, width)
+        width = float(self.friction_speed[place.axis])
+        return scales_at(self.robot, place, position, speed, signal, width)
 
     def candidates(self, use: str) -> list[Candidate]:
         """An effect at every place, with every value to begin from."""
@@ -94,7 +93,7 @@ class Motion:
                 found += self._at(use, effect, spot, place)
         return found
 
-    def _at(self, use: str, effect: Any, spot: Spot, place: Any) -> list[Candidate]:
+    def _at(self, use: str, effect: type[Effect], spot: Spot, place: Place) -> list[Candidate]:
         probe = {row.name: row.default for row in effect.parameters}
         first = Candidate(use, spot, effect, probe, place)
         linear = _linear_names(first)
@@ -127,12 +126,11 @@ class Motion:
                     spectra.setdefault((name, phase), []).append(torque)
         keys = list(spectra)
         weighted = np.stack([self.weighted(spectra[key]) for key in keys])
-        positive = [name != WHOLE and rows[name].lower >= 0 and len(phases) == 1 for name, _ in keys]
         return Columns(
             weighted,
             tuple(name for name, _ in keys),
             tuple(phase for _, phase in keys),
-            tuple(p or name == WHOLE for p, (name, _) in zip(positive, keys, strict=True)),
+            tuple(len(phases) == 1 and (name == WHOLE or rows[name].lower >= 0) for name, _ in keys),
             delay,
         )
 

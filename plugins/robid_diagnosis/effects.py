@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
@@ -61,29 +61,39 @@ class Effects(DiagnosisStage):
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
 
+    sees_test: ClassVar[bool] = False
+
     def uses(self) -> list[tuple[str, str]]:
         """Every effect that is tried, and may come into the robot."""
-        asked = {one.partition("@")[0] for one in self.only}
-        return [("robid.effects", name) for name in catalogue(self.exclude) if not asked or name in asked]
+        return [("robid.effects", name) for name in self._asked()]
 
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
-        uses = self._uses()
-        records = tuple(_trained(one) for one in record)
-        _check(records, robot)
-        case = Case(records, robot, self.prior, self.highest_hz, self.discard, self.passes, self.model_error)
+        uses = self._known()
+        _check(record, robot)
+        case = Case(record, robot, self.prior, self.highest_hz, self.discard, self.passes, self.model_error)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
         outcome = selection.run()
-        return self._told(robot, records, selection, outcome, uses, context)
+        for one in self.only:
+            if one.partition("@")[0] not in outcome.searches[0].tried:
+                raise ConfigurationError(
+                    f"diagnosis.effects: '{one}' could be tried nowhere: {robot.name} has the axes "
+                    f"{', '.join(robot.axis_names)}, and changes of the structure are not searched"
+                )
+        return self._told(robot, record, selection, outcome, context)
 
-    def _uses(self) -> list[str]:
+    def _asked(self) -> list[str]:
+        return catalogue(self.exclude, [one.partition("@")[0] for one in self.only])
+
+    def _known(self) -> list[str]:
+        """Effects that are asked for; ConfigurationError for a name that there is not."""
         known = catalogue()
         for name in (*(one.partition("@")[0] for one in self.only), *self.exclude):
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=1)
                 hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(known)}"
                 raise ConfigurationError(f"diagnosis.effects: there is no effect '{name}'; {hint}")
-        return catalogue(self.exclude, [one.partition("@")[0] for one in self.only])
+        return self._asked()
 
     def _places(self) -> dict[str, set[str]]:
         """Axes, bearings or bodies at which an effect is tried, of those that are tried at some only."""
@@ -99,7 +109,6 @@ class Effects(DiagnosisStage):
         records: tuple[Record, ...],
         selection: Selection,
         outcome: Outcome,
-        uses: list[str],
         context: Context,
     ) -> Diagnosis:
         final = outcome.final
@@ -127,7 +136,8 @@ class Effects(DiagnosisStage):
             f"{one.use} at {one.on} ({one.side}): {one.reason}"
             for one in (*outcome.searches[-1].failures, *selection.failures)
         )
-        excluded = tuple(name for name in catalogue() if name not in uses)
+        tried = outcome.searches[0].tried
+        excluded = tuple(name for name in catalogue() if name not in tried)
         return Diagnosis(
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),
@@ -135,18 +145,10 @@ class Effects(DiagnosisStage):
             errors=errors_of(records, robot, outcome, context.generator),
             values=values_of(final),
             search=SearchRecord(
-                outcome.searches[0].n_tried, outcome.searches[0].trials, tuple(uses), excluded, failed
+                outcome.searches[0].n_tried, outcome.searches[0].trials, tried, excluded, failed
             ),
             model=model_of(robot, selection.case, final),
         )
-
-
-def _trained(record: Record) -> Record:
-    """Return the experiments that are not held out for tests."""
-    if any(run.test is not None and run.test.any() for run in record.runs):
-        assert record.run.test is not None
-        return record.part(~record.run.test)
-    return record
 
 
 def _check(records: Sequence[Record], robot: Robot) -> None:

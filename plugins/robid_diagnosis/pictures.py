@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import FloatArray, SignalEffect
+from robid_core.residual import BoundEffect, EffectTorque
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Fitted
 
@@ -48,7 +49,7 @@ def picture_of(fitted: Fitted, addition: Addition) -> Picture:
     return Picture(name, *means)
 
 
-def _variable(along, addition, bound) -> tuple[str, FloatArray]:  # type: ignore[no-untyped-def]
+def _variable(along: EffectTorque, addition: Addition, bound: BoundEffect) -> tuple[str, FloatArray]:
     """What a law is drawn over, at the samples: its name with the unit, and its values."""
     shape = along.motion.angle.shape[:3]
     finer = along.along.position.shape[1] // shape[2]

@@ -75,7 +75,9 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
             on=left.axis,
             side="",
             gain=left.gain,
-            p_value=float(outcome.searches[-1].trials * scipy.stats.chi2.sf(left.gain, left.freedom)),
+            p_value=min(
+                1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom))
+            ),
             share=float("nan"),
             names=(),
             units=(),

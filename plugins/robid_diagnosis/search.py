@@ -9,7 +9,7 @@ after the search.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,9 +20,9 @@ from robid_diagnosis.candidates import Candidate
 from robid_diagnosis.columns import WHOLE, Columns, Motion
 from robid_diagnosis.projection import Gain, Projection, Rows
 from robid_diagnosis.sums import Sums
+from robid_diagnosis.values import PRICE
 
 DRAWS = 100
-PRICE = 3.0  # of a number that the data choose, in twice the log-likelihood
 BLIND = 1e-4  # of a law's square that the fit's unknowns cannot do: its torque is not computed better
 EXACT = 1e-7  # likewise of what is linear in a signal, which is known better
 STEPS = 60  # of the search for a shape
@@ -77,6 +77,8 @@ class Found:
     """Independent trials that the search is worth."""
     n_tried: int
     """Candidates with their values."""
+    tried: tuple[str, ...]
+    """Effects of which there were any."""
 
     def p_value(self, hit: Hit) -> float:
         """p-value after the search."""
@@ -97,7 +99,7 @@ class Search:
     ) -> Found:
         """Try every effect at every place; those of `places` at these only."""
         best: dict[tuple[str, str | None, str | None], Hit] = {}
-        smallest, failures, n_tried = np.zeros(DRAWS), list[Failure](), 0
+        smallest, failures, n_tried, tried = np.zeros(DRAWS), list[Failure](), 0, dict[str, None]()
         for number, use in enumerate(uses):
             progress(number, len(uses), f"trying {use}")
             try:
@@ -109,6 +111,7 @@ class Search:
                 if use in places and candidate.spot.on not in places[use]:
                     continue
                 n_tried += 1
+                tried[use] = None
                 try:
                     hit = self.hit(candidate, {})
                 except (RobidError, ArithmeticError, ValueError) as error:
@@ -122,7 +125,8 @@ class Search:
                     best[candidate.key] = hit
         hits = sorted(best.values(), key=lambda one: one.worth, reverse=True)
         rate = -np.log1p(-np.exp(np.minimum(smallest, -1e-12))).mean()
-        return Found(tuple(hits), tuple(failures), float(max(1.0, 1.0 / rate)) if rate > 0 else 1.0, n_tried)
+        trials = float(max(1.0, 1.0 / rate)) if rate > 0 else 1.0
+        return Found(tuple(hits), tuple(failures), trials, n_tried, tuple(tried))
 
     def hit(self, candidate: Candidate, values: dict[str, float]) -> Hit:
         """Evaluate one candidate at a shape."""
@@ -231,8 +235,3 @@ def parameters_of(hit: Hit, scaled: Sequence[str]) -> dict[str, float]:
     else:
         found |= {name: sizes[i] for i, name in enumerate(columns.names)}
     return {name: float(np.clip(value, rows[name].lower, rows[name].upper)) for name, value in found.items()}
-
-
-def with_values(hit: Hit, values: dict[str, float]) -> Hit:
-    """Return a hit whose candidate has other values."""
-    return replace(hit, candidate=replace(hit.candidate, values={**hit.candidate.values, **values}))

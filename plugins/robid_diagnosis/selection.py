@@ -19,8 +19,8 @@ from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.pictures import Picture, picture_of
 from robid_diagnosis.projection import Projection
-from robid_diagnosis.search import PRICE, Failure, Found, Hit, Search
-from robid_diagnosis.values import ValueHit, value_hits
+from robid_diagnosis.search import Failure, Found, Hit, Search
+from robid_diagnosis.values import PRICE, ValueHit, value_hits
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 LEAST = 30.0  # of twice the log-likelihood: what gains less is not named
@@ -273,7 +273,6 @@ class Selection:
     def _share(self, trial: _Trial, search: Search) -> float:
         """Gain over that of the best free functions at the axis."""
         assert isinstance(trial.hit, Hit)
-        assert trial.hit.candidate.place is not None
         best = ceilings(search.motion, search.projection, (trial.hit.candidate.place.axis,))[0]
         return trial.gain / best.gain if best.gain > LEAST else float("nan")
 

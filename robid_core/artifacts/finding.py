@@ -12,12 +12,13 @@ from robid_core.artifacts.artifact import Artifact, array
 class Finding(Artifact):
     """One thing that the simulation gets wrong.
 
-    `kind` is `cause` (an effect that explains what free functions at its place do), `partial` or `unknown` (it explains
-    less: the nearest of the catalogue), or `value` (numbers that are told wrong). `effect` is the effect's plugin, or
-    body, rotor or spring for values; `on` and `side` say where. `gain` is of twice the log-likelihood, `p_value` counts
-    the search. `share` is the gain over that of the best free functions at the place, NaN where there are none.
-    `by_configuration` is the gain in each configuration, `held_out` with sizes that the other configurations tell. The
-    picture shows mean residual torques over a variable, and what the effect does there.
+    `kind` is `cause` (an effect that explains what free functions at its place do), `partial` (it explains less),
+    `unknown` (only free functions of what `effect` says explain what is left), or `value` (numbers that are told
+    wrong). `effect` is the effect's plugin, or body, rotor or spring for values; `on` and `side` say where. `gain` is
+    of twice the log-likelihood, `p_value` counts the search. `share` is the gain over that of the best free functions
+    at the place, NaN where there are none. `by_configuration` is the gain in each configuration, `held_out` with sizes
+    that the other configurations tell. The picture shows mean residual torques over a variable, and what the effect
+    does there.
     """
 
     kind: str

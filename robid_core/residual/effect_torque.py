@@ -133,20 +133,6 @@ class EffectTorque:
             found[name] = self._of_signal(bound, change)
         return found
 
-    def of_structure(self, changed: Robot) -> ComplexArray:
-        """What another robot takes more of this motion: by the linear model, of long ways by prescribed motions."""
-        motion, block = self.motion, self.block
-        if block.moves_far:
-            before, after = block.simulated_torques((self.robot, changed), final=False)
-            return after - before
-        other = impedance(changed, block.angle, motion, "zero_order_hold")
-        torque: ComplexArray = np.matmul(
-            (other - self.impedance)[:, None], motion.acceleration_spectrum[..., None]
-        )[..., 0]
-        weight = changed.gravity_torque(block.angle) - self.robot.gravity_torque(block.angle)
-        torque += motion.constant[:, None] * weight[:, None, None]
-        return torque
-
     @functools.cached_property
     def impedance(self) -> ComplexArray:
         """Motor torque per motor acceleration, (n_config, n_bin, n_axis, n_axis)."""

@@ -8,31 +8,24 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import mujoco
-import numba as nb
 import numpy as np
-import numpy.typing as npt
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 if str(Path(__file__).parents[2] / "tests") not in sys.path:
     sys.path.append(str(Path(__file__).parents[2] / "tests"))
 
+from oracles.callback import STAGES, compiled, counts, installed, table
 from oracles.drives import of_axes
 from oracles.mjcf import mjcf
 
 from robid_core import FloatArray, Robot
 
-STAGES = 4  # of Runge and Kutta's method: MuJoCo asks for forces so often a step
 STEPS = 4  # of MuJoCo a sample
-ADDRESSES = np.zeros(16, dtype=np.int64)  # of the arrays that the callback reads and writes
 (POSITION, SPEED, APPLIED, CONTROL, REFERENCE, NOISE, MEASURED, DEMANDED, MOTORS, LOOP, COUNTS) = range(11)
 (N_AXIS, N_STEP, N_LATE, CALL) = range(4)  # of COUNTS
 (COULOMB, VISCOUS, OFFSET, ZERO_SPEED, BREAKAWAY, STRIBECK_SPEED, EXPONENT, RIPPLE, RIPPLE_ORDER, WAVE, WAVE_ORDER,
@@ -40,43 +33,22 @@ ADDRESSES = np.zeros(16, dtype=np.int64)  # of the arrays that the callback read
 (WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS) = range(5)  # of LOOP
 
 
-@intrinsic
-def _pointer(_context: Any, address: Any) -> Any:
-    """Turn an address into a pointer."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    assert isinstance(address, types.Integer)
-    return types.voidptr(address), generate
-
-
-_TABLE = ADDRESSES.ctypes.data
-
-
-@nb.njit
-def _table(which, rows, columns):  # type: ignore[no-untyped-def]
-    addresses = nb.carray(_pointer(_TABLE), (16,), np.int64)
-    return nb.carray(_pointer(addresses[which]), (rows, columns), np.float64)
-
-
 def _act(_model, _data):  # type: ignore[no-untyped-def]
-    addresses = nb.carray(_pointer(_TABLE), (16,), np.int64)
-    counts = nb.carray(_pointer(addresses[COUNTS]), (4,), np.int64)
-    n_axis, n_step = counts[N_AXIS], counts[N_STEP]
-    call = counts[CALL]
-    counts[CALL] = call + 1
+    counted = counts(COUNTS)
+    n_axis, n_step = counted[N_AXIS], counted[N_STEP]
+    call = counted[CALL]
+    counted[CALL] = call + 1
     step, stage = call // STAGES, call % STAGES
     sample, part = step // n_step, step % n_step
-    position, speed = _table(POSITION, 1, n_axis)[0], _table(SPEED, 1, n_axis)[0]
-    applied, control = _table(APPLIED, 1, n_axis)[0], _table(CONTROL, 1, n_axis)[0]
-    motors, loop = _table(MOTORS, 17, n_axis), _table(LOOP, 6, n_axis)
+    position, speed = table(POSITION, 1, n_axis)[0], table(SPEED, 1, n_axis)[0]
+    applied, control = table(APPLIED, 1, n_axis)[0], table(CONTROL, 1, n_axis)[0]
+    motors, loop = table(MOTORS, 17, n_axis), table(LOOP, 6, n_axis)
     if stage == 0 and part == 0:
         reference, noise = (
-            _table(REFERENCE, sample + 1, n_axis)[sample],
-            _table(NOISE, sample + 1, n_axis)[sample],
+            table(REFERENCE, sample + 1, n_axis)[sample],
+            table(NOISE, sample + 1, n_axis)[sample],
         )
-        measured, demanded = _table(MEASURED, sample + 1, n_axis), _table(DEMANDED, sample + 1, n_axis)
+        measured, demanded = table(MEASURED, sample + 1, n_axis), table(DEMANDED, sample + 1, n_axis)
         time = loop[5, 0]
         for a in range(n_axis):
             angle = position[a] + motors[WAVE, a] * np.sin(motors[WAVE_ORDER, a] * position[a]) + noise[a]
@@ -95,7 +67,7 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
             loop[TORQUE, a] = min(max(torque, -motors[LIMIT, a]), motors[LIMIT, a])
             measured[sample, a] = angle
             demanded[sample, a] = loop[TORQUE, a]
-    row = PREVIOUS if part < counts[N_LATE] else TORQUE
+    row = PREVIOUS if part < counted[N_LATE] else TORQUE
     for a in range(n_axis):
         v = speed[a]
         excess = motors[BREAKAWAY, a] * np.exp(-((abs(v) / motors[STRIBECK_SPEED, a]) ** motors[EXPONENT, a]))
@@ -106,7 +78,7 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
 
 @functools.cache
 def _compiled() -> Any:
-    return nb.cfunc("void(voidptr, voidptr)")(_act)
+    return compiled(_act)
 
 
 @dataclass(frozen=True)
@@ -205,21 +177,10 @@ class ForeignPlant:
         loop[INTEGRAL] = loop[TORQUE] = loop[PREVIOUS] = hold
         loop[5] = robot.sample_time_s
         late = round(self.hidden.late * self.steps)
-        counts = np.array([n_axis, self.steps, late, 0], dtype=np.int64)
+        numbers = np.array([n_axis, self.steps, late, 0], dtype=np.int64)
         arrays = (data.qpos, data.qvel, data.qfrc_applied, data.ctrl, reference, noise, measured, demanded)
-        with _callback((*arrays, self.motors, loop, counts)):
+        with installed(_compiled(), (*arrays, self.motors, loop, numbers)):
             mujoco.mj_step(self.model, data, len(reference) * self.steps)
         if not np.isfinite(measured).all():
             raise RuntimeError("MuJoCo's simulation left all bounds")
         return measured, demanded + generator.standard_normal(demanded.shape) * torque_noise
-
-
-@contextmanager
-def _callback(arrays: tuple[npt.NDArray[Any], ...]) -> Iterator[None]:
-    """Install the callback, global in MuJoCo, on these arrays."""
-    ADDRESSES[: len(arrays)] = [array.ctypes.data for array in arrays]
-    mujoco.set_mjcb_control(_compiled().ctypes)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_control(None)

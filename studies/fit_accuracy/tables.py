@@ -101,7 +101,13 @@ def fill(
         for done, future in enumerate(as_completed(futures)):
             chosen, seed = futures[future]
             named = dict(zip(question.choices, chosen, strict=True)) | {question.number: str(seed)}
-            rows = sorted([*rows, named | made_by | future.result()], key=question.place)
+            try:
+                made = future.result()
+            except Exception as error:
+                pool.shutdown(cancel_futures=True)
+                error.add_note(f"in row {' '.join((*chosen, str(seed)))}; rows before it are kept")
+                raise
+            rows = sorted([*rows, named | made_by | made], key=question.place)
             write(path, rows, command)
             what = " ".join((*chosen, str(seed)))
             print(f"\r{done + 1} of {len(missing)}: {what}   ", end="", file=sys.stderr, flush=True)

@@ -7,17 +7,13 @@ stages of Runge and Kutta's method.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
-import numba as nb
 import numpy as np
 import numpy.typing as npt
-from numba.core import cgutils, types
-from numba.extending import intrinsic
+from oracles.callback import STAGES, compiled, counts, installed, table
 from oracles.drives import of_axes
 from oracles.mjcf import mjcf
 from oracles.mujoco_robot import MujocoRobot
@@ -27,8 +23,7 @@ from robid_core import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
-STAGES, MOST, NUMBERS = 4, 2, 8  # of an integration step; hidden laws; numbers of a law
-ADDRESSES = np.zeros(20, dtype=np.int64)
+MOST, NUMBERS = 2, 8  # hidden laws; numbers of a law
 (POSITION, SPEED, APPLIED, CONTROL, REFERENCE, NOISE, MEASURED, DEMANDED, MOTORS, LOOP, COUNTS, LAWS, SEEN, GEARS,
  MEMORY) = range(15)  # fmt: skip
 (N_AXIS, N_STEP, N_DOF, CALL) = range(4)
@@ -50,42 +45,23 @@ class HiddenLaw:
     """Coordinate over MuJoCo's, (n_dof,)."""
 
 
-@intrinsic
-def _pointer(_context: Any, address: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    assert isinstance(address, types.Integer)
-    return types.voidptr(address), generate
-
-
-_TABLE = ADDRESSES.ctypes.data
-
-
-@nb.njit
-def _table(which, rows, columns):  # type: ignore[no-untyped-def]
-    addresses = nb.carray(_pointer(_TABLE), (20,), np.int64)
-    return nb.carray(_pointer(addresses[which]), (rows, columns), np.float64)
-
-
 def _act(_model, _data):  # type: ignore[no-untyped-def]
-    addresses = nb.carray(_pointer(_TABLE), (20,), np.int64)
-    counts = nb.carray(_pointer(addresses[COUNTS]), (4,), np.int64)
-    n_axis, n_step, n_dof, call = counts[N_AXIS], counts[N_STEP], counts[N_DOF], counts[CALL]
-    counts[CALL] = call + 1
+    counted = counts(COUNTS)
+    n_axis, n_step, n_dof, call = counted[N_AXIS], counted[N_STEP], counted[N_DOF], counted[CALL]
+    counted[CALL] = call + 1
     step, stage = call // STAGES, call % STAGES
     sample, part = step // n_step, step % n_step
-    position, speed = _table(POSITION, 1, n_dof)[0], _table(SPEED, 1, n_dof)[0]
-    applied, control = _table(APPLIED, 1, n_dof)[0], _table(CONTROL, 1, n_axis)[0]
-    motors, loop = _table(MOTORS, 12, n_axis), _table(LOOP, 7, n_axis)
-    hidden, rows, gears = _table(LAWS, 2, 10), _table(SEEN, 2, n_dof), _table(GEARS, n_axis, n_dof)
-    memory, time = _table(MEMORY, 2, 2), loop[TIME, 0]
+    position, speed = table(POSITION, 1, n_dof)[0], table(SPEED, 1, n_dof)[0]
+    applied, control = table(APPLIED, 1, n_dof)[0], table(CONTROL, 1, n_axis)[0]
+    motors, loop = table(MOTORS, 12, n_axis), table(LOOP, 7, n_axis)
+    hidden, rows, gears = table(LAWS, 2, 10), table(SEEN, 2, n_dof), table(GEARS, n_axis, n_dof)
+    memory, time = table(MEMORY, 2, 2), loop[TIME, 0]
     if stage == 0 and part == 0:
         reference, noise = (
-            _table(REFERENCE, sample + 1, n_axis)[sample],
-            _table(NOISE, sample + 1, n_axis)[sample],
+            table(REFERENCE, sample + 1, n_axis)[sample],
+            table(NOISE, sample + 1, n_axis)[sample],
         )
-        measured, demanded = _table(MEASURED, sample + 1, n_axis), _table(DEMANDED, sample + 1, n_axis)
+        measured, demanded = table(MEASURED, sample + 1, n_axis), table(DEMANDED, sample + 1, n_axis)
         for a in range(n_axis):
             angle = position[a] + noise[a]
             for h in range(2):
@@ -153,7 +129,7 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
 
 @functools.cache
 def _compiled() -> Any:
-    return nb.cfunc("void(voidptr, voidptr)")(_act)
+    return compiled(_act)
 
 
 class ForeignPlant:
@@ -212,21 +188,11 @@ class ForeignPlant:
         loop[WANTED] = loop[LAST] = rest[:n_axis]
         loop[INTEGRAL] = loop[TORQUE] = loop[PREVIOUS] = loop[FILTERED] = hold
         loop[TIME] = robot.sample_time_s
-        counts = np.array([n_axis, self.steps, self.model.nv, 0], dtype=np.int64)
+        numbers = np.array([n_axis, self.steps, self.model.nv, 0], dtype=np.int64)
         arrays = (data.qpos, data.qvel, data.qfrc_applied, data.ctrl, reference, angles, measured, demanded)
-        more = (self.motors, loop, counts, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
-        with _callback((*arrays, *more)):
+        more = (self.motors, loop, numbers, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
+        with installed(_compiled(), (*arrays, *more)):
             mujoco.mj_step(self.model, data, len(reference) * self.steps)
         if not np.isfinite(measured).all():
             raise RuntimeError("MuJoCo's simulation left all bounds")
         return measured, demanded + generator.standard_normal(demanded.shape) * noise
-
-
-@contextmanager
-def _callback(arrays: tuple[npt.NDArray[Any], ...]) -> Iterator[None]:
-    ADDRESSES[: len(arrays)] = [array.ctypes.data for array in arrays]
-    mujoco.set_mjcb_control(_compiled().ctypes)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_control(None)

@@ -78,15 +78,6 @@ class PeriodicMotion(MotionSpectra):
         spectrum: ComplexArray = scipy.fft.rfft(values, axis=2)[:, :, self.bin] / values.shape[2]
         return spectrum
 
-    def over_time(self, spectrum: ComplexArray) -> FloatArray:
-        """Values of spectra at the samples of one period, shape of `angle`."""
-        whole = np.zeros(
-            (*self.angle.shape[:2], self.n_sample // 2 + 1, spectrum.shape[-1]), dtype=np.complex128
-        )
-        whole[:, :, self.bin] = spectrum
-        values: FloatArray = scipy.fft.irfft(whole, n=self.n_sample, axis=2) * self.n_sample
-        return values
-
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
         """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""
         highest = SPEED_BAND / self.sample_time_s

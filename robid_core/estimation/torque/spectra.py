@@ -118,9 +118,13 @@ class MotionSpectra(ABC):
 
         return replace(self, torque=self.divided(self.torque, late) - self.over_time(residual))
 
-    @abstractmethod
     def over_time(self, spectrum: ComplexArray) -> FloatArray:
         """Values of spectra at the samples, shape of `angle`: the inverse of `spectrum_of` in these bins."""
+        n_bin = self.n_sample // 2 + 1
+        whole = np.zeros((*self.angle.shape[:2], n_bin, spectrum.shape[-1]), dtype=np.complex128)
+        whole[:, :, self.bin] = spectrum
+        values: FloatArray = scipy.fft.irfft(whole, n=self.n_sample, axis=2) * self.n_sample
+        return values
 
     @property
     @abstractmethod

@@ -49,12 +49,7 @@ class WindowedMotion(MotionSpectra):
 
     def over_time(self, spectrum: ComplexArray) -> FloatArray:
         """Values of spectra at the samples, shape of `angle`; nothing where the window shows little."""
-        whole = np.zeros(
-            (*self.angle.shape[:2], self.n_sample // 2 + 1, spectrum.shape[-1]), dtype=np.complex128
-        )
-        whole[:, :, self.bin] = spectrum
-        window = _window(self.n_sample)[:, None]
-        values = scipy.fft.irfft(whole, n=self.n_sample, axis=2) * self.n_sample
+        values, window = super().over_time(spectrum), _window(self.n_sample)[:, None]
         shown: FloatArray = np.divide(values, window, out=np.zeros_like(values), where=window > VISIBLE)
         return shown
 

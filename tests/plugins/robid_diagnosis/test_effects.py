@@ -126,6 +126,10 @@ def test_wrong_input_is_one_sentence(told: Robot) -> None:
     ):
         diagnosed(record, Robot.load("six_axis"))
     with pytest.raises(
+        ConfigurationError, match="'friction.dahl@axis_9' could be tried nowhere: one_axis has the"
+    ):
+        diagnosed(measured(plant_of(told, 5), 6), told, only=("friction.dahl@axis_9",), passes=1)
+    with pytest.raises(
         ConfigurationError, match="no effect 'friction.stribek'; did you mean 'friction.stribeck'"
     ):
         diagnosed(record, told, only=("friction.stribek",))
