@@ -140,6 +140,8 @@ class Effect(abc.ABC):
     """The table: name, unit, default and bounds."""
     test_values: ClassVar[tuple[TestValue, ...]] = ()
     """Values of the law that are known from elsewhere."""
+    starts: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
+    """Values with which a diagnosis begins its search, one search each; it scales what they leave out by the motion."""
 
     @classmethod
     def defaults(cls) -> FloatArray:

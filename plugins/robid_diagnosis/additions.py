@@ -8,10 +8,14 @@ from robid_core import RobidError
 from robid_diagnosis.columns import WHOLE
 from robid_diagnosis.hypothesis import Addition, Hypothesis
 from robid_diagnosis.search import Hit, Search, parameters_of
+from robid_diagnosis.structures import CONTINUOUS
 
 PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
 CHANGE = 0.01  # of a parameter
 SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
+TOLD = (
+    5.0  # standard deviations of all bins together per logarithm: likewise, where the robot itself is changed
+)
 
 
 def addition_of(hit: Hit, search: Search, label: str) -> Addition:
@@ -23,6 +27,10 @@ def addition_of(hit: Hit, search: Search, label: str) -> Addition:
     free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
     free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
     whole = search.motion.whole(candidate, values)
+    least = SMALL * float(np.linalg.norm(whole))
+    if candidate.place is None:
+        free |= {row.name for row in candidate.effect.parameters if row.unit in CONTINUOUS}
+        least = TOLD
 
     def counts(name: str) -> bool:
         """Whether a parameter is within its bounds, and the torque changes with it."""
@@ -34,10 +42,10 @@ def addition_of(hit: Hit, search: Search, label: str) -> Addition:
             change = search.motion.whole(candidate, moved) - whole
         except RobidError:
             return True
-        return bool(np.linalg.norm(change) > SMALL * CHANGE * np.linalg.norm(whole))
+        return bool(np.linalg.norm(change) > CHANGE * least)
 
     kept = tuple(row.name for row in candidate.effect.parameters if row.name in free and counts(row.name))
-    return Addition(label, candidate.use, candidate.spot.on, candidate.spot.side, values, kept)
+    return Addition(label, candidate.use, candidate.spot.on, candidate.spot.side or None, values, kept)
 
 
 def label_of(hit: Hit, hypothesis: Hypothesis) -> str:
@@ -57,16 +65,21 @@ def scaled_parameters(hit: Hit, search: Search) -> tuple[str, ...]:
     if WHOLE not in hit.columns.names:
         return ()
     rows = hit.candidate.effect.parameters
+    if hit.candidate.signed:
+        return tuple(row.name for row in rows if _is_proportional(hit, search, (row.name,)))
     if hit.columns.paired:
         names = tuple(row.name for row in rows if row.name not in ("order", "phase"))
     else:
         names = tuple(row.name for row in rows if row.unit.startswith("N m"))
-    if not names:
-        return ()
+    return names if names and _is_proportional(hit, search, names) else ()
+
+
+def _is_proportional(hit: Hit, search: Search, names: tuple[str, ...]) -> bool:
+    """Whether half the values of some parameters give half the torque."""
     half = {name: 0.5 * {**hit.candidate.values, **hit.values}[name] for name in names}
     try:
         less = search.motion.columns(hit.candidate, {**hit.values, **half}).rows
     except RobidError:
-        return ()
+        return False
     off = np.linalg.norm(2 * less - hit.columns.rows) / np.linalg.norm(hit.columns.rows)
-    return names if off < PROPORTIONAL else ()
+    return bool(off < PROPORTIONAL)

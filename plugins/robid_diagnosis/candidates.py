@@ -73,9 +73,12 @@ class Candidate:
     spot: Spot
     effect: type[Effect]
     values: Mapping[str, float]
-    place: Place
+    place: Place | None
+    """None: the robot itself is changed."""
     shape: tuple[str, ...] = ()
     """Parameters in which the law is not linear, and that a search may move."""
+    signed: bool = False
+    """Whether all that a law does may be turned round."""
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -85,6 +88,7 @@ class Candidate:
     def bound(self, values: Mapping[str, float] | None = None) -> BoundEffect:
         """Return the effect at its place, with some values changed."""
         assert issubclass(self.effect, ForceEffect | SignalEffect)
+        assert self.place is not None
         numbers = {**self.values, **(values or {})}
         row = np.array([numbers[parameter.name] for parameter in self.effect.parameters])
         return BoundEffect(LABEL, self.effect, row, self.place)

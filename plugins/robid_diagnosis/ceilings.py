@@ -7,18 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from robid_core import FloatArray
 from robid_diagnosis.columns import Motion
-from robid_diagnosis.projection import Projection
+from robid_diagnosis.projection import Projection, Rows
 
 KNOTS = (0.0, 0.05, 0.12, 0.25, 0.5, 0.8, 1.2, 1.8, 2.6)  # of the rms speed
 BENDS = (-0.8, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 0.8)  # of a deflection hardly exceeded
 ORDERS = (1, 2, 3, 4, 6, 8, 12)
 WIDTHS = (0.5, 1.0, 2.0)  # of friction's zero-speed width
 HARDLY = 0.99
+BANDS = 12  # of frequency
+RESPONSE = "frequency: a linear response"
 PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
 
 
@@ -28,7 +31,7 @@ class Ceiling:
 
     axis: str
     variable: str
-    """In words: motor speed, load and speed, gear deflection, motor angle."""
+    """In words: motor speed, load and speed, gear deflection, motor angle, frequency."""
     gain: float
     """Of twice the log-likelihood, less what as many numbers gain by chance."""
     freedom: int
@@ -40,15 +43,34 @@ def ceilings(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> l
     found = []
     for axis in axes:
         for variable, direction, functions in _families(motion, axis):
-            rows = []
-            for function in functions:
-                spectra = [one.of_force(direction, function(k)) for k, one in enumerate(motion.along)]
-                rows.append(motion.weighted(spectra))
-            sums = projection.sums(np.stack(rows))
-            gain = projection.gain(sums, [False] * len(rows), blind=1e-4, together=True)
-            total = gain.total - PER_NUMBER * gain.freedom
-            found.append(Ceiling(motion.robot.axis_names[axis], variable, total, gain.freedom))
+            rows = [
+                motion.weighted([one.of_force(direction, function(k)) for k, one in enumerate(motion.along)])
+                for function in functions
+            ]
+            found.append(_ceiling(motion, projection, axis, variable, rows))
+        found.append(_ceiling(motion, projection, axis, RESPONSE, list(_responses(motion, axis))))
     return sorted(found, key=lambda one: -one.gain)
+
+
+def _ceiling(motion: Motion, projection: Projection, axis: int, variable: str, rows: list[Rows]) -> Ceiling:
+    gain = projection.gain(projection.sums(np.stack(rows)), [False] * len(rows), blind=1e-4, together=True)
+    total = gain.total - PER_NUMBER * gain.freedom
+    return Ceiling(motion.robot.axis_names[axis], variable, total, gain.freedom)
+
+
+def _responses(motion: Motion, axis: int) -> Iterator[Rows]:
+    """A linear response that is free in bands of frequency, from the motor's acceleration to its own torque."""
+    frequency = motion.along[0].motion.frequency_hz
+    edges = np.geomspace(frequency[1], frequency[-1] * 1.001, BANDS + 1)
+    for low, high in pairwise(edges):
+        for turn in (1.0, 1j):
+            spectra = []
+            for one in motion.along:
+                within = (one.motion.frequency_hz >= low) & (one.motion.frequency_hz < high)
+                moved = np.zeros_like(one.motion.acceleration_spectrum)
+                moved[..., axis] = turn * within * one.motion.acceleration_spectrum[..., axis]
+                spectra.append(moved)
+            yield motion.weighted(spectra)
 
 
 Family = tuple[str, FloatArray, list[Callable[[int], FloatArray]]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core import ComplexArray, Effect, FloatArray, Place, Robot, SignalEffect
+from robid_core import ComplexArray, Effect, FloatArray, Place, Robot, SignalEffect, StructureEffect
 from robid_core.residual import EffectTorque, TorqueProblem, Weighting, effect_class
 from robid_diagnosis.candidates import (
     Candidate,
@@ -20,6 +20,7 @@ from robid_diagnosis.candidates import (
     spots,
 )
 from robid_diagnosis.projection import Rows
+from robid_diagnosis.structures import changed_robot, structure_candidates
 
 WHOLE = "*"  # name of the column of a law that is linear in nothing: all that it does
 PHASES = (0.0, np.pi / 2)
@@ -87,6 +88,10 @@ class Motion:
     def candidates(self, use: str) -> list[Candidate]:
         """An effect at every place, with every value to begin from."""
         effect, found = effect_class(use), list[Candidate]()
+        if issubclass(effect, StructureEffect):
+            first = self.along[0]
+            highest = float(first.motion.frequency_hz[-1])
+            return list(structure_candidates(self.robot, use, effect, first.block.angle, highest))
         for spot in spots(self.robot, effect):
             place = place_at(self.robot, spot)
             if place is not None:
@@ -103,11 +108,20 @@ class Motion:
 
     def whole(self, candidate: Candidate, values: Mapping[str, float]) -> FloatArray:
         """All that an effect does with some values, in standard deviations, (n_row,)."""
+        return self.weighted(self.torques(candidate, values))
+
+    def torques(self, candidate: Candidate, values: Mapping[str, float]) -> list[ComplexArray]:
+        """All that an effect does with some values in each block, N m, (n_config, n_exp, n_bin, n_axis)."""
+        if candidate.place is None:
+            return [one.of_structure(changed_robot(one.robot, candidate, values)) for one in self.along]
         bound = candidate.bound(values)
-        return self.weighted([one.of_effect(bound) for one in self.along])
+        return [one.of_effect(bound) for one in self.along]
 
     def columns(self, candidate: Candidate, values: Mapping[str, float] | None = None) -> Columns:
         """Evaluate a candidate along the motion."""
+        if candidate.place is None:
+            every = self.whole(candidate, values or {})[None]
+            return Columns(every, (WHOLE,), (0.0,), (not candidate.signed,))
         rows = {row.name: row for row in candidate.effect.parameters}
         phases = PHASES if "phase" in rows else (0.0,)
         spectra: dict[tuple[str, float], list[ComplexArray]] = {}

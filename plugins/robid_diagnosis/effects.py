@@ -36,8 +36,9 @@ FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 class Effects(DiagnosisStage):
     """Names what a model lacks, extends it, and says how much better it is.
 
-    Effects on forces and signals are searched; of bodies, rotors and springs it says whether they are told wrong. Not
-    searched yet: changes of the structure (elastic coordinates, foundations), and records of several payloads.
+    Effects on forces and signals are searched, and changes of the robot itself: foundations, elastic coordinates,
+    coupled axes. Of bodies, rotors and springs it says whether they are told wrong. Not taken yet: records of several
+    payloads.
 
     Example::
 
@@ -78,7 +79,7 @@ class Effects(DiagnosisStage):
             if one.partition("@")[0] not in outcome.searches[0].tried:
                 raise ConfigurationError(
                     f"diagnosis.effects: '{one}' could be tried nowhere: {robot.name} has the axes "
-                    f"{', '.join(robot.axis_names)}, and changes of the structure are not searched"
+                    f"{', '.join(robot.axis_names)}; masses, rotors and springs are refitted in any case"
                 )
         return self._told(robot, record, selection, outcome, context)
 

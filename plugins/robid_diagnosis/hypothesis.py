@@ -25,6 +25,7 @@ from robid_core.residual import (
 PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 """What is believed of springs and dampers before the data, in natural scales."""
 THINNED = 5  # every so many samples of the speeds tell a width
+FEW = 5  # passes of a fit that is only compared
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
 
 
@@ -155,9 +156,13 @@ class Case:
         progress: Callable[[float, float, str], None],
         begin: Fitted | None = None,
         delay: FloatArray | None = None,
-        passes: int | None = None,
+        *,
+        roughly: bool = False,
     ) -> Fitted:
-        """Fit a hypothesis, from the start or from where another one ended, its delays moved by some, (n_axis,)."""
+        """Fit a hypothesis, from the start or from where another one ended, its delays moved by some, (n_axis,).
+
+        `roughly`: in few passes, enough to compare it with others.
+        """
         robot = hypothesis.robot(self.told)
         known = list(robot.layout)
         patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
@@ -183,11 +188,12 @@ class Case:
             point[-problem.n_delay :] -= delay
         solution = solve(
             problem,
-            passes or self.passes,
+            min(self.passes, FEW) if roughly else self.passes,
             self.model_error,
             progress,
             begin=point,
             reweigh=False,
+            thorough=not roughly,
         )
         return Fitted(hypothesis, problem, solution, self.model_error)
 

@@ -6,11 +6,13 @@ is right, dots follow its line.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from robid_core import FloatArray, SignalEffect
+from robid_core import ComplexArray, FloatArray, SignalEffect
 from robid_core.residual import BoundEffect, EffectTorque
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Fitted
@@ -32,9 +34,11 @@ class Picture:
 def picture_of(fitted: Fitted, addition: Addition) -> Picture:
     """Return the picture of an effect in a fitted robot."""
     motion = Motion(fitted.problem, fitted.point, fitted.about.weights)
-    bound = next(one for one in motion.robot.effects if one.label == addition.label)
-    axis = bound.place.axis
     residuals = fitted.problem.residuals(fitted.point)
+    bound = next((one for one in motion.robot.effects if one.label == addition.label), None)
+    if bound is None:
+        return _over_frequency(motion, residuals, addition)
+    axis = bound.place.axis
     abscissa, left, done = [], [], []
     for one, residual in zip(motion.along, residuals, strict=True):
         name, values = _variable(one, addition, bound)
@@ -47,6 +51,28 @@ def picture_of(fitted: Fitted, addition: Addition) -> Picture:
         np.array([values[part].mean() for part in order]) for values in (x, np.concatenate(left) + law, law)
     )
     return Picture(name, *means)
+
+
+def _over_frequency(motion: Motion, residuals: Sequence[ComplexArray], addition: Addition) -> Picture:
+    """Amplitudes of a change of the robot itself, at the motor that feels it most."""
+    done = [-one.of_structure(one.robot.without_effect(addition.label)) for one in motion.along]
+    law, left = (
+        np.concatenate([one[:, :, 1:].reshape(-1, *one[0, 0, 1:].shape) for one in spectra])
+        for spectra in (done, residuals)
+    )
+    axis = int((np.abs(law) ** 2).sum(axis=(0, 1)).argmax())
+    frequency = motion.along[0].motion.frequency_hz[1:]
+    edges = np.geomspace(frequency[0], frequency[-1] * 1.001, PARTS + 1)
+    parts = [np.flatnonzero((frequency >= low) & (frequency < high)) for low, high in pairwise(edges)]
+    parts = [part for part in parts if len(part)]
+    return Picture(
+        f"frequency, Hz (motor of {motion.robot.axis_names[axis]}, amplitudes)",
+        np.array([frequency[part].mean() for part in parts]),
+        *(
+            np.array([np.sqrt(2 * (np.abs(some[:, part, axis]) ** 2).mean()) for part in parts])
+            for some in (law + left, law)
+        ),
+    )
 
 
 def _variable(along: EffectTorque, addition: Addition, bound: BoundEffect) -> tuple[str, FloatArray]:

@@ -26,12 +26,14 @@ LEVEL = 1e-3  # p-value after the search: what is larger is chance
 LEAST = 30.0  # of twice the log-likelihood: what gains less is not named
 NAMED = 1e-3  # of what was named before: three percent of an effect left over is no effect
 RIVALS = 4  # candidates that are fitted in turn
+SAME = 2  # places of one effect that are looked at closer
+LUCK = 4.0  # a rival is not fitted that would have to keep more than this times what the others kept of their promise
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
+WRONG = 2.0  # misfit: above, something lacks, and a fit need not go on to its last digit
 DOUBTFUL = 1.1  # misfit: above, something is left to explain
-TRIAL_PASSES = 5
 
 Progress = Callable[[float, float, str], None]
 
@@ -106,9 +108,7 @@ class Selection:
 
     def run(self) -> Outcome:
         """Search until nothing is significant."""
-        first = self.case.fit(Hypothesis(), self.progress)
-        self.case = self.case.with_fitted_width(first)
-        current = base = self.case.fit(Hypothesis(), self.progress, begin=first)
+        current = base = self._refitted()
         steps, searches = list[Step](), list[Found]()
         while True:
             projection, groups = self._projection(current)
@@ -131,6 +131,15 @@ class Selection:
             left = ceilings(search.motion, projection, axes)[0]
         return Outcome(base, current, tuple(steps), tuple(searches), left)
 
+    def _refitted(self) -> Fitted:
+        """Fit all that the told robot has; not to the end where that cannot be the answer."""
+        first = self.case.fit(Hypothesis(), self.progress, roughly=True)
+        self.case = self.case.with_fitted_width(first)
+        base = self.case.fit(Hypothesis(), self.progress, begin=first, roughly=True)
+        if base.solution.converged or base.misfit > WRONG:
+            return base
+        return self.case.fit(Hypothesis(), self.progress, begin=base)
+
     def _next(
         self,
         current: Fitted,
@@ -140,38 +149,55 @@ class Selection:
         before: Sequence[Step],
     ) -> tuple[Fitted, Step] | None:
         """Return the best hypothesis that has one cause more, where there is one."""
-        scale = max(1.0, current.misfit)
-        least = LEAST * scale + NAMED * sum(step.gain for step in before)
-        known = {(step.use, step.on, step.side) for step in before}
-        hits = [hit for hit in found.hits if hit.candidate.key not in known]
-        significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least]
+        least = LEAST * max(1.0, current.misfit) + NAMED * sum(step.gain for step in before)
         values = value_hits(current.problem, current.point, current.about)
-        named = {name for step in before for name in step.names}
-        n_value = len(values)
-        values = [
-            hit
-            for hit in values
-            if n_value * np.exp(hit.log_p) < LEVEL and hit.gain > least and not named & set(hit.names)
-        ]
-        rivals: list[Hit | ValueHit] = [
-            search.refined(hit, as_it_is=is_fixed(hit, search)) for hit in significant[: 2 * RIVALS]
-        ]
-        rivals += values[:RIVALS]
-        if not rivals:
-            return None
-        rivals.sort(key=lambda hit: hit.worth, reverse=True)
-        most = max(_total(hit) for hit in rivals)
-        rivals = [hit for hit in rivals if _total(hit) > NEAR * most or hit is rivals[0]][:RIVALS]
-        trials = [trial for hit in rivals if (trial := self._trial(current, hit, search)) is not None]
-        trials = [trial for trial in trials if trial.gain > least]
-        trials = self._settled(trials, current)
+        rivals = self._rivals(search, found, values, before, least)
+        trials = self._trials(current, search, rivals, least)
         for trial in trials:
-            step = self._judged(trial, trials, search, found, groups, n_value)
+            step = self._judged(trial, trials, search, found, groups, len(values))
             if step is not None and not step.share < PART:
                 if trial.addition is not None:
                     step = replace(step, picture=picture_of(trial.fitted, trial.addition))
                 return trial.fitted, step
         return None
+
+    def _rivals(
+        self, search: Search, found: Found, values: Sequence[ValueHit], before: Sequence[Step], least: float
+    ) -> list[Hit | ValueHit]:
+        """Return what is worth a fit of its own, shapes refined, the most promising first."""
+        known = {(step.use, step.on, step.side) for step in before}
+        named = {name for step in before for name in step.names}
+        hits = [hit for hit in found.hits if hit.candidate.key not in known]
+        significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least]
+        chance = LEVEL / max(len(values), 1)
+        wrong = [
+            hit
+            for hit in values
+            if np.exp(hit.log_p) < chance and hit.gain > least and not named & set(hit.names)
+        ]
+        rivals: list[Hit | ValueHit] = [
+            search.refined(hit, as_it_is=is_fixed(hit, search)) for hit in _varied(significant)
+        ]
+        rivals += wrong[:RIVALS]
+        rivals.sort(key=lambda hit: hit.worth, reverse=True)
+        most = max((_total(hit) for hit in rivals), default=0.0)
+        near = [hit for hit in rivals if _total(hit) > NEAR * most or hit is rivals[0]][:RIVALS]
+        return near + [hit for hit in rivals if hit not in near and _alike(hit, rivals[0])]
+
+    def _trials(
+        self, current: Fitted, search: Search, rivals: Sequence[Hit | ValueHit], least: float
+    ) -> list[_Trial]:
+        """Fit one rival after the other, the best of them to the end; return those that gain, the best first."""
+        trials, reach = list[_Trial](), 0.0
+        for hit in rivals:
+            most = max((trial.gain for trial in trials), default=0.0)
+            if _total(hit) * reach * LUCK < most and not _alike(hit, rivals[0]):
+                continue
+            trial = self._trial(current, hit, search)
+            if trial is not None and trial.gain > least:
+                trials.append(trial)
+                reach = max(reach, trial.gain / _total(hit))
+        return self._settled(trials, current)
 
     def _settled(self, trials: Sequence[_Trial], current: Fitted) -> list[_Trial]:
         """Fit those that gain nearly as much as the best to the end, and return all, the best first."""
@@ -215,7 +241,7 @@ class Selection:
                 addition = addition_of(hit, search, label_of(hit, current.hypothesis))
                 hypothesis = current.hypothesis.with_addition(addition)
             delay = hit.columns.delay if isinstance(hit, Hit) else None
-            fitted = self.case.fit(hypothesis, self.progress, current, delay, TRIAL_PASSES)
+            fitted = self.case.fit(hypothesis, self.progress, current, delay, roughly=True)
         except RobidError as error:
             self.failures.append(Failure(*_key(hit), str(error)))
             return None
@@ -271,9 +297,11 @@ class Selection:
         )
 
     def _share(self, trial: _Trial, search: Search) -> float:
-        """Gain over that of the best free functions at the axis."""
+        """Gain over that of the best free functions at the axis; at all axes, where the robot itself is changed."""
         assert isinstance(trial.hit, Hit)
-        best = ceilings(search.motion, search.projection, (trial.hit.candidate.place.axis,))[0]
+        place = trial.hit.candidate.place
+        axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
+        best = ceilings(search.motion, search.projection, axes)[0]
         return trial.gain / best.gain if best.gain > LEAST else float("nan")
 
     def _projection(self, fitted: Fitted) -> tuple[Projection, list[list[int]]]:
@@ -292,6 +320,22 @@ class Selection:
         pull = fitted.point / fitted.problem.prior**2
         projection = Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
         return projection, groups
+
+
+def _varied(hits: Sequence[Hit]) -> list[Hit]:
+    """Return the best hits, of one effect only its best places: near the truth its own kind crowds others out."""
+    found: list[Hit] = []
+    for hit in hits:
+        if sum(one.candidate.use == hit.candidate.use for one in found) < SAME:
+            found.append(hit)
+    kept = found[: 2 * RIVALS]
+    return kept + [hit for hit in found if hit not in kept and any(_alike(hit, one) for one in kept)]
+
+
+def _alike(one: Hit | ValueHit, other: Hit | ValueHit) -> bool:
+    """Whether two change the robot at one place: springs that were refitted hide which of them it is."""
+    changes = all(isinstance(hit, Hit) and hit.candidate.place is None for hit in (one, other))
+    return changes and _key(one)[1] == _key(other)[1]
 
 
 def _total(hit: Hit | ValueHit) -> float:

@@ -57,6 +57,8 @@ def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful
     if len(silent) == len(axis_names):
         if doubtful:
             return "No effect that was tried explains what the refitted model leaves."
+        if findings:
+            return "Of the axes none has an effect of its own."
         return "Nothing significant: the told model with fitted values explains these data."
     return f"{', '.join(silent)}: nothing significant." if silent else ""
 

@@ -26,6 +26,11 @@ class ElasticCoordinate(StructureEffect):
         Parameter("stiffness", "N m/rad", 1e5, 1e-3, 1e12, "of the spring"),
         Parameter("damping", "N m s/rad", 50.0, 0.0, 1e9, "of the damper beside it"),
     )
+    starts = (
+        {"axis_x": 1.0, "axis_y": 0.0, "axis_z": 0.0},
+        {"axis_x": 0.0, "axis_y": 1.0, "axis_z": 0.0},
+        {"axis_x": 0.0, "axis_y": 0.0, "axis_z": 1.0},
+    )
 
     @classmethod
     def apply(cls, robot: Robot, parameters: FloatArray, on: str | None, label: str) -> Robot:

@@ -14,6 +14,9 @@ import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
 
+MOST_AXES = 9  # of robots whose couplings a diagnosis searches
+SLIGHT = 1e-6
+
 
 class CoupledAxes(StructureEffect):
     """One more entry of the matrix that turns motor angles into joint angles."""
@@ -26,6 +29,7 @@ class CoupledAxes(StructureEffect):
             "from_motor", "1", 1.0, 1.0, 99.0, "number of the other motor, the robot's first axis is 1"
         ),
     )
+    starts = tuple({"from_motor": float(motor), "ratio": SLIGHT} for motor in range(1, MOST_AXES + 1))
 
     @classmethod
     def apply(cls, robot: Robot, parameters: FloatArray, on: str | None, label: str) -> Robot:

@@ -8,7 +8,7 @@ inverse response of the linear model and g what holds its weight, N what a presc
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Self, TypeVar
 
@@ -158,10 +158,8 @@ class TorqueBlock(ABC, Generic[M]):
         coefficient
             Of the functions of speed, N m, shape (n_law, n_axis).
         """
-        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
-        torque: ComplexArray = np.matmul(z[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
+        torque = self.linear_torque(robot)
         torque += self.remainder
-        torque += self._weight_torque(robot)
         if self.about is not None:
             for column in self.simulated:
                 torque += (coordinates - self.about)[column.index] * column.remainder
@@ -171,6 +169,13 @@ class TorqueBlock(ABC, Generic[M]):
         if self.signals_about is not None:
             for of_signal in self.signal_columns:
                 torque += (coordinates - self.signals_about)[of_signal.index] * of_signal.torque
+        return torque
+
+    def linear_torque(self, robot: Robot) -> ComplexArray:
+        """Torque spectra of a robot's linear model, (n_config, n_exp, n_bin, n_axis)."""
+        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        torque: ComplexArray = np.matmul(z[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
+        torque += self._weight_torque(robot)
         return torque
 
     def residual(self, predicted: ComplexArray, delay: FloatArray) -> ComplexArray:
@@ -214,33 +219,33 @@ class TorqueBlock(ABC, Generic[M]):
 
         Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
         others are bent. Of everything where the arm moves far, or where passes do not keep what they gain; of bodies
-        only once, since they hardly change.
+        only once, since they hardly change. Of effects on the structure the linear model knows enough, elsewhere.
         """
         robot = self.robot_at(free, coordinates)
         kinds = [free.robot.parameter_kind(name) for name in free.names]
         columns = {column.index: column for column in self.simulated if kinds[column.index] == "inertia"}
         known = {*columns, *(column.index for column in self.signal_columns)}
         numbers = [i for i, kind in enumerate(kinds) if self._needs_motion(kind, robot) and i not in known]
-        here = impedance(robot, self.angle, self.motion, "zero_order_hold")
-        n_lane = self.motion.torque_spectrum.shape[0] * self.motion.torque_spectrum.shape[1]
-        if not numbers:
-            self.simulated = tuple(columns.values())
-            return
-        # Motions that repeat go on from where the last one ended: what rings must ring alike on both sides.
-        about = self.remainder if self.initial_state_unknown else self._remainders([robot], final=False)[0]
-        size = max(1, LANES_AT_ONCE // n_lane)
-        for first in range(0, len(numbers), size):
-            batch, others = numbers[first : first + size], []
-            for i in batch:
-                moved = coordinates.copy()
-                moved[i] += DIFFERENCE
-                others.append(self.robot_at(free, moved))
-            for i, other, remainder in zip(batch, others, self._remainders(others, final=False), strict=True):
-                change = impedance(other, self.angle, self.motion, "zero_order_hold") - here
-                linear = np.matmul(change[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
-                linear += self._weight_torque(other) - self._weight_torque(robot)
-                slope = remainder - about
-                columns[i] = SimulatedColumn(i, slope / DIFFERENCE, linear / DIFFERENCE)
+        here, still = self.linear_torque(robot), np.zeros_like(self.remainder[:1, :1, :1, :1])
+        laws = {bound.label for bound in robot.effects}
+        structural = [i for i in numbers if self._is_structure(free.names[i], kinds[i], laws, robot)]
+        for i, other in zip(structural, self._moved(free, coordinates, structural), strict=True):
+            slope = (self.linear_torque(other) - here) / DIFFERENCE
+            columns[i] = SimulatedColumn(i, np.broadcast_to(still, slope.shape), slope)
+        numbers = [i for i in numbers if i not in structural]
+        if numbers:
+            # Motions that repeat go on from where the last one ended: what rings must ring alike on both sides.
+            goes_on = not self.initial_state_unknown
+            about = self._remainders([robot], final=False)[0] if goes_on else self.remainder
+            size = max(1, LANES_AT_ONCE // (len(here) * here.shape[1]))
+            for first in range(0, len(numbers), size):
+                batch = numbers[first : first + size]
+                others = self._moved(free, coordinates, batch)
+                for i, other, remainder in zip(
+                    batch, others, self._remainders(others, final=False), strict=True
+                ):
+                    linear = self.linear_torque(other) - here
+                    columns[i] = SimulatedColumn(i, (remainder - about) / DIFFERENCE, linear / DIFFERENCE)
         self.simulated = tuple(columns[i] for i in sorted(columns))
 
     def _needs_motion(self, kind: str, robot: Robot) -> bool:
@@ -249,6 +254,20 @@ class TorqueBlock(ABC, Generic[M]):
         linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
         asked = self.all_by_motion and (elastic or kind == "inertia")
         return self.moves_far or not linear_is_enough or asked
+
+    def _is_structure(self, name: str, kind: str, laws: Collection[str], robot: Robot) -> bool:
+        """Whether a parameter belongs to an effect on the structure that the linear model knows well enough."""
+        plain = not (self.moves_far or self.all_by_motion or robot.bending_forces)
+        return plain and kind == "effect" and name.split(".")[1] not in laws
+
+    def _moved(self, free: FreeParameters, coordinates: FloatArray, numbers: Sequence[int]) -> list[Robot]:
+        """Robots with one parameter each moved by DIFFERENCE."""
+        robots = []
+        for i in numbers:
+            moved = coordinates.copy()
+            moved[i] += DIFFERENCE
+            robots.append(self.robot_at(free, moved))
+        return robots
 
     def _remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.

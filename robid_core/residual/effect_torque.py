@@ -52,6 +52,7 @@ class EffectTorque:
         self.motion = block.expected(residual, delay)
         self._seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
         self._transfers: dict[bytes, ComplexArray] = {}
+        self._linear: ComplexArray | None = None
 
     @functools.cached_property
     def along(self) -> RobotMotion:
@@ -106,6 +107,13 @@ class EffectTorque:
             run = law_along(term, *at, self.along.step, settle=self.along.settle if term.n_state else 0)
             total += self.of_force(term.direction, run.force)
         return total
+
+    def of_structure(self, changed: Robot) -> ComplexArray:
+        """What a change of the robot itself adds, as far as its linear model tells."""
+        if self._linear is None:
+            self._linear = self.block.linear_torque(self.robot)
+        added: ComplexArray = self.block.linear_torque(changed) - self._linear
+        return added
 
     def units(self, bound: BoundEffect) -> dict[str, ComplexArray]:
         """Torque per unit of each parameter in which the effect is linear; empty where there is none."""

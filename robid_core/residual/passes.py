@@ -64,6 +64,7 @@ def solve(
     *,
     begin: FloatArray | None = None,
     reweigh: bool = True,
+    thorough: bool = True,
     tell: Callable[[Visibility], None] = lambda seen: None,
 ) -> Solution:
     """Minimise the residual.
@@ -86,6 +87,8 @@ def solve(
         the linear model.
     reweigh
         Whether a doubtful misfit changes the weights to what the model leaves.
+    thorough
+        Whether passes that do not keep what they gain take better derivatives, which cost many motions.
     tell
         Told what can be seen, before the first pass.
 
@@ -109,7 +112,7 @@ def solve(
         _renew(problem, point, model_error, improve=number < IMPROVED)
         if about is not None and changes[-1] > NEARLY:
             kept = before - problem.cost(point, problem.weighted(point, about.weights))
-            if kept < KEPT * gained * before:
+            if thorough and kept < KEPT * gained * before:
                 fresh = True
                 for block in problem.blocks:
                     block.all_by_motion = True

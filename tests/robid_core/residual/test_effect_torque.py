@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robid_core import Robot
+from robid_core import FreeParameters, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.mechanics import mean_over_held
 from robid_core.residual import EffectTorque, PeriodicBlock
+from robid_core.residual.columns import passive_motion
 from robid_core.robot.effects import BoundEffect
 
 T, N = 1e-3, 2000
@@ -74,3 +75,35 @@ def test_an_effect_adds_what_a_prescribed_motion_takes_more(
     held = mean_over_held(block.motion.frequency_hz[1:], T, robot.step_s)[:, None]
     error = abs(found - expected / held).max() / abs(expected).max()
     assert error < 0.02
+
+
+def test_a_changed_structure_adds_what_its_spring_does(robot: Robot, block: PeriodicBlock) -> None:
+    """The product of a new spring's deflections, up to what holding the torque folds back: half a percent."""
+    values = {"axis_x": 0.0, "axis_y": 0.0, "axis_z": 1.0, "stiffness": 3e5, "damping": 100.0}
+    changed = robot.with_effect("extra", "structure.elastic_coordinate", "axis_4", values=values)
+    stiffer = changed.with_parameters({"effect.extra.stiffness": 3e5 * 1.00001})
+    along = EffectTorque(block, changed, np.zeros_like(block.motion.torque_spectrum), np.zeros(1))
+    (more,) = along.of_structure(stiffer)[0]
+    passive = passive_motion(changed, block.angle, block.motion.omega[1:])[0]
+    spring = changed.mechanism.spring_directions[changed.spring_names.index("bearing_stiffness.extra")]
+    per_motor = np.einsum("n,fna->fa", spring, passive)
+    bent = (per_motor * block.motion.angle_spectrum[0, 0, 1:]).sum(axis=1)
+    expected = 3.0 * bent[:, None] * per_motor / block.motion.hold[1:, None]
+    np.testing.assert_allclose(more[1:], expected, atol=5e-3 * abs(expected).max())
+
+
+def test_passes_differentiate_a_structure_by_its_linear_model(robot: Robot, block: PeriodicBlock) -> None:
+    """The derivative for the new spring is the product of its deflections; no motion is prescribed for it."""
+    values = {"axis_x": 0.0, "axis_y": 0.0, "axis_z": 1.0, "stiffness": 3e5, "damping": 100.0}
+    changed = robot.with_effect("extra", "structure.elastic_coordinate", "axis_4", values=values)
+    own = PeriodicBlock.of_record(changed, block.motion, block.laws)
+    free = FreeParameters.of_robot(changed, ["effect.extra.stiffness", "gear_stiffness.axis_2"])
+    own.renew(free, np.zeros(2))
+    own.differentiate(free, np.zeros(2))
+    (column,) = own.simulated
+    assert column.index == 0
+    assert not column.remainder.any()
+    slope = np.log(1.001)  # of the logarithm, its natural scale
+    stiffer = changed.with_parameters({"effect.extra.stiffness": 3e5 * 1.001})
+    more = own.linear_torque(stiffer) - own.linear_torque(changed)
+    np.testing.assert_allclose(column.linear, more / slope, atol=2e-3 * abs(more / slope).max())
