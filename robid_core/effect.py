@@ -140,13 +140,20 @@ class Effect(abc.ABC):
     """The table: name, unit, default and bounds."""
     test_values: ClassVar[tuple[TestValue, ...]] = ()
     """Values of the law that are known from elsewhere."""
-    starts: ClassVar[tuple[Mapping[str, float], ...]] = ({},)
-    """Values with which a diagnosis begins its search, one search each; it scales what they leave out by the motion."""
 
     @classmethod
     def defaults(cls) -> FloatArray:
         """Return the default parameter values in the order of the table."""
         return np.array([parameter.default for parameter in cls.parameters])
+
+    @classmethod
+    def starts(cls, place: Place | None) -> tuple[Mapping[str, float], ...]:
+        """Return values with which a diagnosis begins its search, one search each; it scales what is left out.
+
+        `place` is where the effect would sit; None for a change of the robot itself.
+        """
+        del place
+        return ({},)
 
 
 class _LawEffect(Effect):

@@ -8,6 +8,7 @@ interrupted.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 
@@ -56,7 +57,11 @@ class NotTrustworthy(RobidError):
 
 
 class NotIdentifiable(NotTrustworthy):
-    """The data cannot see a parameter; the message names it."""
+    """The data cannot see a parameter; the message names it, and `names` where a program asks."""
+
+    def __init__(self, message: str, names: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.names = tuple(names)
 
 
 class StoreError(RobidError):

@@ -26,6 +26,7 @@ def addition_of(hit: Hit, search: Search, label: str) -> Addition:
     rows = {row.name: row for row in candidate.effect.parameters}
     free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
     free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
+    free |= {row.name for row in candidate.effect.parameters if row.unit == "1" and row.default > 0}
     whole = search.motion.whole(candidate, values)
     least = SMALL * float(np.linalg.norm(whole))
     if candidate.place is None:

@@ -25,9 +25,9 @@ from robid_core import (
 from robid_core.residual import BoundEffect, effect_names, place_in
 
 LABEL = "candidate"
-ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 9.0, 10.0, 12.0, 16.0, 18.0, 20.0, 24.0)
+ORDERS = (*(float(order) for order in range(1, 17)), 18.0, 20.0, 24.0)
 SPEEDS = (0.15, 0.5)  # of the rms speed
-GAPS = (0.1, 0.4, 1.0)  # of the deflection that is hardly exceeded, both ways
+GAPS = (0.01, 0.04, 0.15, 0.5)  # of the deflection that is hardly exceeded, both ways
 WAYS = (0.01, 0.1, 1.0)  # of the rms position: until a law with memory slides
 LIMITS = (0.7, 0.85, 0.95)  # of the largest signal
 TIMES = (0.5, 2.0)  # samples
@@ -100,13 +100,19 @@ def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str
 
 
 def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
-    """Where an effect may sit in a robot; friction on one side only, which the data hardly tell from the others."""
+    """Where an effect may sit in a robot.
+
+    Friction on one side only, which the data hardly tell from the others; where it has a memory, in the gear as well:
+    there it is hysteresis of what winds up.
+    """
     if issubclass(effect, SignalEffect):
         yield from (Spot(on, channel) for channel in effect.channels for on in robot.axis_names)
     elif issubclass(effect, ForceEffect):
         first: str = effect.sides[0]
         springs = [side for side in effect.sides if side in BOTH_SPRINGS]
-        for side in springs if first in BOTH_SPRINGS else [first]:
+        if first not in BOTH_SPRINGS:
+            springs = [effect.sides[0], *(s for s in springs if s == "gear" and effect.n_state)]
+        for side in springs:
             for on in robot.structure.bearings if side == "bearing" else robot.axis_names:
                 yield Spot(on, side)
 
@@ -116,13 +122,19 @@ def place_at(robot: Robot, spot: Spot) -> Place | None:
     return place_in(robot, LABEL, spot.on, spot.side)
 
 
-def grid(effect: type[Effect], linear: Sequence[str], scales: Scales) -> list[dict[str, float]]:
-    """Values to begin from: products of those of each parameter in which the law is not linear."""
+def grid(
+    effect: type[Effect], linear: Sequence[str], scales: Scales, start: Mapping[str, float] | None = None
+) -> list[dict[str, float]]:
+    """Values to begin from: products of those of each parameter in which the law is not linear, and of no start."""
     rows = effect.parameters
     wave = {"order", "phase"} <= {row.name for row in rows}
     linear = [row.name for row in rows if row.name not in ("order", "phase")] if wave else linear
     levels = [row for row in rows if row.unit == "N m" and row.name not in linear]
-    choices = [_choices(row, row.name in linear, levels, scales) for row in rows]
+    told = start or {}
+    choices = [
+        [told[row.name]] if row.name in told else _choices(row, row.name in linear, levels, scales)
+        for row in rows
+    ]
     names = [row.name for row in rows]
     return [dict(zip(names, values, strict=True)) for values in itertools.product(*choices)]
 

@@ -103,7 +103,8 @@ class Motion:
         first = Candidate(use, spot, effect, probe, place)
         linear = _linear_names(first)
         shape = shape_of(effect, linear)
-        values = grid(effect, linear, self.scales(place, effect))
+        scales = self.scales(place, effect)
+        values = [one for start in effect.starts(place) for one in grid(effect, linear, scales, start)]
         return [Candidate(use, spot, effect, one, place, shape) for one in values]
 
     def whole(self, candidate: Candidate, values: Mapping[str, float]) -> FloatArray:

@@ -27,8 +27,9 @@ from robid_core import (
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.hypothesis import Case
 from robid_diagnosis.results import errors_of, finding_of, model_of, unknown_of, values_of
-from robid_diagnosis.selection import DOUBTFUL, Outcome, Selection
-from robid_diagnosis.wording import asked_line, finding_line, silent_line, timing_lines
+from robid_diagnosis.selection import Outcome, Selection
+from robid_diagnosis.trials import DOUBTFUL
+from robid_diagnosis.wording import asked_line, errors_line, finding_line, silent_line, timing_lines
 
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
@@ -131,6 +132,8 @@ class Effects(DiagnosisStage):
             f"Misfit {outcome.base.misfit:.3g} with all values refitted"
             + (f", {final.misfit:.3g} with what was found." if outcome.steps else ".")
         )
+        errors, gain = errors_of(records, robot, outcome, context.generator)
+        lines.append(errors_line(errors, gain))
         if final.misfit > DOUBTFUL:
             lines.append(f"Left unexplained: misfit {final.misfit:.3g}.")
         failed = tuple(
@@ -143,7 +146,7 @@ class Effects(DiagnosisStage):
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),
             findings=findings,
-            errors=errors_of(records, robot, outcome, context.generator),
+            errors=errors,
             values=values_of(final),
             search=SearchRecord(
                 outcome.searches[0].n_tried, outcome.searches[0].trials, tried, excluded, failed

@@ -46,6 +46,11 @@ class Addition:
         """Of the free parameters, as the robot has them."""
         return tuple(f"effect.{self.label}.{name}" for name in self.free)
 
+    def holding(self, names: Sequence[str]) -> Addition:
+        """Return it with some of these parameters held, given as the robot has them."""
+        kept = (free for free, name in zip(self.free, self.names, strict=True) if name not in names)
+        return replace(self, free=tuple(kept))
+
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
@@ -54,6 +59,8 @@ class Hypothesis:
     additions: tuple[Addition, ...] = ()
     widened: tuple[str, ...] = ()
     """Parameters whose prior is given up."""
+    held: tuple[str, ...] = ()
+    """Parameters of the told robot that stay as they are: data do not tell them beside the additions."""
 
     def with_addition(self, addition: Addition) -> Hypothesis:
         """Return it with an effect more."""
@@ -67,6 +74,12 @@ class Hypothesis:
         """Return it without the effect, or the wider priors, of some parameters."""
         kept = tuple(one for one in self.additions if not set(one.names) & set(names))
         return Hypothesis(kept, tuple(name for name in self.widened if name not in names))
+
+    def holding(self, names: Sequence[str]) -> Hypothesis:
+        """Return it with some parameters held."""
+        additions = tuple(one.holding(names) for one in self.additions)
+        own = {name for one in self.additions for name in one.names}
+        return replace(self, additions=additions, held=(*self.held, *(n for n in names if n not in own)))
 
     def robot(self, told: Robot) -> Robot:
         """Return the robot with all effects."""
@@ -166,7 +179,7 @@ class Case:
         robot = hypothesis.robot(self.told)
         known = list(robot.layout)
         patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
-        names = chosen_names(known, patterns)
+        names = tuple(name for name in chosen_names(known, patterns) if name not in hypothesis.held)
         priors = {
             **{pattern: deviation for pattern, deviation in PRIORS.items() if fnmatch.filter(names, pattern)},
             **self.priors,

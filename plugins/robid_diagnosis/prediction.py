@@ -31,7 +31,8 @@ from robid_core import (
 )
 from robid_core.residual import prescribe_record
 from robid_diagnosis.closed_loop import identified, relative_error
-from robid_diagnosis.intervals import intervals, over_axes, relative_errors, sums_of_blocks
+from robid_diagnosis.intervals import intervals, relative_errors, sums_of_blocks
+from robid_diagnosis.wording import errors_line
 
 REFERENCES = ("position_reference", "speed_reference")
 STILL = 1e-3  # of travel at the joint, rad or m: an axis that goes less hardly moves
@@ -97,7 +98,7 @@ class Prediction(DiagnosisStage):
                 rows, gain = self._compared(quantity, symbol, measured, dict(zip(models, predicted, strict=True)),
                                             still, record, context)  # fmt: skip
                 errors += rows
-                verdict.append(_sentence(rows, gain))
+                verdict.append(errors_line(rows, gain))
         if seen and len(models) > 1:
             verdict.append(
                 "The record has no experiments of the role test: if the fit saw it, this is no prediction."
@@ -205,27 +206,3 @@ def _held_out(record: Record) -> tuple[Record, bool]:
 def _flat(parts: Sequence[FloatArray]) -> list[FloatArray]:
     """Lanes of each run one after another, shape (n_value, n_axis) each."""
     return [part.reshape(-1, part.shape[-1]) for part in parts]
-
-
-def _sentence(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
-    """Say how far off the models are, what the last gains, and where it is worst."""
-    first, last = models[0], models[-1]
-    whole = [float(over_axes(one.relative)) for one in models]
-    shares = ", ".join(
-        f"{100 * share:.3g} % with the {one.model}" for one, share in zip(models, whole, strict=True)
-    )
-    text = f"{first.quantity.capitalize()}, rms over the axes: {shares}"
-    if len(models) > 1 and whole[-1] > 0:
-        text += f" ({_plain(whole[0] / whole[-1])} times better"
-        text += f", 95 % interval {_plain(gain[0])} to {_plain(gain[1])})" if np.isfinite(gain).all() else ")"
-    worst = int(np.argmax(np.nan_to_num(last.relative)))
-    text += f"; worst on {last.axis_names[worst]}, {last.rms[worst]:.3g} {last.unit_symbol} rms."
-    resting = [name for name, still in zip(last.axis_names, last.still, strict=True) if still]
-    if resting:
-        text += f" {', '.join(resting)} hardly moved: percentages there say little."
-    return text
-
-
-def _plain(value: float) -> str:
-    """Three digits, large numbers written out."""
-    return f"{float(f'{value:.3g}'):.15g}"

@@ -18,9 +18,10 @@ from robid_core import (
     Robot,
 )
 from robid_core.residual import estimated_robot
+from robid_diagnosis.held_out import held_out_residuals
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.intervals import intervals, relative_errors
-from robid_diagnosis.selection import LEAST, NAMED, Outcome, Step
+from robid_diagnosis.selection import Outcome, Step, least_gain
 
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
 STILL = 1e-3  # of travel at the joint, rad or m
@@ -64,7 +65,7 @@ def finding_of(robot: Robot, final: Fitted, step: Step) -> Finding:
 def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     """What no effect explains and free functions of some variable would."""
     left = outcome.left
-    least = LEAST * max(1.0, outcome.final.misfit) + NAMED * sum(step.gain for step in outcome.steps)
+    least = least_gain(outcome.final.misfit, [step.gain for step in outcome.steps])
     if left is None or left.gain <= least:
         return ()
     none = np.empty(0)
@@ -92,8 +93,11 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
 
 def errors_of(
     records: Sequence[Record], robot: Robot, outcome: Outcome, generator: np.random.Generator
-) -> tuple[PredictionErrors, ...]:
-    """Torque that each model leaves, of that which was measured; experiments are drawn again for intervals."""
+) -> tuple[tuple[PredictionErrors, ...], FloatArray]:
+    """Torque that each model leaves in data that were left out of its fit, and what the last gains, an interval (2,).
+
+    Experiments are drawn again for the intervals.
+    """
     models = {"robot file, values refitted": outcome.base, "extended robot": outcome.final}
     if not outcome.steps:
         models.popitem()
@@ -102,17 +106,16 @@ def errors_of(
     still = np.concatenate(travels).max(axis=0) < STILL
     error, power = [], None
     for fitted in models.values():
-        residuals = fitted.problem.residuals(fitted.point)
-        error.append(_sums(residuals))
+        error.append(_sums(held_out_residuals(fitted)))
         power = _sums([block.motion.torque_spectrum for block in fitted.problem.blocks])
     assert power is not None
     errors = np.stack(error)
     found = intervals(errors, power, generator)
     relative = relative_errors(errors.sum(axis=1), power.sum(axis=0))
-    return tuple(
+    rows = tuple(
         PredictionErrors(
             model=name,
-            quantity="torque that the model leaves, all bins but the mean",
+            quantity="torque that the model leaves in configurations left out of its fit, all bins but the mean",
             unit_symbol=records[0].runs[0].channel("motor_torque").unit_symbol,
             axis_names=robot.axis_names,
             rms=np.sqrt(2 * errors[m].mean(axis=0)),
@@ -123,6 +126,7 @@ def errors_of(
         )
         for m, name in enumerate(models)
     )
+    return rows, found.gain
 
 
 def _sums(spectra: Sequence[ComplexArray]) -> FloatArray:

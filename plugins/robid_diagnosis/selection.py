@@ -13,27 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid_core import FloatArray, RobidError
-from robid_diagnosis.additions import addition_of, is_fixed, label_of
+from robid_diagnosis.additions import is_fixed
 from robid_diagnosis.ceilings import Ceiling, ceilings
 from robid_diagnosis.columns import Motion
-from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.pictures import Picture, picture_of
 from robid_diagnosis.projection import Projection
 from robid_diagnosis.search import Failure, Found, Hit, Search
-from robid_diagnosis.values import PRICE, ValueHit, value_hits
+from robid_diagnosis.trials import DOUBTFUL, WRONG, Rival, Trial, Trials, alike, key_of, total
+from robid_diagnosis.values import ValueHit, value_hits
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 LEAST = 30.0  # of twice the log-likelihood: what gains less is not named
 NAMED = 1e-3  # of what was named before: three percent of an effect left over is no effect
+NAMED_AT_LEAST = 1e-2, 100.0  # likewise: ten percent, of what was named and up to a gain
 RIVALS = 4  # candidates that are fitted in turn
 SAME = 2  # places of one effect that are looked at closer
-LUCK = 4.0  # a rival is not fitted that would have to keep more than this times what the others kept of their promise
 NEAR = 0.3  # of the largest gain: rivals gain at least that
-CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
-WRONG = 2.0  # misfit: above, something lacks, and a fit need not go on to its last digit
-DOUBTFUL = 1.1  # misfit: above, something is left to explain
 
 Progress = Callable[[float, float, str], None]
 
@@ -75,19 +73,6 @@ class Outcome:
     """One for each step, and the last that found nothing."""
     left: Ceiling | None
     """The free functions that would still gain most, where the misfit is doubtful."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    fitted: Fitted
-    gain: float
-    hit: Hit | ValueHit
-    addition: Addition | None
-
-    @property
-    def worth(self) -> float:
-        """What the fit gains, less what as many numbers gain by chance."""
-        return self.gain - PRICE * self.hit.freedom
 
 
 class Selection:
@@ -149,10 +134,12 @@ class Selection:
         before: Sequence[Step],
     ) -> tuple[Fitted, Step] | None:
         """Return the best hypothesis that has one cause more, where there is one."""
-        least = LEAST * max(1.0, current.misfit) + NAMED * sum(step.gain for step in before)
+        least = least_gain(current.misfit, [step.gain for step in before])
         values = value_hits(current.problem, current.point, current.about)
-        rivals = self._rivals(search, found, values, before, least)
-        trials = self._trials(current, search, rivals, least)
+        rivals, others = self._rivals(search, found, values, before, least)
+        fits = Trials(self.case, current, search, least, self.progress)
+        trials = fits.run(rivals, others)
+        self.failures += fits.failures
         for trial in trials:
             step = self._judged(trial, trials, search, found, groups, len(values))
             if step is not None and not step.share < PART:
@@ -163,8 +150,8 @@ class Selection:
 
     def _rivals(
         self, search: Search, found: Found, values: Sequence[ValueHit], before: Sequence[Step], least: float
-    ) -> list[Hit | ValueHit]:
-        """Return what is worth a fit of its own, shapes refined, the most promising first."""
+    ) -> tuple[list[Rival], list[Rival]]:
+        """Return what is worth a fit of its own, shapes refined, the most promising first; and what promises less."""
         known = {(step.use, step.on, step.side) for step in before}
         named = {name for step in before for name in step.names}
         hits = [hit for hit in found.hits if hit.candidate.key not in known]
@@ -175,46 +162,15 @@ class Selection:
             for hit in values
             if np.exp(hit.log_p) < chance and hit.gain > least and not named & set(hit.names)
         ]
-        rivals: list[Hit | ValueHit] = [
+        rivals: list[Rival] = [
             search.refined(hit, as_it_is=is_fixed(hit, search)) for hit in _varied(significant)
         ]
         rivals += wrong[:RIVALS]
         rivals.sort(key=lambda hit: hit.worth, reverse=True)
-        most = max((_total(hit) for hit in rivals), default=0.0)
-        near = [hit for hit in rivals if _total(hit) > NEAR * most or hit is rivals[0]][:RIVALS]
-        return near + [hit for hit in rivals if hit not in near and _alike(hit, rivals[0])]
-
-    def _trials(
-        self, current: Fitted, search: Search, rivals: Sequence[Hit | ValueHit], least: float
-    ) -> list[_Trial]:
-        """Fit one rival after the other, the best of them to the end; return those that gain, the best first."""
-        trials, reach = list[_Trial](), 0.0
-        for hit in rivals:
-            most = max((trial.gain for trial in trials), default=0.0)
-            if _total(hit) * reach * LUCK < most and not _alike(hit, rivals[0]):
-                continue
-            trial = self._trial(current, hit, search)
-            if trial is not None and trial.gain > least:
-                trials.append(trial)
-                reach = max(reach, trial.gain / _total(hit))
-        return self._settled(trials, current)
-
-    def _settled(self, trials: Sequence[_Trial], current: Fitted) -> list[_Trial]:
-        """Fit those that gain nearly as much as the best to the end, and return all, the best first."""
-        most = max((trial.gain for trial in trials), default=0.0)
-        found = []
-        for trial in trials:
-            if trial.gain <= CLOSE * most:
-                found.append(trial)
-                continue
-            try:
-                fitted = self.case.fit(trial.fitted.hypothesis, self.progress, begin=trial.fitted)
-            except RobidError as error:
-                self.failures.append(Failure(*_key(trial.hit), str(error)))
-                continue
-            gain = current.cost(current.about) - fitted.cost(current.about)
-            found.append(replace(trial, fitted=fitted, gain=gain))
-        return sorted(found, key=lambda trial: trial.worth, reverse=True)
+        most = max((total(hit) for hit in rivals), default=0.0)
+        near = [hit for hit in rivals if total(hit) > NEAR * most or hit is rivals[0]][:RIVALS]
+        near += [hit for hit in rivals if hit not in near and alike(hit, rivals[0])]
+        return near, [hit for hit in rivals if hit not in near]
 
     def _without_the_needless(self, current: Fitted, steps: list[Step]) -> tuple[Fitted, list[Step]]:
         """Drop what was accepted before and what the last cause explains as well."""
@@ -231,34 +187,19 @@ class Selection:
                 return self._without_the_needless(fitted, rest)
         return current, steps
 
-    def _trial(self, current: Fitted, hit: Hit | ValueHit, search: Search) -> _Trial | None:
-        """Fit the robot with one cause more; none where the engine cannot."""
-        addition = None
-        if isinstance(hit, ValueHit):
-            hypothesis = current.hypothesis.with_widened(hit.names)
-        try:
-            if isinstance(hit, Hit):
-                addition = addition_of(hit, search, label_of(hit, current.hypothesis))
-                hypothesis = current.hypothesis.with_addition(addition)
-            delay = hit.columns.delay if isinstance(hit, Hit) else None
-            fitted = self.case.fit(hypothesis, self.progress, current, delay, roughly=True)
-        except RobidError as error:
-            self.failures.append(Failure(*_key(hit), str(error)))
-            return None
-        gain = current.cost(current.about) - fitted.cost(current.about)
-        return _Trial(fitted, gain, hit, addition)
-
     def _judged(
         self,
-        trial: _Trial,
-        trials: Sequence[_Trial],
+        trial: Trial,
+        trials: Sequence[Trial],
         search: Search,
         found: Found,
         groups: Sequence[Sequence[int]],
         n_value: int,
     ) -> Step | None:
         """Return the step that a trial is, none where held-out data do not agree."""
-        ties = [_key(other.hit) for other in trials if other is not trial and other.worth > trial.worth - TIE]
+        ties = [
+            key_of(other.hit) for other in trials if other is not trial and other.worth > trial.worth - TIE
+        ]
         if isinstance(trial.hit, ValueHit):
             hit, nothing = trial.hit, np.full(len(groups), np.nan)
             p_value = float(min(1.0, n_value * np.exp(hit.log_p)))
@@ -296,7 +237,7 @@ class Selection:
             self._share(trial, search),
         )
 
-    def _share(self, trial: _Trial, search: Search) -> float:
+    def _share(self, trial: Trial, search: Search) -> float:
         """Gain over that of the best free functions at the axis; at all axes, where the robot itself is changed."""
         assert isinstance(trial.hit, Hit)
         place = trial.hit.candidate.place
@@ -322,6 +263,13 @@ class Selection:
         return projection, groups
 
 
+def least_gain(misfit: float, named: Sequence[float]) -> float:
+    """What a cause must gain, of twice the log-likelihood, beside others whose laws may be a little off."""
+    known = sum(named)
+    share, at_most = NAMED_AT_LEAST
+    return LEAST * max(1.0, misfit) + max(NAMED * known, min(share * known, at_most))
+
+
 def _varied(hits: Sequence[Hit]) -> list[Hit]:
     """Return the best hits, of one effect only its best places: near the truth its own kind crowds others out."""
     found: list[Hit] = []
@@ -329,18 +277,4 @@ def _varied(hits: Sequence[Hit]) -> list[Hit]:
         if sum(one.candidate.use == hit.candidate.use for one in found) < SAME:
             found.append(hit)
     kept = found[: 2 * RIVALS]
-    return kept + [hit for hit in found if hit not in kept and any(_alike(hit, one) for one in kept)]
-
-
-def _alike(one: Hit | ValueHit, other: Hit | ValueHit) -> bool:
-    """Whether two change the robot at one place: springs that were refitted hide which of them it is."""
-    changes = all(isinstance(hit, Hit) and hit.candidate.place is None for hit in (one, other))
-    return changes and _key(one)[1] == _key(other)[1]
-
-
-def _total(hit: Hit | ValueHit) -> float:
-    return hit.gain if isinstance(hit, ValueHit) else hit.gain.total
-
-
-def _key(hit: Hit | ValueHit) -> tuple[str, str | None, str | None]:
-    return (hit.kind, hit.on, None) if isinstance(hit, ValueHit) else hit.candidate.key
+    return kept + [hit for hit in found if hit not in kept and any(alike(hit, one) for one in kept)]

@@ -37,7 +37,7 @@ def structure_candidates(
         Of the record's bins.
     """
     for on in _spots(robot, effect):
-        for start in effect.starts:
+        for start in effect.starts(None):
             values = {row.name: row.default for row in effect.parameters} | dict(start)
             candidate = Candidate(use, Spot(on, ""), effect, values, None, _springs(effect))
             try:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import Finding, FloatArray
+from robid_core import Finding, FloatArray, PredictionErrors
+from robid_diagnosis.intervals import over_axes
 
 LATE = 0.1  # of a sample: a delay that is told
 SURE = 5.0  # standard errors from zero: likewise
@@ -61,6 +62,34 @@ def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful
             return "Of the axes none has an effect of its own."
         return "Nothing significant: the told model with fitted values explains these data."
     return f"{', '.join(silent)}: nothing significant." if silent else ""
+
+
+def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
+    """Say how far off the models are, what the last gains with its interval, (2,), and where it is worst."""
+    first, last = models[0], models[-1]
+    whole = [float(over_axes(one.relative)) for one in models]
+    shares = ", ".join(
+        f"{100 * share:.3g} % with the {one.model}" for one, share in zip(models, whole, strict=True)
+    )
+    text = f"{first.quantity.capitalize()}, rms over the axes: {shares}"
+    if len(models) > 1 and whole[-1] > 0:
+        text += f" ({three_digits(whole[0] / whole[-1])} times better"
+        text += (
+            f", 95 % interval {three_digits(gain[0])} to {three_digits(gain[1])})"
+            if np.isfinite(gain).all()
+            else ")"
+        )
+    worst = int(np.argmax(np.nan_to_num(last.relative)))
+    text += f"; worst on {last.axis_names[worst]}, {last.rms[worst]:.3g} {last.unit_symbol} rms."
+    resting = [name for name, still in zip(last.axis_names, last.still, strict=True) if still]
+    if resting:
+        text += f" {', '.join(resting)} hardly moved: percentages there say little."
+    return text
+
+
+def three_digits(value: float) -> str:
+    """Large numbers written out."""
+    return f"{float(f'{value:.3g}'):.15g}"
 
 
 def asked_line(use: str, on: str | None, side: str | None, gain: float, p_value: float) -> str:

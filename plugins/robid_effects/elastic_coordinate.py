@@ -8,9 +8,11 @@ own axis it would be in series with the gear: there the gear's stiffness is the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
+from robid_core import ConfigurationError, FloatArray, Parameter, Place, Robot, StructureEffect
 from robid_effects.bodies import body_index, with_sections
 
 
@@ -26,11 +28,12 @@ class ElasticCoordinate(StructureEffect):
         Parameter("stiffness", "N m/rad", 1e5, 1e-3, 1e12, "of the spring"),
         Parameter("damping", "N m s/rad", 50.0, 0.0, 1e9, "of the damper beside it"),
     )
-    starts = (
-        {"axis_x": 1.0, "axis_y": 0.0, "axis_z": 0.0},
-        {"axis_x": 0.0, "axis_y": 1.0, "axis_z": 0.0},
-        {"axis_x": 0.0, "axis_y": 0.0, "axis_z": 1.0},
-    )
+
+    @classmethod
+    def starts(cls, place: Place | None) -> tuple[Mapping[str, float], ...]:
+        """About each axis of the joint's frame."""
+        del place
+        return tuple(dict(zip(("axis_x", "axis_y", "axis_z"), axis, strict=True)) for axis in np.eye(3))
 
     @classmethod
     def apply(cls, robot: Robot, parameters: FloatArray, on: str | None, label: str) -> Robot:

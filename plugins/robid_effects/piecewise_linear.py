@@ -18,6 +18,8 @@ shorter piece beside them; the torque there is off by a quarter of that times th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
@@ -74,6 +76,14 @@ class PiecewiseLinear(ForceEffect):
             "Harmonic Drive, torsion angle of an HFUC-32-100-2UH at 60 N m: 7.15e-4 rad; where the file's spring is 0",
         ),
     )
+
+    @classmethod
+    def starts(cls, place: Place | None) -> tuple[Mapping[str, float], ...]:
+        """Near the linear spring that it stands for, softer where it begins to wind."""
+        if place is None:
+            return ({},)
+        shares = {"stiffness_1": 0.8, "stiffness_2": 1.0, "stiffness_3": 1.05}
+        return ({name: share * place.stiffness for name, share in shares.items()},)
 
     @classmethod
     def arguments(cls, parameters: FloatArray, place: Place) -> FloatArray:

@@ -9,10 +9,11 @@ same matrix transposed; the simulator and the linear model take both from R. Two
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
-from robid_core import ConfigurationError, FloatArray, Parameter, Robot, StructureEffect
+from robid_core import ConfigurationError, FloatArray, Parameter, Place, Robot, StructureEffect
 
 MOST_AXES = 9  # of robots whose couplings a diagnosis searches
 SLIGHT = 1e-6
@@ -29,7 +30,12 @@ class CoupledAxes(StructureEffect):
             "from_motor", "1", 1.0, 1.0, 99.0, "number of the other motor, the robot's first axis is 1"
         ),
     )
-    starts = tuple({"from_motor": float(motor), "ratio": SLIGHT} for motor in range(1, MOST_AXES + 1))
+
+    @classmethod
+    def starts(cls, place: Place | None) -> tuple[Mapping[str, float], ...]:
+        """From each motor that there may be, slightly: then the torque is linear in the ratio."""
+        del place
+        return tuple({"from_motor": float(motor), "ratio": SLIGHT} for motor in range(1, MOST_AXES + 1))
 
     @classmethod
     def apply(cls, robot: Robot, parameters: FloatArray, on: str | None, label: str) -> Robot:

@@ -30,6 +30,8 @@ from robid_core.robot.file.parameter_places import MOMENTS
 
 SMALLEST_SHARE = 1e-6  # of the largest second moment: below it a body counts as flat, and stays so
 
+INSIDE = 2e-3  # of coordinates: a difference may still be taken beside a bound
+
 
 @dataclass(frozen=True, eq=False)
 class FreeParameters:
@@ -94,13 +96,28 @@ class FreeParameters:
 
     @property
     def lower(self) -> FloatArray:
-        """Smallest coordinates, shape (n,)."""
-        return np.full(len(self.names), -LARGEST_CHANGE)
+        """Smallest coordinates, shape (n,): as far as anything changes, and within the tables of effects."""
+        return np.maximum(-LARGEST_CHANGE, np.minimum(self._ends(0) + INSIDE, 0.0))
 
     @property
     def upper(self) -> FloatArray:
         """Largest coordinates, shape (n,)."""
-        return np.full(len(self.names), LARGEST_CHANGE)
+        return np.minimum(LARGEST_CHANGE, np.maximum(self._ends(1) - INSIDE, 0.0))
+
+    def _ends(self, end: int) -> FloatArray:
+        """Coordinates of the lower or the upper bounds in the tables of effects, infinite elsewhere, shape (n,)."""
+        found = np.full(len(self.names), (-np.inf, np.inf)[end])
+        layout = self.robot.layout
+        for i, (name, kind, start) in enumerate(zip(self.names, self.kinds, self.start, strict=True)):
+            row = layout[name].row
+            if row is None:
+                continue
+            bound = (row.lower, row.upper)[end]
+            if kind != LOGARITHM:
+                found[i] = (bound - start) / self.scale[i]
+            elif bound > 0:
+                found[i] = np.log(bound / start)
+        return found
 
     def values(self, point: FloatArray) -> dict[str, float]:
         """Return the parameters at a vector of coordinates, in their own units."""

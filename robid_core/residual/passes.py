@@ -142,7 +142,7 @@ def solve(
         elif settled:
             break
         if number + 1 < passes:
-            point = history.next_point(about.whole)
+            point = _within(problem, history.next_point(about.whole))
     progress(passes + 1, passes + 1, "")
     assert about is not None
     covariance = _covariance(problem, point, about) + np.outer(last, last)
@@ -182,6 +182,12 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
             before = left
             block.improve_initial_state(robot, residual, whitener)
             block.renew(problem.free, coordinates)
+
+
+def _within(problem: TorqueProblem, point: FloatArray) -> FloatArray:
+    """Return the point with the parameters within their bounds."""
+    free = np.clip(point[: problem.n_free], problem.free.lower, problem.free.upper)
+    return np.concatenate((free, point[problem.n_free :]))
 
 
 def _renew_signals(problem: TorqueProblem, point: FloatArray) -> None:

@@ -56,7 +56,9 @@ class Visibility:
         more = f" and {len(blind) - MOST_NAMES} more" if len(blind) > MOST_NAMES else ""
         raise NotIdentifiable(
             f"the data do not tell {named}{more}: hold what cannot be seen (fixed: [{self.names[blind[0]]}]), give it "
-            "a prior, or measure configurations that show it; of an effect whose size starts at zero nothing else shows"
+            "a prior, or measure configurations that show it; of an effect whose size starts at zero nothing else "
+            "shows",
+            [self.names[i] for i in blind],
         )
 
 

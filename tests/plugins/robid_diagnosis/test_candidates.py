@@ -56,7 +56,7 @@ def test_shapes_are_scaled_by_the_motion() -> None:
     assert [one["stribeck_speed"] for one in stribeck] == [1.5, 5.0]
     assert {one["speed"] for one in stribeck} == {0.7}
     gaps = [one["gap"] for one in grid(load("transmission.backlash"), (), SCALES)]
-    assert gaps == pytest.approx([2e-4, 8e-4, 2e-3])
+    assert gaps == pytest.approx([2e-5, 8e-5, 3e-4, 1e-3])
     assert [one["order"] for one in grid(load("drive.cogging"), ("amplitude",), SCALES)] == list(ORDERS)
     dahl = grid(load("friction.dahl"), (), SCALES)
     assert {one["coulomb"] for one in dahl} == {0.4}

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from robid_core import ConfigurationError, FreeParameters, Robot, chosen_names
+from robid_core.residual import effect_class
 
 SIX = Robot.load("six_axis")
 NAMES = list(SIX.layout)
@@ -88,3 +89,21 @@ def test_the_jacobian_is_the_derivative_of_the_values() -> None:
     ahead, behind = (np.array(list(free.values(point + s * h * way).values())) for s in (1, -1))
     # Central differences: third derivatives times h^2 / 6, 1e-10 of the value.
     np.testing.assert_allclose(free.jacobian(point) @ way, (ahead - behind) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+def test_parameters_of_effects_stay_within_their_tables() -> None:
+    """A sharpness of at least one and a share of at most one; what begins at a bound may only leave it inwards."""
+    robot = Robot.load("one_axis").with_effect(
+        "worn", "transmission.bouc_wen", "axis_1", values={"sharpness": 1.5, "share": 0.5}
+    )
+    names = ["effect.worn.sharpness", "effect.worn.share", "gear_stiffness.axis_1"]
+    free = FreeParameters.of_robot(robot, names)
+    for end in (free.lower, free.upper):
+        free.robot_at(end)  # the description checks every bound
+    rows = {row.name: row for row in effect_class("transmission.bouc_wen").parameters}
+    lowest, highest = free.values(free.lower), free.values(free.upper)
+    assert lowest[names[0]] == pytest.approx(rows["sharpness"].lower, rel=0.01)
+    assert highest[names[1]] == pytest.approx(rows["share"].upper, rel=0.01)
+    assert highest[names[2]] > 10 * robot.parameter(names[2])
+    at_end = FreeParameters.of_robot(robot.with_parameters({names[0]: rows["sharpness"].lower}), names)
+    assert at_end.lower[0] == 0.0

@@ -1,0 +1,200 @@
+"""Rivals put into the robot and fitted, all unknowns with them: what a search promises, the fits keep or not.
+
+A few passes compare the most promising; those that come near to the best are fitted to the end. Where even the best
+leaves much, the search saw the laws from too far away: then rivals that promised less have their turn, and the best are
+fitted from every start that the search knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from robid_core import NotIdentifiable, RobidError
+from robid_diagnosis.additions import addition_of, label_of
+from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.search import Failure, Hit, Search
+from robid_diagnosis.values import PRICE, ValueHit
+
+LUCK = 4.0  # a rival is not fitted that would have to keep more than this times what the others kept of their promise
+LITTLE_LUCK = 1.5  # likewise, where another one has left no more than noise
+CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
+DOUBTFUL = 1.1  # misfit: above, something is left to explain
+WRONG = 2.0  # misfit: above, something lacks, and a fit need not go on to its last digit
+MUCH = 0.05  # of the misfit's excess: what more is left was not explained
+PROMISING = 0.1  # likewise, after a few passes
+AGAIN = 2  # trials that are fitted from other starts
+STARTS = 4  # of each
+ROUNDS = 4  # of passes
+SLOW = 0.8  # of the misfit: a round that leaves more is the last
+BLIND = 3  # parameters, one after the other, that data do not tell beside a new cause, and that are held
+
+Rival = Hit | ValueHit
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A rival that was fitted."""
+
+    fitted: Fitted
+    gain: float
+    """Of twice the log-likelihood."""
+    hit: Rival
+    addition: Addition | None
+
+    @property
+    def worth(self) -> float:
+        """What the fit gains, less what as many numbers gain by chance."""
+        return self.gain - PRICE * self.hit.freedom
+
+
+class Trials:
+    """Fits of rivals beside one fitted hypothesis."""
+
+    def __init__(
+        self,
+        case: Case,
+        current: Fitted,
+        search: Search,
+        least: float,
+        progress: Callable[[float, float, str], None],
+    ) -> None:
+        self.case, self.current, self.search, self.least = case, current, search, least
+        self.progress = progress
+        self.failures: list[Failure] = []
+
+    def run(self, rivals: Sequence[Rival], others: Sequence[Rival]) -> list[Trial]:
+        """Return the rivals that gain, the best first; `others` have their turn where these leave much."""
+        trials = self._settled(self._each(rivals, []))
+        if self._leaves_much(trials):
+            trials = self._settled(self._each(others, trials))
+        if self._leaves_much(trials):
+            shaped = [hit for hit in (*rivals, *others) if isinstance(hit, Hit) and hit.candidate.shape]
+            for hit in sorted(shaped, key=total, reverse=True)[:AGAIN]:
+                trials = self._restarted(hit, trials)
+                if not self._leaves_much(trials):
+                    break
+        return trials
+
+    def _each(self, rivals: Sequence[Rival], trials: list[Trial]) -> list[Trial]:
+        """Fit one after the other, but for those that cannot overtake the best."""
+        found, reach = list(trials), max((trial.gain / total(trial.hit) for trial in trials), default=0.0)
+        for hit in rivals:
+            best = max(found, key=lambda trial: trial.gain, default=None)
+            luck = LUCK if best is None or best.fitted.misfit > DOUBTFUL else LITTLE_LUCK
+            if best is not None and total(hit) * reach * luck < best.gain and not alike(hit, rivals[0]):
+                continue
+            trial = self._trial(hit)
+            if trial is not None and trial.gain > self.least:
+                found.append(trial)
+                reach = max(reach, trial.gain / total(hit))
+        return found
+
+    def _leaves_much(self, trials: Sequence[Trial], much: float = MUCH) -> bool:
+        """Whether the best leaves more than noise and a small part of what there was to explain."""
+        if not trials:
+            return self.current.misfit > WRONG
+        left = trials[0].fitted.misfit
+        return left > WRONG and left - 1 > much * (self.current.misfit - 1)
+
+    def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Fit those that gain nearly as much as the best to the end, and return all, the best first."""
+        most = max((trial.gain for trial in trials), default=0.0)
+        found = []
+        for trial in trials:
+            if trial.gain <= CLOSE * most or trial.fitted.solution.converged:
+                found.append(trial)
+                continue
+            try:
+                found.append(self._to_the_end(trial))
+            except RobidError as error:
+                self.failures.append(Failure(*key_of(trial.hit), str(error)))
+        return sorted(found, key=lambda trial: -trial.worth)
+
+    def _to_the_end(self, trial: Trial) -> Trial:
+        """Fit until passes end by themselves, or gain no more: over a gap the way is long."""
+        for _ in range(ROUNDS):
+            before = trial.fitted
+            fitted = self.case.fit(before.hypothesis, self.progress, begin=before)
+            trial = self._of(fitted, trial.hit)
+            if fitted.solution.converged or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:
+                break
+        return trial
+
+    def _restarted(self, hit: Hit, trials: list[Trial]) -> list[Trial]:
+        """Fit from all values of the search's grid, from here and from the told robot: a gap has many minima."""
+        best: Trial | None = None
+        for start, begin in self._starts(hit):
+            trial = self._fitted(start, begin, roughly=True)
+            if trial is not None and trial.gain > max(self.least, best.gain if best else 0.0):
+                best = trial
+                if not self._leaves_much([best], PROMISING):
+                    break
+        if best is None or any(key_of(one.hit) == key_of(hit) and one.gain > best.gain for one in trials):
+            return trials
+        rest = [trial for trial in trials if key_of(trial.hit) != key_of(hit)]
+        return self._settled([*rest, best])
+
+    def _starts(self, hit: Hit) -> Iterator[tuple[Hit, Fitted | None]]:
+        """Hits of one law at one place, the orders of waves the best first, all else from small to large."""
+        candidates = self.search.motion.candidates(hit.candidate.use)
+        hits = [self.search.hit(one, {}) for one in candidates if one.key == hit.candidate.key]
+        hits = [one for one in hits if one.gain.freedom]
+        if hit.columns.paired:
+            hits.sort(key=lambda one: -one.gain.total)
+        for one in hits[:STARTS]:
+            yield one, self.current
+            yield one, None
+
+    def _trial(self, hit: Rival) -> Trial | None:
+        """Fit the robot with one cause more in a few passes; none where the engine cannot."""
+        return self._fitted(hit, self.current, roughly=True)
+
+    def _fitted(self, hit: Rival, begin: Fitted | None, *, roughly: bool) -> Trial | None:
+        before, delay = self.current.hypothesis, None
+        try:
+            if isinstance(hit, ValueHit):
+                hypothesis = before.with_widened(hit.names)
+            else:
+                hypothesis = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
+                delay = None if begin is None else hit.columns.delay
+            for _ in range(BLIND):
+                try:
+                    return self._of(
+                        self.case.fit(hypothesis, self.progress, begin, delay, roughly=roughly), hit
+                    )
+                except NotIdentifiable as error:
+                    hypothesis = _holding(hypothesis, error)
+        except RobidError as error:
+            self.failures.append(Failure(*key_of(hit), str(error)))
+        return None
+
+    def _of(self, fitted: Fitted, hit: Rival) -> Trial:
+        gain = self.current.cost(self.current.about) - fitted.cost(self.current.about)
+        return Trial(
+            fitted, gain, hit, None if isinstance(hit, ValueHit) else fitted.hypothesis.additions[-1]
+        )
+
+
+def _holding(hypothesis: Hypothesis, error: NotIdentifiable) -> Hypothesis:
+    """Return the hypothesis with what data do not tell held where it is; raises the error where that is no way out."""
+    held = hypothesis.holding(error.names)
+    if not error.names or (held.additions and not held.additions[-1].free):
+        raise error
+    return held
+
+
+def alike(one: Rival, other: Rival) -> bool:
+    """Whether two change the robot at one place: springs that were refitted hide which of them it is."""
+    changes = all(isinstance(hit, Hit) and hit.candidate.place is None for hit in (one, other))
+    return changes and key_of(one)[1] == key_of(other)[1]
+
+
+def total(hit: Rival) -> float:
+    """What a rival promises, in twice the log-likelihood."""
+    return hit.gain if isinstance(hit, ValueHit) else hit.gain.total
+
+
+def key_of(hit: Rival) -> tuple[str, str | None, str | None]:
+    """Effect or kind of value, and place."""
+    return (hit.kind, hit.on, None) if isinstance(hit, ValueHit) else hit.candidate.key
