@@ -12,7 +12,7 @@ _HOME = {
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
-        "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "TimeComparison",
+        "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "TimeComparison", "VisibleSize",
         "Truth", "array", "frozen", "mean_travel",
     ),
     "robid_core.stage": (
@@ -77,6 +77,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         SearchRecord as SearchRecord,
         TimeComparison as TimeComparison,
         Truth as Truth,
+        VisibleSize as VisibleSize,
         array as array,
         frozen as frozen,
         mean_travel as mean_travel,

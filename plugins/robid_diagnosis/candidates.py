@@ -102,7 +102,7 @@ def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str
 def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
     """Where an effect may sit in a robot.
 
-    Friction on one side only, which the data hardly tell from the others; where it has a memory, in the gear as well:
+    Friction on one side only, which the data hardly tell from the others; where bristles bend, in the gear as well:
     there it is hysteresis of what winds up.
     """
     if issubclass(effect, SignalEffect):
@@ -111,7 +111,8 @@ def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
         first: str = effect.sides[0]
         springs = [side for side in effect.sides if side in BOTH_SPRINGS]
         if first not in BOTH_SPRINGS:
-            springs = [effect.sides[0], *(s for s in springs if s == "gear" and effect.n_state)]
+            bristles = effect.n_state and any(row.unit == "N m/rad" for row in effect.parameters)
+            springs = [effect.sides[0], *(s for s in springs if s == "gear" and bristles)]
         for side in springs:
             for on in robot.structure.bearings if side == "bearing" else robot.axis_names:
                 yield Spot(on, side)

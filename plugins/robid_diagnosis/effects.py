@@ -149,7 +149,12 @@ class Effects(DiagnosisStage):
             errors=errors,
             values=values_of(final),
             search=SearchRecord(
-                outcome.searches[0].n_tried, outcome.searches[0].trials, tried, excluded, failed
+                outcome.searches[0].n_tried,
+                outcome.searches[0].trials,
+                tried,
+                excluded,
+                failed,
+                outcome.visible,
             ),
             model=model_of(robot, selection.case, final),
         )

@@ -21,6 +21,7 @@ from robid_diagnosis.columns import WHOLE, Columns, Motion
 from robid_diagnosis.projection import Gain, Projection, Rows
 from robid_diagnosis.sums import Sums
 from robid_diagnosis.values import PRICE
+from robid_diagnosis.visible import Power, power_of
 
 DRAWS = 100
 BLIND = 1e-4  # of a law's square that the fit's unknowns cannot do: its torque is not computed better
@@ -79,6 +80,8 @@ class Found:
     """Candidates with their values."""
     tried: tuple[str, ...]
     """Effects of which there were any."""
+    powers: Mapping[tuple[str, str, str], Sequence[Power]]
+    """What every candidate would gain by its size."""
 
     def p_value(self, hit: Hit) -> float:
         """p-value after the search."""
@@ -100,6 +103,7 @@ class Search:
         """Try every effect at every place; those of `places` at these only."""
         best: dict[tuple[str, str | None, str | None], Hit] = {}
         smallest, failures, n_tried, tried = np.zeros(DRAWS), list[Failure](), 0, dict[str, None]()
+        powers: dict[tuple[str, str, str], list[Power]] = {}
         for number, use in enumerate(uses):
             progress(number, len(uses), f"trying {use}")
             try:
@@ -117,16 +121,19 @@ class Search:
                 except (RobidError, ArithmeticError, ValueError) as error:
                     failures.append(Failure(*candidate.key, f"{type(error).__name__}: {error}"))
                     continue
+                matrix, _ = self.projection.normal(hit.sums)
+                power = power_of(candidate, hit.columns, matrix, BLIND)
+                powers.setdefault(candidate.key, []).append(power)
                 if not hit.gain.freedom:
                     continue
-                smallest = np.minimum(smallest, self._by_chance(hit))
+                smallest = np.minimum(smallest, self._by_chance(hit, matrix))
                 known = best.get(candidate.key)
                 if known is None or hit.gain.total > known.gain.total:
                     best[candidate.key] = hit
         hits = sorted(best.values(), key=lambda one: one.worth, reverse=True)
         rate = -np.log1p(-np.exp(np.minimum(smallest, -1e-12))).mean()
         trials = float(max(1.0, 1.0 / rate)) if rate > 0 else 1.0
-        return Found(tuple(hits), tuple(failures), trials, n_tried, tuple(tried))
+        return Found(tuple(hits), tuple(failures), trials, n_tried, tuple(tried), powers)
 
     def hit(self, candidate: Candidate, values: dict[str, float]) -> Hit:
         """Evaluate one candidate at a shape."""
@@ -192,10 +199,9 @@ class Search:
         drawn = self.generator.standard_normal((len(rows), DRAWS))
         return drawn, rows.T @ drawn
 
-    def _by_chance(self, hit: Hit) -> FloatArray:
+    def _by_chance(self, hit: Hit, matrix: FloatArray) -> FloatArray:
         """Logarithm of the p-value that noise gives a candidate in each draw, (DRAWS,)."""
         drawn, taken = self._noise
-        matrix, _ = self.projection.normal(hit.sums)
         chosen = list(hit.gain.chosen)
         slope = hit.columns.rows[chosen] @ drawn - hit.sums.cross.sum(axis=0)[:, chosen].T @ taken
         inverse = np.linalg.pinv(matrix[np.ix_(chosen, chosen)], hermitian=True)

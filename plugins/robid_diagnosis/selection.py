@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid_core import FloatArray, RobidError
-from robid_diagnosis.additions import is_fixed
+from robid_core import FloatArray, RobidError, VisibleSize
+from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.ceilings import Ceiling, ceilings
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
@@ -22,6 +22,7 @@ from robid_diagnosis.projection import Projection
 from robid_diagnosis.search import Failure, Found, Hit, Search
 from robid_diagnosis.trials import DOUBTFUL, WRONG, Rival, Trial, Trials, alike, key_of, total
 from robid_diagnosis.values import ValueHit, value_hits
+from robid_diagnosis.visible import visible_sizes
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 LEAST = 30.0  # of twice the log-likelihood: what gains less is not named
@@ -73,6 +74,8 @@ class Outcome:
     """One for each step, and the last that found nothing."""
     left: Ceiling | None
     """The free functions that would still gain most, where the misfit is doubtful."""
+    visible: tuple[VisibleSize, ...]
+    """What the last search would have found."""
 
 
 class Selection:
@@ -114,7 +117,13 @@ class Selection:
         if current.misfit > DOUBTFUL:
             axes = tuple(range(self.case.told.n_axis))
             left = ceilings(search.motion, projection, axes)[0]
-        return Outcome(base, current, tuple(steps), tuple(searches), left)
+        visible = visible_sizes(
+            found.powers,
+            lambda one: scaled_parameters(search.hit(one, {}), search),
+            least_gain(current.misfit, [step.gain for step in steps]),
+            LEVEL / found.trials,
+        )
+        return Outcome(base, current, tuple(steps), tuple(searches), left, visible)
 
     def _refitted(self) -> Fitted:
         """Fit all that the told robot has; not to the end where that cannot be the answer."""

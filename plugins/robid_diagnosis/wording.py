@@ -60,8 +60,15 @@ def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful
             return "No effect that was tried explains what the refitted model leaves."
         if findings:
             return "Of the axes none has an effect of its own."
-        return "Nothing significant: the told model with fitted values explains these data."
-    return f"{', '.join(silent)}: nothing significant." if silent else ""
+        return (
+            "Nothing significant: the told model with fitted values explains these data; "
+            "what would have been seen: the table on the page."
+        )
+    return (
+        f"{', '.join(silent)}: nothing significant; what would have been seen: the table on the page."
+        if silent
+        else ""
+    )
 
 
 def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:

@@ -38,6 +38,7 @@ from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
 from robid_report.prediction import error_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
+from robid_report.visible import visible_table
 
 LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "python-can", "canopen", "plotly")
 
@@ -221,6 +222,7 @@ class HtmlReport(ReportStage):
             "responding": responding.method if responding is not None and responding is not fit else "",
             "misfit": misfit_section(fit),
             "errors": error_sections(diagnosis),
+            "visible": visible_table(diagnosis),
             "response": response is not None,
             "fitted": response is not None and response["model"] is not None,
             "configurations": angles_as_text(robot, angle) if angle is not None else [],

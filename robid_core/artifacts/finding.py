@@ -56,11 +56,30 @@ SEEN = 9.0  # of twice the log-likelihood: three standard errors
 
 
 @dataclass(frozen=True, eq=False)
+class VisibleSize(Artifact):
+    """The smallest size of an effect at a place that a search would have found in nine of ten such records.
+
+    `size` of `parameter` in `unit_symbol`; of a spring that gives way where the model is stiff, the largest stiffness.
+    """
+
+    effect: str
+    on: str
+    side: str
+    parameter: str
+    unit_symbol: str
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
 class SearchRecord(Artifact):
-    """What a diagnosis tried: `trials` independent ones by their p-values; `failed` with the reason of each."""
+    """What a diagnosis tried: `trials` independent ones by their p-values; `failed` with the reason of each.
+
+    `visible` is what it would have found.
+    """
 
     n_tried: int
     trials: float
     effects: tuple[str, ...]
     excluded: tuple[str, ...]
     failed: tuple[str, ...]
+    visible: tuple[VisibleSize, ...] = ()

@@ -3,7 +3,8 @@
 Fields: `verdict` (sentences), `robot` (name and hash of the one that was told), `findings` (kind, effect, axis, side,
 parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
 after the search, share of the gain of free functions, ties, gain in each configuration and where held out), `values`
-(all that was estimated), `errors` (torque that each model leaves), `searched` (how many, which, excluded, failed).
+(all that was estimated), `errors` (torque that each model leaves), `searched` (how many, which, excluded, failed,
+smallest sizes that would have been found).
 Numbers that do not exist are null.
 """
 
@@ -59,6 +60,17 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
             "effects": list(search.effects),
             "excluded": list(search.excluded),
             "failed": list(search.failed),
+            "visible": [
+                {
+                    "effect": one.effect,
+                    "on": one.on,
+                    "side": one.side or None,
+                    "parameter": one.parameter,
+                    "size": _number(one.size),
+                    "unit": one.unit_symbol,
+                }
+                for one in search.visible
+            ],
         },
     }
     return json.dumps(told, indent=1, allow_nan=False) + "\n"

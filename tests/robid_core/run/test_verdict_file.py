@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import Diagnosis, Finding, SearchRecord
+from robid_core import Diagnosis, Finding, SearchRecord, VisibleSize
 from robid_core.run.verdict_file import verdict_json
 
 GAINS = np.array([40.0, 3.0, np.nan])
@@ -25,7 +25,10 @@ def finding(**changes: Any) -> Finding:
 
 
 def test_what_is_told_stands_in_the_file() -> None:
-    search = SearchRecord(145, 61.0, ("friction.stribeck",), ("load.payload",), ("drive.saturation: no",))
+    visible = (VisibleSize("friction.stribeck", "axis_2", "motor", "breakaway", "N m", 0.02),)
+    search = SearchRecord(
+        145, 61.0, ("friction.stribeck",), ("load.payload",), ("drive.saturation: no",), visible
+    )
     diagnosis = Diagnosis("effects", "First line.\nSecond.", findings=(finding(),), search=search)
     told = json.loads(verdict_json(diagnosis, "arm.yaml", "abc"))
     assert told["robid_verdict"] == 1
@@ -39,6 +42,13 @@ def test_what_is_told_stands_in_the_file() -> None:
     assert size["interval"] == pytest.approx([0.3 - 0.0196, 0.3 + 0.0196])
     assert told["searched"]["tried"] == 145
     assert told["searched"]["failed"] == ["drive.saturation: no"]
+    (least,) = told["searched"]["visible"]
+    assert (least["on"], least["parameter"], least["size"], least["unit"]) == (
+        "axis_2",
+        "breakaway",
+        0.02,
+        "N m",
+    )
     assert (told["values"], told["errors"]) == ([], [])
 
 

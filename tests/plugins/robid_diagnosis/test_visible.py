@@ -1,0 +1,69 @@
+"""Smallest visible sizes: what they are for laws of known power, and that hidden laws of such sizes are found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robid_core import Robot
+from robid_core.residual import effect_class
+from robid_diagnosis.candidates import Candidate, Spot, place_at
+from robid_diagnosis.columns import WHOLE, Columns
+from robid_diagnosis.visible import NINE_OF_TEN, power_of, threshold, visible_sizes
+
+NEEDED = (np.sqrt(100.0) + NINE_OF_TEN) ** 2
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("one_axis")
+
+
+def candidate(robot: Robot, use: str, side: str, **values: float) -> Candidate:
+    effect, spot = effect_class(use), Spot("axis_1", side)
+    told = {row.name: row.default for row in effect.parameters} | values
+    return Candidate(use, spot, effect, told, place_at(robot, spot), ("gap",) if "gap" in values else ())
+
+
+def test_a_linear_size_is_seen_where_its_square_times_the_power_is_needed(robot: Robot) -> None:
+    """Of two shapes the worse one counts; a parameter that the fit can do itself is not told."""
+    generator = np.random.default_rng(1)
+    own = candidate(robot, "friction.stribeck", "motor")
+    powers = []
+    for factor in (1.0, 0.5):
+        rows = factor * generator.standard_normal((2, 50))
+        rows /= np.linalg.norm(rows, axis=1, keepdims=True) / factor
+        columns = Columns(rows, ("breakaway", "coulomb"), (0.0, 0.0), (True, True))
+        powers.append(power_of(own, columns, np.diag([factor**2, 1e-9]), 1e-4))
+    (found,) = visible_sizes({own.key: powers}, lambda one: (), 100.0, 1.0)
+    assert (found.effect, found.parameter, found.unit_symbol) == ("friction.stribeck", "breakaway", "N m")
+    assert found.size == pytest.approx(np.sqrt(NEEDED) / 0.5)
+
+
+def test_a_wave_is_seen_at_its_worst_phase(robot: Robot) -> None:
+    own = candidate(robot, "drive.cogging", "torque")
+    columns = Columns(np.eye(2), ("amplitude", "amplitude"), (0.0, np.pi / 2), (False, False))
+    power = power_of(own, columns, np.diag([1.0, 0.25]), 1e-4)
+    (found,) = visible_sizes({own.key: [power]}, lambda one: (), 100.0, 1.0)
+    assert found.size == pytest.approx(np.sqrt(NEEDED / 0.25))
+
+
+def test_a_gap_is_seen_from_where_its_power_is_enough(robot: Robot) -> None:
+    """Power that grows with the square of the gap: needed at the gap where it says so, exactly."""
+    gaps = np.array([1e-5, 1e-4, 1e-3])
+    powers = []
+    for gap in gaps:
+        own = candidate(robot, "transmission.backlash", "gear", gap=gap)
+        rows = np.full((1, 1), 1e6 * gap)
+        powers.append(power_of(own, Columns(rows, (WHOLE,), (0.0,), (True,)), rows**2, 1e-4))
+    (found,) = visible_sizes({own.key: powers}, lambda one: (), 100.0, 1.0)
+    assert found.size == pytest.approx(np.sqrt(NEEDED) / 1e6)
+
+
+@pytest.mark.parametrize("falling", [False, True])
+def test_what_is_seen_everywhere_or_nowhere(falling: bool) -> None:
+    values, powers = np.array([1.0, 10.0]), np.array([50.0, 5000.0])
+    powers = powers[::-1] if falling else powers
+    assert threshold(values, powers, 10.0, falling) == pytest.approx(10.0 if falling else 1.0)
+    assert np.isnan(threshold(values, powers, 1e4, falling))
+    assert threshold(values, powers, 500.0, falling) == pytest.approx(10**0.5)
