@@ -13,11 +13,14 @@ from robid_core import ComplexArray, FloatArray
 from robid_core.residual import Weighting
 from robid_diagnosis.hypothesis import Fitted
 
+FAR = 0.5  # of a parameter, in natural scales: a step that goes farther is no step of Gauss and Newton
 
-def held_out_residuals(fitted: Fitted) -> list[ComplexArray]:
+
+def held_out_residuals(fitted: Fitted) -> list[ComplexArray] | None:
     """Measured less predicted torque of each block, N m, (n_config, n_exp, n_bin, n_axis), as if it was not fitted.
 
-    Configurations are left out; experiments, where there is but one.
+    Configurations are left out; experiments, where there is but one. None where the rest would be fitted so differently
+    that one step does not tell it.
     """
     problem, about = fitted.problem, fitted.about
     weighted = problem.weighted(fitted.point, about.weights)
@@ -29,14 +32,16 @@ def held_out_residuals(fitted: Fitted) -> list[ComplexArray]:
             rows = about.rows[group].reshape(*residual.shape, -1)
             parts = range(len(residual)) if alone else [slice(None)]
             for part in parts:
-                left[c, part] = left_out(rows[part], residual[part], about.whole)
+                left[c, part], step = left_out(rows[part], residual[part], about.whole)
+                if (np.abs(step[: problem.n_free]) > FAR).any():
+                    return None
             group += 1
         found.append(unweighted(weighting, left))
     return found
 
 
-def left_out(rows: FloatArray, residual: FloatArray, whole: FloatArray) -> FloatArray:
-    """Residual of some rows as if they were not fitted.
+def left_out(rows: FloatArray, residual: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual of some rows as if they were not fitted, and how the unknowns move back, (n_unknown,).
 
     Parameters
     ----------
@@ -48,9 +53,9 @@ def left_out(rows: FloatArray, residual: FloatArray, whole: FloatArray) -> Float
         Precision matrix there, (n_unknown, n_unknown).
     """
     flat = rows.reshape(-1, rows.shape[-1])
-    step = np.linalg.solve(whole - flat.T @ flat, flat.T @ residual.ravel())
+    step = np.asarray(np.linalg.solve(whole - flat.T @ flat, flat.T @ residual.ravel()), dtype=np.float64)
     grown: FloatArray = residual + rows @ step
-    return grown
+    return grown, step
 
 
 def unweighted(weighting: Weighting, rows: FloatArray) -> ComplexArray:

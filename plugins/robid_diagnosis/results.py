@@ -96,7 +96,8 @@ def errors_of(
 ) -> tuple[tuple[PredictionErrors, ...], FloatArray]:
     """Torque that each model leaves in data that were left out of its fit, and what the last gains, an interval (2,).
 
-    Experiments are drawn again for the intervals.
+    In the data of its fit, where one model would be another without some of them. Experiments are drawn again for the
+    intervals.
     """
     models = {"robot file, values refitted": outcome.base, "extended robot": outcome.final}
     if not outcome.steps:
@@ -104,18 +105,19 @@ def errors_of(
     runs = [run for record in records for run in record.runs]
     travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in runs]
     still = np.concatenate(travels).max(axis=0) < STILL
-    error, power = [], None
-    for fitted in models.values():
-        error.append(_sums(held_out_residuals(fitted)))
-        power = _sums([block.motion.torque_spectrum for block in fitted.problem.blocks])
-    assert power is not None
-    errors = np.stack(error)
+    held_out = [held_out_residuals(fitted) for fitted in models.values()]
+    known: list[list[ComplexArray]] = [one for one in held_out if one is not None]
+    where = "configurations left out of its fit"
+    if len(known) < len(models):
+        known, where = [one.problem.residuals(one.point) for one in models.values()], "the data of its fit"
+    power = _sums([block.motion.torque_spectrum for block in outcome.base.problem.blocks])
+    errors = np.stack([_sums(one) for one in known])
     found = intervals(errors, power, generator)
     relative = relative_errors(errors.sum(axis=1), power.sum(axis=0))
     rows = tuple(
         PredictionErrors(
             model=name,
-            quantity="torque that the model leaves in configurations left out of its fit, all bins but the mean",
+            quantity=f"torque that the model leaves in {where}, all bins but the mean",
             unit_symbol=records[0].runs[0].channel("motor_torque").unit_symbol,
             axis_names=robot.axis_names,
             rms=np.sqrt(2 * errors[m].mean(axis=0)),

@@ -21,7 +21,7 @@ LITTLE_LUCK = 1.5  # likewise, where another one has left no more than noise
 CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
 DOUBTFUL = 1.1  # misfit: above, something is left to explain
 WRONG = 2.0  # misfit: above, something lacks, and a fit need not go on to its last digit
-MUCH = 0.05  # of the misfit's excess: what more is left was not explained
+MUCH = 0.01  # of the misfit's excess: what more is left was not explained
 PROMISING = 0.1  # likewise, after a few passes
 AGAIN = 2  # trials that are fitted from other starts
 STARTS = 4  # of each
@@ -69,7 +69,11 @@ class Trials:
         if self._leaves_much(trials):
             trials = self._settled(self._each(others, trials))
         if self._leaves_much(trials):
-            shaped = [hit for hit in (*rivals, *others) if isinstance(hit, Hit) and hit.candidate.shape]
+            shaped = [
+                hit
+                for hit in (*rivals, *others)
+                if isinstance(hit, Hit) and hit.candidate.shape and hit.candidate.place is not None
+            ]
             for hit in sorted(shaped, key=total, reverse=True)[:AGAIN]:
                 trials = self._restarted(hit, trials)
                 if not self._leaves_much(trials):

@@ -19,7 +19,9 @@ def test_data_left_out_are_predicted_by_a_fit_without_them() -> None:
         kept = np.setdiff1d(np.arange(60), np.arange(60)[out])
         size = np.linalg.solve(rows[kept].T @ rows[kept] + prior, rows[kept].T @ measured[kept])
         expected = measured[out] - rows[out] @ size
-        np.testing.assert_allclose(left_out(rows[out], residual[out], whole), expected, atol=1e-12)
+        left, step = left_out(rows[out], residual[out], whole)
+        np.testing.assert_allclose(left, expected, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.solve(whole, rows.T @ measured) - step, size, atol=1e-12)
 
 
 def test_weights_come_off_again() -> None:
