@@ -88,7 +88,7 @@ class Trials:
             luck = LUCK if best is None or best.fitted.misfit > DOUBTFUL else LITTLE_LUCK
             if best is not None and total(hit) * reach * luck < best.gain and not alike(hit, rivals[0]):
                 continue
-            trial = self._trial(hit)
+            trial = self._fitted(hit, self.current)
             if trial is not None and trial.gain > self.least:
                 found.append(trial)
                 reach = max(reach, trial.gain / total(hit))
@@ -129,7 +129,7 @@ class Trials:
         """Fit from all values of the search's grid, from here and from the told robot: a gap has many minima."""
         best: Trial | None = None
         for start, begin in self._starts(hit):
-            trial = self._fitted(start, begin, roughly=True)
+            trial = self._fitted(start, begin)
             if trial is not None and trial.gain > max(self.least, best.gain if best else 0.0):
                 best = trial
                 if not self._leaves_much([best], PROMISING):
@@ -150,11 +150,8 @@ class Trials:
             yield one, self.current
             yield one, None
 
-    def _trial(self, hit: Rival) -> Trial | None:
-        """Fit the robot with one cause more in a few passes; none where the engine cannot."""
-        return self._fitted(hit, self.current, roughly=True)
-
-    def _fitted(self, hit: Rival, begin: Fitted | None, *, roughly: bool) -> Trial | None:
+    def _fitted(self, hit: Rival, begin: Fitted | None) -> Trial | None:
+        """Fit the robot with one cause more in a few passes; none where the engine cannot, which is noted."""
         before, delay = self.current.hypothesis, None
         try:
             if isinstance(hit, ValueHit):
@@ -162,12 +159,13 @@ class Trials:
             else:
                 hypothesis = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
                 delay = None if begin is None else hit.columns.delay
-            for _ in range(BLIND):
+            for left in reversed(range(BLIND)):
                 try:
-                    return self._of(
-                        self.case.fit(hypothesis, self.progress, begin, delay, roughly=roughly), hit
-                    )
+                    fitted = self.case.fit(hypothesis, self.progress, begin, delay, roughly=True)
+                    return self._of(fitted, hit)
                 except NotIdentifiable as error:
+                    if not left:
+                        raise
                     hypothesis = _holding(hypothesis, error)
         except RobidError as error:
             self.failures.append(Failure(*key_of(hit), str(error)))
