@@ -40,7 +40,11 @@ class Trial:
     gain: float
     """Of twice the log-likelihood."""
     hit: Rival
-    addition: Addition | None
+
+    @property
+    def addition(self) -> Addition | None:
+        """The effect that was put into the robot; None where a prior was given up."""
+        return None if isinstance(self.hit, ValueHit) else self.fitted.hypothesis.additions[-1]
 
     @property
     def worth(self) -> float:
@@ -173,9 +177,7 @@ class Trials:
 
     def _of(self, fitted: Fitted, hit: Rival) -> Trial:
         gain = self.current.cost(self.current.about) - fitted.cost(self.current.about)
-        return Trial(
-            fitted, gain, hit, None if isinstance(hit, ValueHit) else fitted.hypothesis.additions[-1]
-        )
+        return Trial(fitted, gain, hit)
 
 
 def _holding(hypothesis: Hypothesis, error: NotIdentifiable) -> Hypothesis:

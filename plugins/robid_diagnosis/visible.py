@@ -25,7 +25,6 @@ class Power:
     """What is left of the columns of one candidate's parameters, at the values with which it was tried."""
 
     candidate: Candidate
-    values: Mapping[str, float]
     of: Mapping[str, float]
     """Gain per square of each parameter in its unit; of `*` for the law as it is."""
 
@@ -49,7 +48,7 @@ def power_of(candidate: Candidate, columns: Columns, matrix: FloatArray, blind: 
         square = float((columns.rows[rows] ** 2).sum(axis=1).min())
         if least > blind * square:
             found[name] = least
-    return Power(candidate, candidate.values, found)
+    return Power(candidate, found)
 
 
 def visible_sizes(
@@ -94,10 +93,10 @@ def _sizes(
         names = sorted(scaled(first), key=lambda one: units[one] != "N m")
         shape = first.shape
         if names:
-            told = np.array([power.values[names[0]] for power in powers])
+            told = np.array([power.candidate.values[names[0]] for power in powers])
             yield names[0], float((told * np.sqrt(needed / each)).max())
         elif shape and len(powers) > 1:
-            told = np.array([power.values[shape[0]] for power in powers])
+            told = np.array([power.candidate.values[shape[0]] for power in powers])
             falling = first.place is None or units[shape[0]] == "N m"  # springs that give way, limits
             size = threshold(told, each, needed, falling)
             if np.isfinite(size):

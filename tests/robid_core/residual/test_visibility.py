@@ -57,8 +57,9 @@ def test_shares_are_those_of_the_whole_inverse(robot: Robot) -> None:
     assert f"{seen.rank} of 5 directions" in str(seen)
     with pytest.raises(
         NotIdentifiable, match=r"do not tell effect.cog.phase: hold .*fixed: \[effect.cog.phase\]"
-    ):
+    ) as refused:
         seen.check(np.ones(5, dtype=bool))
+    assert refused.value.names == ("effect.cog.phase",)
     seen.check(np.arange(5) != 3)
 
 
