@@ -12,8 +12,8 @@ _HOME = {
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
-        "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "TimeComparison", "VisibleSize",
-        "Truth", "array", "frozen", "mean_travel",
+        "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "SeparatingExperiment",
+        "TimeComparison", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -75,6 +75,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Report as Report,
         ResponseComparison as ResponseComparison,
         SearchRecord as SearchRecord,
+        SeparatingExperiment as SeparatingExperiment,
         TimeComparison as TimeComparison,
         Truth as Truth,
         VisibleSize as VisibleSize,

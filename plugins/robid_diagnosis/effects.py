@@ -20,16 +20,26 @@ from robid_core import (
     DataRejected,
     Diagnosis,
     DiagnosisStage,
+    Model,
     Record,
     Robot,
     SearchRecord,
+    SeparatingExperiment,
 )
 from robid_diagnosis.candidates import catalogue
-from robid_diagnosis.hypothesis import Case
+from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.results import errors_of, finding_of, model_of, unknown_of, values_of
-from robid_diagnosis.selection import Outcome, Selection
+from robid_diagnosis.selection import Outcome, Selection, Step
+from robid_diagnosis.separation import separation
 from robid_diagnosis.trials import DOUBTFUL
-from robid_diagnosis.wording import asked_line, errors_line, finding_line, silent_line, timing_lines
+from robid_diagnosis.wording import (
+    asked_line,
+    errors_line,
+    finding_line,
+    separation_line,
+    silent_line,
+    timing_lines,
+)
 
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
@@ -62,6 +72,8 @@ class Effects(DiagnosisStage):
     """Prescribed motions of a fit at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
+    separate: bool = True
+    """Whether the experiment that tells tied causes apart is looked for, by simulation."""
 
     sees_test: ClassVar[bool] = False
 
@@ -115,10 +127,18 @@ class Effects(DiagnosisStage):
     ) -> Diagnosis:
         final = outcome.final
         problem = final.problem
-        findings = tuple(finding_of(robot, final, step) for step in outcome.steps)
+        model = model_of(robot, selection.case, final)
+        findings = tuple(
+            finding_of(robot, final, step, self._separation(step, selection.case, final, model, context))
+            for step in outcome.steps
+        )
         findings += unknown_of(outcome)
         n_config = sum(len(block.motion.angle) for block in problem.blocks)
-        lines = [finding_line(finding, n_config) for finding in findings]
+        lines = [
+            line
+            for finding in findings
+            for line in (finding_line(finding, n_config), separation_line(finding))
+        ]
         deviation = np.sqrt(np.diag(final.solution.covariance))[-problem.n_delay :]
         delay = problem.delay(final.point)
         lines += timing_lines(robot.axis_names, delay, deviation, problem.blocks[0].motion.sample_time_s)
@@ -156,8 +176,17 @@ class Effects(DiagnosisStage):
                 failed,
                 outcome.visible,
             ),
-            model=model_of(robot, selection.case, final),
+            model=model,
         )
+
+    def _separation(
+        self, step: Step, case: Case, final: Fitted, model: Model, context: Context
+    ) -> SeparatingExperiment | None:
+        """Return the experiment that tells a cause from its ties."""
+        if not (self.separate and step.rivals):
+            return None
+        (generator,) = context.generator.spawn(1)  # what is drawn afterwards stays as it is
+        return separation(case, Robot.of_model(model), final, step, generator, context.progress)
 
 
 def _check(records: Sequence[Record], robot: Robot) -> None:

@@ -163,6 +163,29 @@ class Case:
         size = problem.friction_size(fitted.point)[: len(laws.odd)]
         return replace(self, friction_speed=laws.width_of(size, speed))
 
+    def problem(self, hypothesis: Hypothesis, records: tuple[Record, ...]) -> TorqueProblem:
+        """What a hypothesis has to explain in some records, its unknowns as they are for any others."""
+        robot = hypothesis.robot(self.told)
+        known = list(robot.layout)
+        patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
+        names = tuple(name for name in chosen_names(known, patterns) if name not in hypothesis.held)
+        priors = {
+            **{pattern: deviation for pattern, deviation in PRIORS.items() if fnmatch.filter(names, pattern)},
+            **self.priors,
+            **dict.fromkeys(hypothesis.widened, DROPPED),
+        }
+        width = self.friction_speed
+        return torque_problem(
+            records,
+            robot,
+            names,
+            priors,
+            lambda told, _: SpeedFunctions.near(width if width is not None else told.drives.friction_speed),
+            discard=self.discard,
+            highest_hz=self.highest_hz,
+            each_delay=True,
+        )
+
     def fit(
         self,
         hypothesis: Hypothesis,
@@ -176,26 +199,7 @@ class Case:
 
         `roughly`: in few passes, enough to compare it with others.
         """
-        robot = hypothesis.robot(self.told)
-        known = list(robot.layout)
-        patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
-        names = tuple(name for name in chosen_names(known, patterns) if name not in hypothesis.held)
-        priors = {
-            **{pattern: deviation for pattern, deviation in PRIORS.items() if fnmatch.filter(names, pattern)},
-            **self.priors,
-            **dict.fromkeys(hypothesis.widened, DROPPED),
-        }
-        width = self.friction_speed
-        problem = torque_problem(
-            self.records,
-            robot,
-            names,
-            priors,
-            lambda told, _: SpeedFunctions.near(width if width is not None else told.drives.friction_speed),
-            discard=self.discard,
-            highest_hz=self.highest_hz,
-            each_delay=True,
-        )
+        problem = self.problem(hypothesis, self.records)
         point = None if begin is None else _carried(begin, problem)
         if point is not None and delay is not None:
             point[-problem.n_delay :] -= delay

@@ -16,19 +16,23 @@ from robid_core import (
     PredictionErrors,
     Record,
     Robot,
+    SeparatingExperiment,
 )
 from robid_core.residual import estimated_robot
 from robid_diagnosis.held_out import held_out_residuals
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.intervals import intervals, relative_errors
 from robid_diagnosis.selection import Outcome, Step, least_gain
+from robid_diagnosis.wording import place_text
 
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
 STILL = 1e-3  # of travel at the joint, rad or m
 
 
-def finding_of(robot: Robot, final: Fitted, step: Step) -> Finding:
-    """Return a cause that was accepted, with the values that the last fit gives it."""
+def finding_of(
+    robot: Robot, final: Fitted, step: Step, separation: SeparatingExperiment | None = None
+) -> Finding:
+    """Return a cause that was accepted, with the values that the last fit gives it, and what tells it from its ties."""
     names = step.names
     estimates = [final.estimate(name) for name in names]
     told = [robot.parameter(name) if name in robot.layout else float("nan") for name in names]
@@ -52,13 +56,14 @@ def finding_of(robot: Robot, final: Fitted, step: Step) -> Finding:
         gain=step.gain,
         p_value=step.p_value,
         share=step.share,
-        ties=tuple(f"{use} at {on}" + (f" ({side})" if side else "") for use, on, side in step.ties),
+        ties=tuple(place_text(*tie) for tie in step.ties),
         by_configuration=step.by_configuration,
         held_out=step.held_out,
         variable=picture.variable if picture else "",
         abscissa=picture.abscissa if picture else None,
         residual=picture.residual if picture else None,
         explained=picture.explained if picture else None,
+        separation=separation,
     )
 
 

@@ -60,6 +60,8 @@ class Step:
     """Effects and places that explain the data as well."""
     share: float
     """Gain over that of the best free functions at the axis; NaN where there are none."""
+    rivals: tuple[Trial, ...] = ()
+    """How these were fitted."""
     picture: Picture | None = None
 
 
@@ -206,9 +208,8 @@ class Selection:
         n_value: int,
     ) -> Step | None:
         """Return the step that a trial is, none where held-out data do not agree."""
-        ties = [
-            key_of(other.hit) for other in trials if other is not trial and other.worth > trial.worth - TIE
-        ]
+        near = [other for other in trials if other is not trial and other.worth > trial.worth - TIE]
+        ties = [key_of(other.hit) for other in near]
         if isinstance(trial.hit, ValueHit):
             hit, nothing = trial.hit, np.full(len(groups), np.nan)
             p_value = float(min(1.0, n_value * np.exp(hit.log_p)))
@@ -224,6 +225,7 @@ class Selection:
                 nothing,
                 tuple(ties),
                 float("nan"),
+                tuple(near),
             )
         assert trial.addition is not None
         projection, whole = search.projection, trial.hit
@@ -244,6 +246,7 @@ class Selection:
             projection.by_group(whole.sums, whole.gain, groups),
             tuple(ties),
             self._share(trial, search),
+            tuple(near),
         )
 
     def _share(self, trial: Trial, search: Search) -> float:

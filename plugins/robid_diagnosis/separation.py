@@ -1,0 +1,176 @@
+"""The next experiment that tells a cause from what explains the data as well.
+
+Every proposed experiment is simulated with the robot that was found, its motion prescribed to that robot and to its
+rivals, and the torques compared in standard deviations of noise and model error. What the unknowns of a hypothesis can
+take up of the difference does not count (`expected_ratio.py`). The pair's smaller ratio counts, since either may be
+right; of several rivals the one that is told worst.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid_core import ComplexArray, FloatArray, Record, RobidError, Robot, SeparatingExperiment
+from robid_core.residual import Linearisation, TorqueProblem, linearise_at
+from robid_diagnosis.expected_ratio import expected_ratio
+from robid_diagnosis.hypothesis import Case, Fitted
+from robid_diagnosis.proposals import Proposals, proposals
+from robid_diagnosis.selection import Step
+from robid_diagnosis.trials import Trial
+from robid_diagnosis.values import ValueHit
+from robid_diagnosis.wording import gravity_text, place_text
+
+MOST = 3  # rivals: the best
+
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What a fitted hypothesis says of new records."""
+
+    problem: TorqueProblem
+    point: FloatArray
+    about: Linearisation
+    torque: list[ComplexArray]
+    """Without the delay, N m, (n_config, n_exp, n_bin, n_axis) of each block."""
+
+    @classmethod
+    def of(cls, case: Case, fitted: Fitted, record: Record) -> Predicted:
+        """Prescribe the motion of a record to the robot as it was fitted to others."""
+        problem, point = case.problem(fitted.hypothesis, (record,)), fitted.point
+        about = linearise_at(problem, point, fitted.model_error)
+        if problem.robots(point)[0].signals:  # along the torques that the first round expects
+            about = linearise_at(problem, point, fitted.model_error)
+        return cls(problem, point, about, problem.predicted(point))
+
+    def rows(self, weights: Linearisation) -> tuple[FloatArray, ...]:
+        """Derivatives of each configuration with the weights of another hypothesis, (n_row, n_unknown) each."""
+        return self.problem.linearise(self.point, weights.weights).rows
+
+    def less(self, other: Predicted) -> list[FloatArray]:
+        """Difference of the torques that drives report, in this one's standard deviations, (n_row,) of each lane."""
+        late = self.problem.delay(self.point) - other.problem.delay(other.point)
+        (block,), (weight,) = self.problem.blocks, self.about.weights
+        turn = np.exp(-1j * block.motion.omega[:, None] * late)
+        difference = turn * self.torque[0] - other.torque[0]
+        return list(weight.residual(difference).reshape(len(difference), -1))
+
+
+def separation(
+    case: Case,
+    robot: Robot,
+    final: Fitted,
+    step: Step,
+    generator: np.random.Generator,
+    progress: Progress,
+) -> SeparatingExperiment | None:
+    """Return the experiment with the largest ratio a minute; None where none could be tried, or nothing is tied.
+
+    Parameters
+    ----------
+    case
+        Records and the robot that was told.
+    robot
+        The one that was found, friction of its motors in it.
+    final, step
+        How it was fitted, and the cause that is in question.
+    """
+    beside = [_beside(case, final, step, one, progress) for one in step.rivals[:MOST]]
+    rivals = [one for one in beside if one is not None]
+    if not rivals:
+        return None
+    names = tuple(place_text(*tie) for tie, one in zip(step.ties, beside, strict=False) if one is not None)
+    found: list[tuple[Proposals, FloatArray]] = []
+    for proposed in proposals(case.records, robot, case.discard, generator):
+        progress(len(found), len(found) + 1, "experiments that could tell ties apart")
+        try:
+            found.append((proposed, ratios(case, final, rivals, proposed.record)))
+        except RobidError:
+            continue
+    if not found:
+        return None
+    return _best(robot, case.records, step, names, found)
+
+
+def ratios(case: Case, final: Fitted, rivals: Sequence[Fitted], record: Record) -> FloatArray:
+    """Expected logarithm of the likelihood ratio for each rival and configuration of a record, (n_rival, n_config)."""
+    own = Predicted.of(case, final, record)
+    found = []
+    for rival in rivals:
+        other = Predicted.of(case, rival, record)
+        lanes = zip(own.less(other), own.about.rows, other.rows(own.about), strict=True)
+        found.append(
+            [
+                min(
+                    expected_ratio(difference, mine, final.about.whole),
+                    expected_ratio(difference, its, rival.about.whole),
+                )
+                for difference, mine, its in lanes
+            ]
+        )
+    return np.array(found)
+
+
+def _beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progress) -> Fitted | None:
+    """Return the final hypothesis with a rival in the place of a cause, fitted; None where it cannot be."""
+    rest, own, addition = final.hypothesis.without(step.names), rival.fitted.hypothesis, rival.addition
+    names = rival.hit.names if isinstance(rival.hit, ValueHit) else ()
+    before = own.additions if addition is None else own.additions[:-1]
+    if before == rest.additions and set(own.widened) - set(names) == set(rest.widened):
+        return rival.fitted
+    if addition is None:
+        hypothesis = rest.with_widened(tuple(name for name in names if name not in rest.widened))
+    else:
+        values = rival.fitted.problem.free.values(rival.fitted.point[: rival.fitted.problem.n_free])
+        fitted = {free: values[name] for free, name in zip(addition.free, addition.names, strict=True)}
+        values_now = {**addition.values, **fitted}
+        label = f"{addition.label}_instead"  # of the cause; its own may have been given to another by now
+        hypothesis = rest.with_addition(replace(addition, label=label, values=values_now))
+    try:
+        return case.fit(hypothesis, progress, begin=final)
+    except RobidError:
+        return None
+
+
+def _best(
+    robot: Robot,
+    records: Sequence[Record],
+    step: Step,
+    names: tuple[str, ...],
+    found: Sequence[tuple[Proposals, FloatArray]],
+) -> SeparatingExperiment:
+    """Choose among the experiments of all proposals, with their ratios (n_rival, n_lane)."""
+    ratio = np.concatenate([own for _, own in found], axis=1)
+    lanes = [(proposed, lane) for proposed, own in found for lane in range(own.shape[1])]
+    duration = np.array([proposed.duration_s for proposed, _ in lanes])
+    repeats = np.array([proposed.amplitude == 1.0 and bool(proposed.recorded[i]) for proposed, i in lanes])
+    told = ratio.max(axis=1) >= SeparatingExperiment.TELLING
+    worst = ratio[told].min(axis=0) if told.any() else ratio.max(axis=0)
+    best = int(np.argmax(worst / duration))
+    proposed, lane = lanes[best]
+    angle = proposed.record.angle[lane]
+    recorded = np.concatenate([record.angle for record in records])
+    axis = robot.axis_names.index(step.on) if step.on in robot.axis_names else None
+    difference = ""
+    if axis is not None and not (proposed.recorded[lane]):
+        difference = gravity_text(
+            robot.axis_names[axis],
+            float(robot.gravity_torque(angle[None])[0, axis]),
+            robot.gravity_torque(recorded)[:, axis],
+        )
+    return SeparatingExperiment(
+        rivals=names,
+        amplitude=proposed.amplitude,
+        duration_s=proposed.duration_s,
+        n_period=proposed.record.run.n_period,
+        difference=difference,
+        configuration=angle,
+        reference=proposed.reference[lane],
+        ratio=ratio[:, best],
+        repeat=ratio[:, repeats].max(axis=1) if repeats.any() else np.full(len(names), np.nan),
+        line=proposed.record.line,
+    )
