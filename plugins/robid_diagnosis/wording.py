@@ -12,7 +12,6 @@ from robid_diagnosis.intervals import over_axes
 LATE = 0.1  # of a sample: a delay that is told
 SURE = 5.0  # standard errors from zero: likewise
 MANY_DIGITS = 4
-MINUTE = 60.0
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
@@ -45,28 +44,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
 
 def separation_line(finding: Finding) -> str:
     """Say with which experiment a finding is told from its ties; empty where it has none, or none could be tried."""
-    best = finding.separation
-    if best is None:
-        return ""
-    untold = [name for name, tells in zip(best.rivals, best.tells, strict=True) if not tells]
-    if not best.tells.any():
-        return (
-            f"{finding.where}: no experiment of this kind (recorded motions, other configurations and amplitudes) "
-            f"tells {finding.effect} from {', '.join(untold)}: expected log-likelihood ratio "
-            f"{best.expected:.2g} an experiment at most."
-        )
-    where = ", ".join(f"{angle:.3g}" for angle in best.configuration)
-    told = [name for name, tells in zip(best.rivals, best.tells, strict=True) if tells]
-    text = (
-        f"{finding.where}: tell {finding.effect} from {', '.join(told)} with: configuration [{where}]"
-        + (f" ({best.difference})" if best.difference else "")
-        + f", recorded motion times {best.amplitude:g}; expected log-likelihood ratio "
-        f"{best.expected:.3g} an experiment ({_duration(best.duration_s)})"
-    )
-    repeat = best.repeat[best.tells]
-    if np.isfinite(repeat).all():
-        text += f", {repeat.min():.2g} where a recorded one is repeated"
-    return text + (f"; none of this kind tells it from {', '.join(untold)}." if untold else ".")
+    return "" if finding.separation is None else f"{finding.where}: {finding.separation.sentence}."
 
 
 def gravity_text(axis: str, here: float, recorded: FloatArray) -> str:
@@ -81,10 +59,6 @@ def gravity_text(axis: str, here: float, recorded: FloatArray) -> str:
     else:
         return ""
     return f"{how} gravity torque at {axis}: {here:.2g} N m, recorded {recorded.min():.2g} to {recorded.max():.2g} N m"
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 60:.2g} min" if seconds >= MINUTE else f"{seconds:.2g} s"
 
 
 def place_text(use: str, on: str | None, side: str | None) -> str:

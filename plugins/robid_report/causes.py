@@ -46,6 +46,7 @@ def _section(finding: Finding) -> dict[str, Any]:
         "chance": "below 0.001" if finding.p_value < 1e-3 else significant(finding.p_value, 2),
         "seen": f"{finding.n_seen} of {len(finding.by_configuration)}" if seen else "",
         "ties": list(finding.ties),
+        "separation": "" if finding.separation is None else finding.separation.sentence,
         "picture": _picture(finding),
     }
 

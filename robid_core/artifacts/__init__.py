@@ -9,7 +9,7 @@ from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation, mean_travel
-from robid_core.artifacts.finding import Finding, SearchRecord, SeparatingExperiment, VisibleSize
+from robid_core.artifacts.finding import Finding, SearchRecord, VisibleSize
 from robid_core.artifacts.fit import (
     Diagnosis,
     Fit,
@@ -24,6 +24,7 @@ from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
+from robid_core.artifacts.separating_experiment import SeparatingExperiment
 
 __all__ = [
     "Artifact",

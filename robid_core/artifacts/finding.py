@@ -3,48 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
-import numpy as np
-
-from robid_core.arrays import BoolArray, FloatArray, IntArray
+from robid_core.arrays import FloatArray
 from robid_core.artifacts.artifact import Artifact, array
-
-
-@dataclass(frozen=True, eq=False)
-class SeparatingExperiment(Artifact):
-    """The next experiment, of those that were tried, that best tells a finding from what explains the data as well.
-
-    A recorded motion about `configuration`, joint side, its speeds `amplitude` times the recorded ones: `reference` at
-    the motors, one period of it where `line` has excited bins, else all of it. `duration_s` counts the settling.
-    `ratio` is the expected logarithm of the likelihood ratio of the finding to each of `rivals` (for whichever of the
-    two is right, the smaller), `repeat` the best of what was recorded already, once more. `difference` says in words
-    how gravity loads the axis otherwise than in the record, empty where it does not.
-    """
-
-    TELLING: ClassVar[float] = 1.0  # of an expected ratio: an experiment that promises less separates nothing
-
-    rivals: tuple[str, ...]
-    amplitude: float
-    duration_s: float
-    n_period: int
-    difference: str
-    configuration: FloatArray = array("n_axis", "rad")
-    reference: FloatArray = array("n_sample n_axis", "rad/s")
-    ratio: FloatArray = array("n_rival")
-    repeat: FloatArray = array("n_rival", finite=False)
-    line: IntArray | None = array("n_freq", optional=True)
-
-    @property
-    def tells(self) -> BoolArray:
-        """Which rivals it tells from the finding, (n_rival,)."""
-        result: BoolArray = self.ratio >= self.TELLING
-        return result
-
-    @property
-    def expected(self) -> float:
-        """Smallest ratio of the rivals that it tells from the finding; the largest of all where it tells none."""
-        return float(self.ratio[self.tells].min() if self.tells.any() else np.max(self.ratio))
+from robid_core.artifacts.separating_experiment import SeparatingExperiment
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 Fields: `verdict` (sentences), `robot` (name and hash of the one that was told), `findings` (kind, effect, axis, side,
 parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
-after the search, share of the gain of free functions, ties, gain in each configuration and where held out), `values`
+after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
+log-likelihood ratio for each rival, gain in each configuration and where held out), `values`
 (all that was estimated), `errors` (torque that each model leaves), `searched` (how many, which, excluded, failed,
 smallest sizes that would have been found).
 Numbers that do not exist are null.
@@ -15,7 +16,7 @@ import math
 from typing import Any
 
 from robid_core.arrays import FloatArray
-from robid_core.artifacts import Diagnosis, Finding
+from robid_core.artifacts import Diagnosis, Finding, SeparatingExperiment
 
 VERSION = 1
 SURE = 1.96  # standard errors to either side
@@ -88,8 +89,25 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "p_value": finding.p_value,
         "share_of_ceiling": _number(finding.share),
         "ties": list(finding.ties),
+        "separation": None if finding.separation is None else _separation(finding.separation),
         "by_configuration": _numbers(finding.by_configuration),
         "held_out": _numbers(finding.held_out),
+    }
+
+
+def _separation(best: SeparatingExperiment) -> dict[str, Any]:
+    return {
+        "told": best.sentence,
+        "configuration": best.configuration.tolist(),
+        "difference": best.difference,
+        "amplitude": best.amplitude,
+        "duration_s": best.duration_s,
+        "rivals": [
+            {"rival": name, "expected": ratio, "repeat": _number(repeat), "separated": bool(tells)}
+            for name, ratio, repeat, tells in zip(
+                best.rivals, best.ratio.tolist(), best.repeat, best.tells, strict=True
+            )
+        ],
     }
 
 

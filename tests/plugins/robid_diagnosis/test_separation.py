@@ -1,0 +1,171 @@
+"""Ties of two causes, the experiment that is to tell them apart, and that measured there they are told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robid_core import Channel, DenseRun, Diagnosis, FloatArray, Record, Robot, mean_travel
+from robid_diagnosis.hypothesis import Case
+from robid_diagnosis.proposals import drawn_configurations, proposals
+from robid_diagnosis.results import finding_of, model_of
+from robid_diagnosis.selection import Outcome, Selection
+from robid_diagnosis.separation import separation
+from robid_diagnosis.wording import finding_line, gravity_text, separation_line
+
+PERIOD, T = 3000, 1e-3
+LINES = np.unique(2 * np.round((np.geomspace(3.0, 80.0, 60) * PERIOD * T - 1) / 2).astype(int) + 1)
+SURE = 3.0  # of a log-likelihood: half of what two causes may differ by and be tied
+
+
+def measured(plant: Robot, reference: FloatArray, angle: FloatArray, n_exp: int, seed: int) -> Record:
+    """Two periods of each experiment after one from rest; lanes of one configuration follow each other."""
+    start = plant.joint_angle(plant.motor_angle(angle) - mean_travel(reference, T))
+    run = plant.simulate(np.tile(reference, (1, 3, 1)), start, seed=seed)
+    shape = (len(angle) // n_exp, 1, n_exp, 2, PERIOD, 1)
+    channels = {
+        "motor_position": Channel("motor", "rad", run.position[:, PERIOD:].reshape(shape)),
+        "motor_torque": Channel("motor", "N m", run.torque[:, PERIOD:].reshape(shape)),
+    }
+    dense = DenseRun(T, channels, T * np.arange(PERIOD), np.ones(shape[:5], dtype=bool))
+    return Record(plant.axis_names, "simulated", "zero_order_hold", (dense,), angle[::n_exp], line=LINES)
+
+
+def multisines(count: int, seed: int) -> FloatArray:
+    """Speeds of a multisine on a slow sine, rad/s, (count, PERIOD, 1)."""
+    generator, time = np.random.default_rng(seed), T * np.arange(PERIOD)
+    phase = generator.uniform(0, 2 * np.pi, (count, len(LINES)))
+    turn = 2 * np.pi * np.outer(time, LINES / (PERIOD * T))
+    wave = np.cos(turn[None] + phase[:, None]).sum(axis=2)
+    slow = 10 * np.sin(4 * np.pi * time / (PERIOD * T) + phase[:, :1])
+    speed: FloatArray = 4 * wave / wave.std(axis=1, keepdims=True) + slow
+    return speed[..., None]
+
+
+def searched(
+    told: Robot, use: str, values: Mapping[str, float], rival: str
+) -> tuple[Robot, Record, Case, Outcome]:
+    """A plant with a hidden effect, its record in two poses on one side, and what the search says of two effects."""
+    plant = told.with_parameters({"gear_stiffness.axis_1": 1.2 * told.parameter("gear_stiffness.axis_1")})
+    plant = plant.with_effect("hidden", use, "axis_1", values=values)
+    angle = np.repeat([[0.3], [1.1]], 2, axis=0)
+    record = measured(plant, multisines(4, 3), angle, 2, 4)
+    case = Case((record,), told, {}, 100.0, 0, 12, 5e-4)
+    generator = np.random.default_rng(0)
+    selection = Selection(case, (use, rival), {}, generator, lambda *_: None, 1)
+    return plant, record, case, selection.run()
+
+
+@pytest.fixture(scope="module")
+def told() -> Robot:
+    return Robot.load("one_axis")
+
+
+def test_a_cable_and_a_counterbalance_are_told_apart_by_the_experiment_that_was_proposed(
+    told: Robot, tmp_path: Path
+) -> None:
+    """Measured there, refits to old and new data differ by more than a tie; after a repeat they do not.
+
+    Both hold the arm by a torque of its angle, one in proportion to it, one by its sine: on one side of the arm they
+    are alike.
+    """
+    plant, record, case, outcome = searched(
+        told, "load.cable_spring", {"stiffness": 20.0}, "load.counterbalance"
+    )
+    (step,), final = outcome.steps, outcome.final
+    assert {step.use, *(use for use, _, _ in step.ties)} == {"load.cable_spring", "load.counterbalance"}
+    case = replace(case, friction_speed=final.problem.blocks[0].laws.odd[0])
+    model = model_of(told, case, final)
+    robot = Robot.of_model(model)
+    best = separation(case, robot, final, step, np.random.default_rng(1), lambda *_: None)
+    assert best is not None
+    assert best.tells.all()
+    assert best.expected > 10 * best.repeat.max()
+
+    finding = finding_of(told, final, step, best)
+    text = separation_line(finding)
+    assert f"configuration [{best.configuration[0]:.3g}]" in text
+    assert step.ties[0][0] in text
+    there, before = (robot.gravity_torque(angle)[:, 0] for angle in (best.configuration[None], record.angle))
+    assert ("opposite gravity torque at axis_1" in text) == bool((there * before < 0).all())
+    Diagnosis("effects", finding_line(finding, 2), findings=(finding,)).write(tmp_path / "told.h5")
+    again = Diagnosis.read(tmp_path / "told.h5").findings[0].separation
+    assert again is not None
+    assert again.sentence == best.sentence
+    assert np.array_equal(again.reference, best.reference)
+
+    rival = step.rivals[list(step.ties).index(step.ties[0])].fitted
+    sign = 1 if step.use == "load.cable_spring" else -1
+
+    def told_apart(reference: FloatArray, angle: FloatArray) -> float:
+        """What the new experiment adds to the logarithm of the likelihood ratio, for the cause that is hidden."""
+        new = measured(plant, reference[None], angle[None], 1, 5)
+        both = replace(case, records=(record, new))
+        fits = [both.fit(one.hypothesis, lambda *_: None, begin=one) for one in (final, rival)]
+        after = fits[1].cost(fits[0].about) - fits[0].cost(fits[0].about)
+        return sign * 0.5 * (after - rival.cost(final.about) + final.cost(final.about))
+
+    assert told_apart(best.reference, best.configuration) > SURE
+    assert abs(told_apart(multisines(4, 3)[0], record.angle[0])) < SURE
+
+
+def test_where_nothing_separates_it_is_said(told: Robot) -> None:
+    """Torque ripple of a constant amplitude is cogging: there is nothing to be told apart."""
+    wave = {"amplitude": 0.15, "order": 6.0}
+    _, _, case, outcome = searched(told, "drive.cogging", wave, "drive.torque_ripple")
+    (step,), final = outcome.steps, outcome.final
+    assert len(step.ties) == 1
+    robot = Robot.of_model(model_of(told, case, final))
+    best = separation(case, robot, final, step, np.random.default_rng(1), lambda *_: None)
+    assert best is not None
+    assert not best.tells.any()
+    assert "no experiment of this kind" in separation_line(finding_of(told, final, step, best))
+
+
+def test_proposals_stay_within_the_limits_and_scatter_as_the_record_did(told: Robot) -> None:
+    record = measured(told, multisines(2, 6), np.array([[0.3], [1.1]]), 1, 7)
+    position = record.run.values("motor_position")
+    spread = (position - position.mean(axis=3, keepdims=True)).std()
+    found = list(proposals((record,), told, 0, np.random.default_rng(2)))
+    assert {one.amplitude for one in found} <= {0.5, 1.0, 2.0}
+    assert all(one.recorded.any() for one in found if one.amplitude == 1.0)
+    for one in found:
+        moved, torque = (one.record.run.values(name) for name in ("motor_position", "motor_torque"))
+        joint = told.joint_angle(moved.reshape(-1, 1))
+        assert (joint >= told.drives.lower).all()
+        assert (joint <= told.drives.upper).all()
+        assert np.abs(torque).max() < told.drives.torque_limit[0]
+        # Noise of two recorded lanes, drawn again and again: alike within the sampling error of their choice.
+        assert (moved - moved.mean(axis=3, keepdims=True)).std() == pytest.approx(spread, rel=0.05)
+        # The loop follows: the motion is about its configuration within a hundredth of its travel.
+        middle = told.joint_angle(moved.mean(axis=(1, 2, 3, 4)))
+        assert np.abs(middle - one.record.angle).max() < 0.01 * np.ptp(joint)
+
+
+def test_drawn_configurations_can_be_held(told: Robot) -> None:
+    heavy = told.with_parameters({"mass.axis_1": 20 * told.parameter("mass.axis_1")})
+    angle = drawn_configurations(heavy, 10, np.random.default_rng(0))
+    light = drawn_configurations(told, 10, np.random.default_rng(0))
+    assert 0 < len(angle) < len(light) == 10
+    assert (np.abs(heavy.gravity_torque(angle)) <= 0.5 * heavy.drives.torque_limit).all()
+
+
+@pytest.mark.parametrize(
+    ("here", "recorded", "how"),
+    [
+        (-3.0, [1.0, 4.0], "opposite"),
+        (-0.2, [1.0, 4.0], "smaller"),
+        (-3.0, [-1.0, 4.0], ""),
+        (6.0, [-1.0, 4.0], "larger"),
+        (2.0, [1.0, 4.0], ""),
+        (0.0, [0.0, 0.0], ""),
+    ],
+)
+def test_gravity_is_called_otherwise_only_where_it_is(here: float, recorded: list[float], how: str) -> None:
+    text = gravity_text("axis_1", here, np.array(recorded))
+    assert text.startswith(f"{how} gravity torque at axis_1" if how else "")
+    assert bool(text) == bool(how)
