@@ -9,12 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid_core import Channel, DenseRun, Diagnosis, FloatArray, Record, Robot, mean_travel
-from robid_diagnosis.hypothesis import Case
+from robid_core import (
+    Channel,
+    DenseRun,
+    Diagnosis,
+    FloatArray,
+    Record,
+    Robot,
+    SeparatingExperiment,
+    mean_travel,
+)
+from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
 from robid_diagnosis.proposals import drawn_configurations, proposals
 from robid_diagnosis.results import finding_of, model_of
-from robid_diagnosis.selection import Outcome, Selection
-from robid_diagnosis.separation import separation
+from robid_diagnosis.selection import TIE, Outcome, Selection
+from robid_diagnosis.separation import ratios, separation
 from robid_diagnosis.wording import finding_line, gravity_text, separation_line
 
 PERIOD, T = 3000, 1e-3
@@ -113,17 +122,33 @@ def test_a_cable_and_a_counterbalance_are_told_apart_by_the_experiment_that_was_
     assert abs(told_apart(multisines(4, 3)[0], record.angle[0])) < SURE
 
 
-def test_where_nothing_separates_it_is_said(told: Robot) -> None:
-    """Torque ripple of a constant amplitude is cogging: there is nothing to be told apart."""
-    wave = {"amplitude": 0.15, "order": 6.0}
-    _, _, case, outcome = searched(told, "drive.cogging", wave, "drive.torque_ripple")
-    (step,), final = outcome.steps, outcome.final
-    assert len(step.ties) == 1
-    robot = Robot.of_model(model_of(told, case, final))
-    best = separation(case, robot, final, step, np.random.default_rng(1), lambda *_: None)
-    assert best is not None
-    assert not best.tells.any()
-    assert "no experiment of this kind" in separation_line(finding_of(told, final, step, best))
+def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(told: Robot) -> None:
+    """Cogging is torque ripple without its part in proportion to the torque: a fit of ripple follows it anywhere."""
+    wave = {"amplitude": 0.15, "order": 6.0, "phase": 0.3}
+    record = measured(
+        told.with_effect("hidden", "drive.cogging", "axis_1", values=wave),
+        multisines(4, 3),
+        np.repeat([[0.3], [1.1]], 2, axis=0),
+        2,
+        4,
+    )
+    case = Case((record,), told, {}, 100.0, 0, 12, 5e-4)
+    case = case.with_fitted_width(case.fit(Hypothesis(), lambda *_: None, roughly=True))
+    cogging, ripple = (
+        case.fit(Hypothesis((Addition("wave", use, "axis_1", "torque", wave, free),)), lambda *_: None)
+        for use, free in (
+            ("drive.cogging", ("amplitude", "order", "phase")),
+            ("drive.torque_ripple", ("amplitude", "relative", "order", "phase")),
+        )
+    )
+    assert 0 <= cogging.cost(cogging.about) - ripple.cost(cogging.about) < TIE
+    robot = Robot.of_model(model_of(told, case, cogging))
+    found = [
+        ratios(case, cogging, [ripple], one.record)
+        for one in proposals(case.records, robot, 0, np.random.default_rng(1))
+    ]
+    assert len(found) >= 2
+    assert np.concatenate(found, axis=1).max() < SeparatingExperiment.TELLING
 
 
 def test_proposals_stay_within_the_limits_and_scatter_as_the_record_did(told: Robot) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import Diagnosis, Finding, SearchRecord, VisibleSize
+from robid_core import Diagnosis, Finding, SearchRecord, SeparatingExperiment, VisibleSize
 from robid_core.run.verdict_file import verdict_json
 
 GAINS = np.array([40.0, 3.0, np.nan])
@@ -56,3 +56,41 @@ def test_configurations_in_which_a_finding_is_seen_gain_three_standard_errors() 
     assert finding().n_seen == 1
     assert finding().where == "axis_2 (motor)"
     assert finding(side="").where == "axis_2"
+
+
+def experiment(ratio: list[float], repeat: float = 0.4, difference: str = "") -> SeparatingExperiment:
+    return SeparatingExperiment(
+        rivals=("friction.lugre at axis_2 (motor)", "friction.dahl at axis_2 (motor)")[: len(ratio)],
+        amplitude=2.0,
+        duration_s=90.0,
+        n_period=2,
+        difference=difference,
+        configuration=np.array([0.5, -1.25]),
+        reference=np.zeros((4, 2)),
+        ratio=np.array(ratio),
+        repeat=np.full(len(ratio), repeat),
+    )
+
+
+def test_the_experiment_that_separates_ties_is_told() -> None:
+    """Of several rivals the worst of those that it separates counts; the others are named."""
+    best = experiment([3.7, 0.2], difference="opposite gravity torque at axis_2: -3 N m")
+    told = json.loads(verdict_json(Diagnosis("effects", "", findings=(finding(separation=best),)), "arm", ""))
+    found = told["findings"][0]["separation"]
+    assert found["configuration"] == [0.5, -1.25]
+    assert [row["separated"] for row in found["rivals"]] == [True, False]
+    assert [row["expected"] for row in found["rivals"]] == [3.7, 0.2]
+    assert best.sentence == (
+        "tell it from friction.lugre at axis_2 (motor) with: configuration [0.5, -1.25] (opposite gravity torque at "
+        "axis_2: -3 N m), recorded speeds times 2; expected log-likelihood ratio 3.7 an experiment (1.5 min), 0.4 "
+        "where a recorded one is repeated; none of this kind tells it from friction.dahl at axis_2 (motor)"
+    )
+    assert "repeated" not in experiment([3.7], repeat=np.nan).sentence
+    none = json.loads(verdict_json(Diagnosis("effects", "", findings=(finding(),)), "arm", ""))
+    assert none["findings"][0]["separation"] is None
+
+
+def test_where_no_experiment_separates_ties_it_is_said() -> None:
+    text = experiment([0.3, 0.7]).sentence
+    assert text.startswith("no experiment of this kind")
+    assert text.endswith("expected log-likelihood ratio 0.7 an experiment at most")
