@@ -46,6 +46,8 @@ class Proposals:
     """rad/s at the motors, (n_lane, n_sample, n_axis)."""
     recorded: BoolArray
     """Which stand where they stood, (n_lane,); with an amplitude of one these are repeats."""
+    n_settling: int
+    """Periods before those that count."""
     duration_s: float
     """Of each, settling included."""
 
@@ -156,7 +158,7 @@ def _simulated(
         record.axis_names, "expected", record.torque_hold, (dense,), angle[good], line=record.line
     )
     seconds = (before + n_period) * n_sample * run.sample_time_s
-    return Proposals(expected, amplitude, reference[good], recorded[good], seconds)
+    return Proposals(expected, amplitude, reference[good], recorded[good], before, seconds)
 
 
 def _within_limits(robot: Robot, position: FloatArray, torque: FloatArray, sample_time_s: float) -> BoolArray:

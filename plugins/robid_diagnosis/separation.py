@@ -167,6 +167,7 @@ def _best(
         amplitude=proposed.amplitude,
         duration_s=proposed.duration_s,
         n_period=proposed.record.run.n_period,
+        n_settling=proposed.n_settling,
         difference=difference,
         configuration=angle,
         reference=proposed.reference[lane],

@@ -18,7 +18,8 @@ class SeparatingExperiment(Artifact):
     """The experiment, of those that were tried, that best tells a finding from what explains the data as well.
 
     A recorded motion about `configuration`, joint side, its speeds `amplitude` times the recorded ones: `reference` at
-    the motors, one period of it where `line` has excited bins, else all of it. `duration_s` counts the settling.
+    the motors, one period of it where `line` has excited bins, else all of it. `n_period` of them after
+    `n_settling` to settle; `duration_s` counts all.
     `ratio` is the expected logarithm of the likelihood ratio of the finding to each of `rivals` (for whichever of the
     two is right, the smaller), `repeat` the best of what was recorded already, once more. `difference` says in words
     how gravity loads the axis otherwise than in the record, empty where it does not.
@@ -30,6 +31,7 @@ class SeparatingExperiment(Artifact):
     amplitude: float
     duration_s: float
     n_period: int
+    n_settling: int
     difference: str
     configuration: FloatArray = array("n_axis", "rad")
     reference: FloatArray = array("n_sample n_axis", "rad/s")

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robid_core.commands.arguments import DataRoot, load_pipeline
+from robid_core.commands.continuation import AGAIN, diagnosis_of, drives_of, experiment_of, stages_of
+
+if TYPE_CHECKING:
+    from robid_core.artifacts import SeparatingExperiment
+    from robid_core.pipeline import Pipeline
 
 FILE = "diagnosis.yaml"
 HEADING = "# Written by `robid diagnose`; it is a pipeline like any other, and is written anew by the same command.\n"
@@ -34,6 +39,14 @@ def command(
             "--test", metavar="EFFECT@AXIS", help="One law: its p-value without a search, its size."
         ),
     ] = "",
+    continued: Annotated[
+        Path | None,
+        typer.Option(
+            "--continue",
+            metavar="PIPELINE",
+            help="Measure what separates ties on the simulated drives of this pipeline, and judge again.",
+        ),
+    ] = None,
     data: DataRoot = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the essentials.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the log, too.")] = False,
@@ -41,7 +54,8 @@ def command(
     """Find what a simulation gets wrong: refit the robot, hold every effect against what is left, extend the robot.
 
     Writes diagnosis.yaml, a pipeline, and runs it: in runs/diagnosis/ there are then the page, verdict.explain.json and
-    robot.explain.yaml, the extended robot. An interrupted diagnosis goes on with the same command.
+    robot.explain.yaml, the extended robot. With --continue the experiment that separates ties is measured, and all
+    records are judged again (verdict.explain_again.json). An interrupted diagnosis goes on with the same command.
     """
     from robid_core.commands.run import run_and_tell
     from robid_core.errors import ConfigurationError
@@ -50,14 +64,36 @@ def command(
     if test and (only or exclude):
         raise ConfigurationError("--test asks for one law; leave --only and --exclude away")
     root, names = below_one_folder(records, data)
-    text = HEADING + pipeline_text(robot, names, [test] if test else only or [], exclude or [])
+    asked = {"only": [test] if test else only or [], "exclude": exclude or []}
+    drives = drives_of(continued) if continued is not None else None
+
+    def run(experiment: SeparatingExperiment | None = None) -> Pipeline:
+        write_pipeline(pipeline_text(robot, names, asked["only"], asked["exclude"], drives, experiment))
+        pipeline = load_pipeline(Path(FILE), None, root)
+        run_and_tell(pipeline, RunOptions(), f"robid run {FILE} --data {root}", quiet, verbose)
+        return pipeline
+
+    pipeline = run()
+    folder = pipeline.folder / "runs" / pipeline.name
+    typer.echo("\n".join(verdict_lines(folder)))
+    if drives is None:
+        return
+    experiment = experiment_of(diagnosis_of(pipeline, "explain"))
+    if experiment is None:
+        typer.echo("\nNo tie that an experiment would separate: nothing was measured.")
+        return
+    run(experiment)
+    typer.echo("\n".join(verdict_lines(folder, AGAIN)))
+
+
+def write_pipeline(text: str) -> None:
+    """Write the pipeline file; ConfigurationError where the one that there is was written by somebody else."""
+    from robid_core.errors import ConfigurationError
+
     path = Path(FILE)
     if path.exists() and not path.read_text(encoding="utf-8").startswith(HEADING):
         raise ConfigurationError(f"{FILE} exists and was not written by robid diagnose; move it away")
-    path.write_text(text, encoding="utf-8")
-    pipeline = load_pipeline(path, None, root)
-    run_and_tell(pipeline, RunOptions(), f"robid run {FILE} --data {root}", quiet, verbose)
-    typer.echo("\n".join(verdict_lines(pipeline.folder / "runs" / pipeline.name)))
+    path.write_text(HEADING + text, encoding="utf-8")
 
 
 def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list[str]]:
@@ -77,30 +113,40 @@ def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list
     return root, [one.relative_to(root).as_posix() for one in whole]
 
 
-def pipeline_text(robot: str, records: list[str], only: list[str], exclude: list[str]) -> str:
-    """Return the pipeline that reads the records, explains them and shows it."""
+def pipeline_text(
+    robot: str,
+    records: list[str],
+    only: list[str],
+    exclude: list[str],
+    drives: dict[str, Any] | None = None,
+    experiment: SeparatingExperiment | None = None,
+) -> str:
+    """Return the pipeline that reads records and explains them; with an experiment, measures it and explains all."""
     import json
 
-    stages = {
+    stages: dict[str, Any] = {
         f"record_{number + 1}": {"use": "acquisition.recorded", "with": {"path": name}}
         for number, name in enumerate(records)
     }
+    names, told = list(stages), "explain"
     asked = {key: value for key, value in (("only", only), ("exclude", exclude)) if value}
-    lines = ["robid: 1", "name: diagnosis", "seed: 1", f"robot: {json.dumps(robot)}", "stages:"]
-    lines += [f"  {name}: {json.dumps(stage)}" for name, stage in stages.items()]
-    explain = {"use": "diagnosis.effects", "inputs": {"record": list(stages)}, "with": asked}
-    lines.append(f"  explain: {json.dumps(explain)}")
-    page = {"use": "report.html", "inputs": {"diagnosis": "explain", "record": next(iter(stages))}}
-    lines.append(f"  page: {json.dumps(page)}")
+    stages[told] = {"use": "diagnosis.effects", "inputs": {"record": names}, "with": asked}
+    if experiment is not None:
+        stages |= stages_of(names, experiment, asked)
+        told = AGAIN
+    stages["page"] = {"use": "report.html", "inputs": {"diagnosis": told, "record": names[0]}}
+    lines = ["robid: 1", "name: diagnosis", "seed: 1", f"robot: {json.dumps(robot)}"]
+    lines += [f"drives: {json.dumps(drives)}"] if drives is not None else []
+    lines += ["stages:", *(f"  {name}: {json.dumps(stage)}" for name, stage in stages.items())]
     return "\n".join(lines) + "\n"
 
 
-def verdict_lines(folder: Path) -> list[str]:
+def verdict_lines(folder: Path, stage: str = "explain") -> list[str]:
     """Return the verdict of a run, sentence by sentence."""
     import json
 
-    path = folder / "verdict.explain.json"
+    path = folder / f"verdict.{stage}.json"
     if not path.is_file():
         return []
     told = json.loads(path.read_text(encoding="utf-8"))
-    return ["", *told["verdict"], "", f"verdict: {path}", f"extended robot: {folder / 'robot.explain.yaml'}"]
+    return ["", *told["verdict"], "", f"verdict: {path}", f"extended robot: {folder / f'robot.{stage}.yaml'}"]

@@ -64,6 +64,7 @@ def experiment(ratio: list[float], repeat: float = 0.4, difference: str = "") ->
         amplitude=2.0,
         duration_s=90.0,
         n_period=2,
+        n_settling=1,
         difference=difference,
         configuration=np.array([0.5, -1.25]),
         reference=np.zeros((4, 2)),
