@@ -22,6 +22,7 @@ from robid_core import (
     DiagnosisStage,
     Model,
     Record,
+    RobidError,
     Robot,
     SearchRecord,
     SeparatingExperiment,
@@ -186,7 +187,11 @@ class Effects(DiagnosisStage):
         if not (self.separate and step.rivals):
             return None
         (generator,) = context.generator.spawn(1)  # what is drawn afterwards stays as it is
-        return separation(case, Robot.of_model(model), final, step, generator, context.progress)
+        try:
+            return separation(case, Robot.of_model(model), final, step, generator, context.progress)
+        except RobidError as error:
+            context.log.warning("no experiment was found that separates ties: %s", error)
+            return None
 
 
 def _check(records: Sequence[Record], robot: Robot) -> None:

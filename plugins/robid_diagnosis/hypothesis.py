@@ -194,13 +194,15 @@ class Case:
         delay: FloatArray | None = None,
         *,
         roughly: bool = False,
+        others: Fitted | None = None,
     ) -> Fitted:
         """Fit a hypothesis, from the start or from where another one ended, its delays moved by some, (n_axis,).
 
-        `roughly`: in few passes, enough to compare it with others.
+        `roughly`: in few passes, enough to compare it with others. `others`: a fit that has begun with the same values
+        and tells those that `begin` has not.
         """
         problem = self.problem(hypothesis, self.records)
-        point = None if begin is None else _carried(begin, problem)
+        point = None if begin is None else _carried(begin, problem, others)
         if point is not None and delay is not None:
             point[-problem.n_delay :] -= delay
         solution = solve(
@@ -215,8 +217,11 @@ class Case:
         return Fitted(hypothesis, problem, solution, self.model_error)
 
 
-def _carried(begin: Fitted, problem: TorqueProblem) -> FloatArray:
-    """Unknowns of another fit, in the order of this problem; what it did not have begins at zero."""
-    known = dict(zip(begin.problem.free.names, begin.point, strict=False))
-    own = [known.get(name, 0.0) if name in begin.problem.free.names else 0.0 for name in problem.free.names]
+def _carried(begin: Fitted, problem: TorqueProblem, others: Fitted | None = None) -> FloatArray:
+    """Unknowns of another fit, in the order of this problem; what neither it nor `others` had begins at zero."""
+    known: dict[str, float] = {}
+    for fitted in (others, begin):
+        if fitted is not None:
+            known |= dict(zip(fitted.problem.free.names, fitted.point.tolist(), strict=False))
+    own = [known.get(name, 0.0) for name in problem.free.names]
     return np.concatenate((own, begin.point[begin.problem.n_free :]))

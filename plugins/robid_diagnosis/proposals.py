@@ -109,12 +109,15 @@ def _lanes(record: Record, discard: int) -> _Lanes:
 
     def periods(name: str) -> FloatArray:
         values = run.values(name)[:, :, :, discard:]
-        return values.reshape(-1, *values.shape[3:])
+        whole = (1, values.shape[3] * values.shape[4], values.shape[5])
+        return values.reshape(-1, *(whole if record.line is None else values.shape[3:]))
 
     position, torque = periods("motor_position"), periods("motor_torque")
     mean = position.mean(axis=1)
     if "speed_reference" in run.channels and np.isfinite(run.values("speed_reference")).all():
         reference = periods("speed_reference").mean(axis=1)
+        if record.line is not None:  # periods come back to where they began, to the last digit
+            reference = reference - reference.mean(axis=1, keepdims=True)
     elif record.line is None:
         reference = np.gradient(mean, run.sample_time_s, axis=1)
     else:
@@ -152,8 +155,9 @@ def _simulated(
         each = last[:, None] + scatter[source][good]
         channels[name] = Channel("motor", run.channel(name).unit_symbol, each[:, None, None])
     n_period = lanes.position.shape[1]
+    time = run.sample_time_s * np.arange(n_sample, dtype=np.float64)
     shape = (int(good.sum()), 1, 1, n_period, n_sample)
-    dense = DenseRun(run.sample_time_s, channels, run.time_s, np.ones(shape, dtype=bool))
+    dense = DenseRun(run.sample_time_s, channels, time, np.ones(shape, dtype=bool))
     expected = Record(
         record.axis_names, "expected", record.torque_hold, (dense,), angle[good], line=record.line
     )

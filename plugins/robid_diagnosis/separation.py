@@ -79,11 +79,11 @@ def separation(
     final, step
         How it was fitted, and the cause that is in question.
     """
-    beside = [_beside(case, final, step, one, progress) for one in step.rivals[:MOST]]
-    rivals = [one for one in beside if one is not None]
+    fits = [beside(case, final, step, one, progress) for one in step.rivals[:MOST]]
+    rivals = [one for one in fits if one is not None]
     if not rivals:
         return None
-    names = tuple(place_text(*tie) for tie, one in zip(step.ties, beside, strict=False) if one is not None)
+    names = tuple(place_text(*tie) for tie, one in zip(step.ties, fits, strict=False) if one is not None)
     found: list[tuple[Proposals, FloatArray]] = []
     for proposed in proposals(case.records, robot, case.discard, generator):
         progress(len(found), len(found) + 1, "experiments that could tell ties apart")
@@ -115,7 +115,7 @@ def ratios(case: Case, final: Fitted, rivals: Sequence[Fitted], record: Record) 
     return np.array(found)
 
 
-def _beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progress) -> Fitted | None:
+def beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progress) -> Fitted | None:
     """Return the final hypothesis with a rival in the place of a cause, fitted; None where it cannot be."""
     rest, own, addition = final.hypothesis.without(step.names), rival.fitted.hypothesis, rival.addition
     names = rival.hit.names if isinstance(rival.hit, ValueHit) else ()
@@ -125,13 +125,13 @@ def _beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progr
     if addition is None:
         hypothesis = rest.with_widened(tuple(name for name in names if name not in rest.widened))
     else:
-        values = rival.fitted.problem.free.values(rival.fitted.point[: rival.fitted.problem.n_free])
-        fitted = {free: values[name] for free, name in zip(addition.free, addition.names, strict=True)}
-        values_now = {**addition.values, **fitted}
-        label = f"{addition.label}_instead"  # of the cause; its own may have been given to another by now
-        hypothesis = rest.with_addition(replace(addition, label=label, values=values_now))
+        taken = {one.label for one in rest.additions}
+        label = f"{addition.label}_instead" if addition.label in taken else addition.label
+        hypothesis = rest.with_addition(replace(addition, label=label))
+    held = dict.fromkeys((*final.hypothesis.held, *own.held))
+    hypothesis = replace(hypothesis, held=tuple(held))
     try:
-        return case.fit(hypothesis, progress, begin=final)
+        return case.fit(hypothesis, progress, begin=final, others=rival.fitted)
     except RobidError:
         return None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,11 +20,12 @@ from robid_core import (
     SeparatingExperiment,
     mean_travel,
 )
-from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
+from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.proposals import drawn_configurations, proposals
 from robid_diagnosis.results import finding_of, model_of
-from robid_diagnosis.selection import TIE, Outcome, Selection
-from robid_diagnosis.separation import ratios, separation
+from robid_diagnosis.selection import TIE, Outcome, Selection, Step
+from robid_diagnosis.separation import beside, ratios, separation
+from robid_diagnosis.trials import Trial
 from robid_diagnosis.wording import finding_line, gravity_text, separation_line
 
 PERIOD, T = 3000, 1e-3
@@ -122,25 +124,30 @@ def test_a_cable_and_a_counterbalance_are_told_apart_by_the_experiment_that_was_
     assert abs(told_apart(multisines(4, 3)[0], record.angle[0])) < SURE
 
 
-def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(told: Robot) -> None:
-    """Cogging is torque ripple without its part in proportion to the torque: a fit of ripple follows it anywhere."""
+@pytest.fixture(scope="module")
+def waves(told: Robot) -> tuple[Case, Fitted, Fitted]:
+    """Cogging that was measured, fitted as cogging and as torque ripple, of which it is a special case."""
     wave = {"amplitude": 0.15, "order": 6.0, "phase": 0.3}
-    record = measured(
-        told.with_effect("hidden", "drive.cogging", "axis_1", values=wave),
-        multisines(4, 3),
-        np.repeat([[0.3], [1.1]], 2, axis=0),
-        2,
-        4,
-    )
+    plant = told.with_effect("hidden", "drive.cogging", "axis_1", values=wave)
+    record = measured(plant, multisines(4, 3), np.repeat([[0.3], [1.1]], 2, axis=0), 2, 4)
     case = Case((record,), told, {}, 100.0, 0, 12, 5e-4)
     case = case.with_fitted_width(case.fit(Hypothesis(), lambda *_: None, roughly=True))
+    laws = {
+        "drive.cogging": ("amplitude", "order", "phase"),
+        "drive.torque_ripple": ("amplitude", "relative", "order", "phase"),
+    }
     cogging, ripple = (
         case.fit(Hypothesis((Addition("wave", use, "axis_1", "torque", wave, free),)), lambda *_: None)
-        for use, free in (
-            ("drive.cogging", ("amplitude", "order", "phase")),
-            ("drive.torque_ripple", ("amplitude", "relative", "order", "phase")),
-        )
+        for use, free in laws.items()
     )
+    return case, cogging, ripple
+
+
+def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(
+    told: Robot, waves: tuple[Case, Fitted, Fitted]
+) -> None:
+    """Cogging is torque ripple without its part in proportion to the torque: a fit of ripple follows it anywhere."""
+    case, cogging, ripple = waves
     assert 0 <= cogging.cost(cogging.about) - ripple.cost(cogging.about) < TIE
     robot = Robot.of_model(model_of(told, case, cogging))
     found = [
@@ -149,6 +156,37 @@ def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(
     ]
     assert len(found) >= 2
     assert np.concatenate(found, axis=1).max() < SeparatingExperiment.TELLING
+
+
+def test_a_rival_is_fitted_beside_what_was_found_after_it(waves: tuple[Case, Fitted, Fitted]) -> None:
+    """It takes the place of its cause and nothing else; without anything found later its own fit is taken."""
+    case, cogging, ripple = waves
+    nothing = np.empty(0)
+    names = cogging.hypothesis.additions[0].names
+    step = Step(
+        "effect", "drive.cogging", "axis_1", "torque", names, 0.0, 0.0, nothing, nothing, (), float("nan")
+    )
+    rival = Trial(ripple, 0.0, cast("Any", None))
+    assert beside(case, cogging, step, rival, lambda *_: None) is ripple
+    later = replace(cogging, hypothesis=cogging.hypothesis.with_widened(("rotor_inertia.axis_1",)))
+    found = beside(case, later, step, rival, lambda *_: None)
+    assert found is not None
+    assert found.hypothesis.widened == ("rotor_inertia.axis_1",)
+    assert [one.use for one in found.hypothesis.additions] == ["drive.torque_ripple"]
+    amplitude, error = found.estimate(found.hypothesis.additions[0].names[0])
+    assert abs(amplitude - 0.15) < 4 * error
+
+
+def test_what_does_not_repeat_is_proposed_as_a_whole(told: Robot) -> None:
+    """One cut after the other, without settling, as fast as it was recorded."""
+    record = measured(told, multisines(2, 6), np.array([[0.3], [1.1]]), 1, 7).replace(line=None)
+    found = {one.amplitude: one for one in proposals((record,), told, 0, np.random.default_rng(2))}
+    one = found[1.0]
+    assert one.record.run.values("motor_position").shape[1:] == (1, 1, 1, 2 * PERIOD, 1)
+    assert (one.n_settling, one.duration_s) == (0, pytest.approx(2 * PERIOD * T))
+    speed = np.gradient(record.run.lanes("motor_position"), T, axis=1)
+    assert np.allclose(one.reference[one.recorded], speed)
+    assert np.allclose(found[2.0].reference[found[2.0].recorded], 2 * speed)
 
 
 def test_proposals_stay_within_the_limits_and_scatter_as_the_record_did(told: Robot) -> None:
