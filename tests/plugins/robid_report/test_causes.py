@@ -1,0 +1,42 @@
+"""What the page says of a finding: its ties, and the experiment that separates them."""
+
+from __future__ import annotations
+
+from html import unescape
+
+import numpy as np
+import pytest
+
+from robid_core import Diagnosis, Finding, Robot, SeparatingExperiment
+from robid_report.html import HtmlReport
+
+NONE = np.empty(0)
+
+
+@pytest.mark.parametrize("ratio", [3.7, 0.2])
+def test_the_next_experiment_stands_below_the_ties(ratio: float) -> None:
+    """Also where it separates nothing: the sentence is that of the verdict."""
+    experiment = SeparatingExperiment(
+        rivals=("friction.lugre at axis_1 (motor)",),
+        amplitude=2.0,
+        duration_s=12.0,
+        n_period=2,
+        n_settling=1,
+        difference="opposite gravity torque at axis_1: -3 N m, recorded 1 to 2 N m",
+        configuration=np.array([0.5]),
+        reference=np.zeros((4, 1)),
+        ratio=np.array([ratio]),
+        repeat=np.array([0.1]),
+    )
+    finding = Finding(
+        "cause", "friction.dahl", "axis_1", "motor", 50.0, 1e-9, 1.0, (), (), NONE, NONE, NONE, NONE, NONE,
+        ties=experiment.rivals,
+    )  # fmt: skip
+    robot = Robot.load("one_axis")
+    without, told = (
+        unescape(HtmlReport().run(robot, diagnosis=Diagnosis("effects", "", findings=(one,))).html)
+        for one in (finding, finding.replace(separation=experiment))
+    )
+    assert f"The next experiment: {experiment.sentence}." in told
+    assert "cannot tell it from friction.lugre at axis_1 (motor)" in without
+    assert "next experiment" not in without
