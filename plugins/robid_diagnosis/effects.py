@@ -50,8 +50,8 @@ class Effects(DiagnosisStage):
 
     Effects on forces and signals are searched, and changes of the robot itself: foundations, elastic coordinates,
     coupled axes. Of bodies, rotors and springs it says whether they are told wrong. Experiments that separate ties are
-    recorded motions, slower or faster, in other configurations; of more than three rivals the best are compared. Not taken yet: records of several
-    payloads.
+    recorded motions, slower or faster, in other configurations; of more than three rivals the best are compared.
+    Not taken yet: records of several payloads.
 
     Example::
 
