@@ -189,10 +189,16 @@ class Effects(DiagnosisStage):
             return None
         (generator,) = context.generator.spawn(1)  # what is drawn afterwards stays as it is
         try:
-            return separation(case, Robot.of_model(model), final, step, generator, context.progress)
+            best = separation(case, Robot.of_model(model), final, step, generator, context.progress)
         except RobidError as error:
-            context.log.warning("no experiment was found that separates ties: %s", error)
+            context.log.warning("experiments that separate ties could not be simulated: %s", error)
             return None
+        if best is None:
+            context.log.warning(
+                "experiments that separate ties could not be simulated: the recorded motions leave the robot's limits, "
+                "or the robot file's drives cannot follow them"
+            )
+        return best
 
 
 def _check(records: Sequence[Record], robot: Robot) -> None:
