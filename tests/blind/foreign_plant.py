@@ -1,4 +1,4 @@
-"""A plant on MuJoCo with one or two hidden laws: bodies, springs and integration are MuJoCo's, all else stands here.
+"""A plant on MuJoCo with hidden laws: bodies, springs and integration are MuJoCo's, all else stands here.
 
 Controller, encoder, friction and hidden laws are a callback in machine code that MuJoCo calls in each of the four
 stages of Runge and Kutta's method.
@@ -7,6 +7,7 @@ stages of Runge and Kutta's method.
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +20,13 @@ from oracles.mjcf import mjcf
 from oracles.mujoco_robot import MujocoRobot
 
 from blind import laws
+from blind.standing import Base, on_base
 from robid_core import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
 MOST, NUMBERS = 2, 8  # hidden laws; numbers of a law
+STEPS = 4  # of MuJoCo, a sample: what is left of a plant that hides nothing is the same with 2 and with 16
 (POSITION, SPEED, APPLIED, CONTROL, REFERENCE, NOISE, MEASURED, DEMANDED, MOTORS, LOOP, COUNTS, LAWS, SEEN, GEARS,
  MEMORY) = range(15)  # fmt: skip
 (N_AXIS, N_STEP, N_DOF, CALL) = range(4)
@@ -31,6 +34,7 @@ MOST, NUMBERS = 2, 8  # hidden laws; numbers of a law
  DAMPING, LATE) = range(12)  # fmt: skip
 (WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS, TIME, FILTERED) = range(7)
 (LAW, AXIS) = range(2)  # of LAWS, before the numbers
+ON_SIGNALS = (laws.NOTHING, laws.RESOLVER, laws.RIPPLE, laws.SATURATION, laws.LAG, laws.GAIN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,7 @@ class HiddenLaw:
     numbers: tuple[float, ...]
     """First, second, ..., as `laws` names them; the place's spring and damper are put in."""
     row: FloatArray
-    """Coordinate over MuJoCo's, (n_dof,)."""
+    """Coordinate over the robot's generalised ones, (n_coordinate,)."""
 
 
 def _act(_model, _data):  # type: ignore[no-untyped-def]
@@ -90,6 +94,8 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
                 continue
             if hidden[h, LAW] == laws.RIPPLE:
                 torque += hidden[h, 2] * np.sin(hidden[h, 3] * position[a] + hidden[h, 4])
+            elif hidden[h, LAW] == laws.GAIN:
+                torque *= 1 + hidden[h, 2]
             elif hidden[h, LAW] == laws.SATURATION:
                 torque = min(max(torque, -hidden[h, 2]), hidden[h, 2])
             elif hidden[h, LAW] == laws.LAG:
@@ -101,7 +107,7 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
         applied[a] -= motors[COULOMB, a] * np.tanh(v / motors[ZERO_SPEED, a]) + motors[VISCOUS, a] * v
     for h in range(2):
         law, a = int(hidden[h, LAW]), int(hidden[h, AXIS])
-        if law in (laws.NOTHING, laws.RESOLVER, laws.RIPPLE, laws.SATURATION, laws.LAG):
+        if law in ON_SIGNALS:
             continue
         x = v = bent = rate = 0.0
         for d in range(n_dof):
@@ -143,24 +149,42 @@ class ForeignPlant:
         At most two laws.
     late
         Samples after which a torque acts.
+    base
+        On which it stands; None: on a floor that does not give way.
     steps
         Of MuJoCo, a sample.
     """
 
-    def __init__(self, robot: Robot, hidden: list[HiddenLaw], late: float = 0.0, steps: int = 8) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        hidden: Sequence[HiddenLaw] = (),
+        late: float = 0.0,
+        base: Base | None = None,
+        steps: int = STEPS,
+    ) -> None:
         self.robot, self.steps = robot, steps
-        self.oracle = MujocoRobot(robot)
-        self.model = mujoco.MjModel.from_xml_string(mjcf(robot, "RK4", robot.sample_time_s / steps))
+        to_motors = MujocoRobot(robot).from_joints
+        xml = mjcf(robot, "RK4", robot.sample_time_s / steps)
+        self.model = mujoco.MjModel.from_xml_string(on_base(xml, base) if base else xml)
         self.data = mujoco.MjData(self.model)
+        own = np.ones(self.model.nv, dtype=bool)  # coordinates that the robot has, too
+        if base:
+            own[robot.n_axis : robot.n_axis + 2] = False
+        self.own = np.flatnonzero(own)
+        self.from_joints = np.zeros((len(to_motors), self.model.nv))
+        self.from_joints[:, self.own] = to_motors
+        self.to_joints = np.zeros((self.model.nv, len(to_motors)))
+        self.to_joints[self.own] = np.linalg.inv(to_motors)
         axes = robot.description.axes.values()
         springs = [[axis.gear.stiffness, axis.gear.damping] if axis.gear else [0.0, 0.0] for axis in axes]
         friction = [of_axes(robot, "friction", key) for key in ("coulomb", "viscous", "speed")]
         keys = ("speed_gain", "integral_gain", "position_gain", "speed_feedforward")
         loop = [of_axes(robot, "controller", key) for key in keys]
-        counts = of_axes(robot, "sensors", "encoder_counts") / (2 * np.pi)
+        counted = of_axes(robot, "sensors", "encoder_counts") / (2 * np.pi)
         delay = np.full(robot.n_axis, round(late * steps) / steps)
         self.motors = np.array(
-            [*friction, *loop, of_axes(robot, "torque_limit"), counts, *np.array(springs).T, delay]
+            [*friction, *loop, of_axes(robot, "torque_limit"), counted, *np.array(springs).T, delay]
         )
         self.laws, self.rows = np.zeros((MOST, 2 + NUMBERS)), np.zeros((MOST, self.model.nv))
         for h, one in enumerate(hidden):
@@ -169,30 +193,45 @@ class ForeignPlant:
             numbers[laws.WIDTH] = self.motors[ZERO_SPEED, one.axis]
             numbers[laws.SPRING : laws.DAMPER + 1] = springs[one.axis]
             self.laws[h] = [one.law, one.axis, *numbers]
-            self.rows[h] = one.row
+            self.rows[h] = one.row @ self.from_joints
         rows = robot.mechanism.spring_directions[: robot.n_axis]
-        self.gears = np.ascontiguousarray(rows @ self.oracle.from_joints)
+        self.gears = np.ascontiguousarray(rows @ self.from_joints)
 
     def measure(
-        self, reference: FloatArray, angle: FloatArray, generator: np.random.Generator, noise: FloatArray
+        self, reference: FloatArray, angle: FloatArray, noise: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Measured motor angle and torque of one experiment, (n_sample, n_axis) each; `noise` of the torque, N m."""
+        """Measured motor angle and commanded torque of one experiment, (n_sample, n_axis) each.
+
+        Parameters
+        ----------
+        reference
+            Motor speed, rad/s, (n_sample, n_axis).
+        angle
+            Joint-side angles at the start, rad, (n_axis,).
+        noise
+            Of the measured angle, which the controller sees, rad, (n_sample, n_axis); None: of an exact encoder,
+            which has no steps either.
+        """
         robot, data, n_axis = self.robot, self.data, self.robot.n_axis
         reference = np.ascontiguousarray(reference, dtype=np.float64)
-        angles = generator.standard_normal(reference.shape) * of_axes(robot, "sensors", "position_noise")
         measured, demanded = np.zeros_like(reference), np.zeros_like(reference)
+        motors, noise = self.motors.copy(), np.zeros_like(reference) if noise is None else noise
+        motors[COUNTS_PER_RAD] *= noise.any()
         rest, hold = robot.equilibrium(angle[None]).position[0], robot.gravity_torque(angle[None])[0]
         mujoco.mj_resetData(self.model, data)
-        data.qpos[:] = self.oracle.to_joints @ rest
+        data.qpos[:] = self.to_joints @ rest
+        mujoco.mj_forward(self.model, data)
+        among = np.setdiff1d(np.arange(self.model.nv), self.own)  # the base sinks under what stands on it
+        data.qpos[among] = -data.qfrc_bias[among] / self.model.jnt_stiffness[among]
         loop = np.zeros((7, n_axis))
         loop[WANTED] = loop[LAST] = rest[:n_axis]
         loop[INTEGRAL] = loop[TORQUE] = loop[PREVIOUS] = loop[FILTERED] = hold
         loop[TIME] = robot.sample_time_s
         numbers = np.array([n_axis, self.steps, self.model.nv, 0], dtype=np.int64)
-        arrays = (data.qpos, data.qvel, data.qfrc_applied, data.ctrl, reference, angles, measured, demanded)
-        more = (self.motors, loop, numbers, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
+        arrays = (data.qpos, data.qvel, data.qfrc_applied, data.ctrl, reference, noise, measured, demanded)
+        more = (motors, loop, numbers, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
         with installed(_compiled(), (*arrays, *more)):
             mujoco.mj_step(self.model, data, len(reference) * self.steps)
         if not np.isfinite(measured).all():
             raise RuntimeError("MuJoCo's simulation left all bounds")
-        return measured, demanded + generator.standard_normal(demanded.shape) * noise
+        return measured, demanded

@@ -11,7 +11,7 @@ import math
 import numba as nb
 
 (NOTHING, ASYMMETRIC, STRIBECK, BY_LOAD, DAHL, LUGRE, BACKLASH, STIFFENING, HYSTERESIS, RIPPLE, RESOLVER, GEAR_WAVE,
- LAG, CABLE, SATURATION) = range(15)  # fmt: skip
+ LAG, CABLE, SATURATION, GAIN) = range(16)  # fmt: skip
 (FIRST, SECOND, THIRD, FOURTH, WIDTH, SPRING, DAMPER) = range(7)  # numbers of a law
 
 

@@ -1,86 +1,76 @@
-"""Diagnoses of blind cases as a table: `python -m blind.score --seeds 1-5` from `tests`; rows that stand are kept.
+"""Diagnoses of blind cases as a table: `python -m blind.score` from `tests`; rows that stand are kept.
 
-Seeds below 10^6 are for development; a score to be published is taken once, on seeds that nobody chose.
+Seeds below 10^6 are for development; a score to be published is taken once, on seeds from one number that is drawn when
+a commit is tagged. `--share 0.05` takes a twentieth of all strata; `--summary` only reads.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import logging
+import math
 import multiprocessing
-import time
-from concurrent.futures import ProcessPoolExecutor
+import subprocess
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-import numpy as np
+from blind.judging import FIELDS, judged
+from blind.plan import asked, plan
+from blind.table import Row, summary
 
-from blind.cases import FAMILIES, blind_case
-from robid_core import Context
-from robid_core.stage import map_in_process
-from robid_diagnosis.effects import Effects
-
-FIELDS = (
-    "kind", "seed", "size", "right", "first", "others", "gain", "misfit", "late", "found_late", "seconds",
-)  # fmt: skip
+HERE = Path(__file__).parent
 
 
-def judged(kind: str, seed: int) -> dict[str, str]:
-    """Make one case, diagnose it, and say whether the verdict is right."""
-    case = blind_case(seed, kind)
-    context = Context(
-        np.random.default_rng(seed), map_in_process, lambda *_: None, logging.getLogger("blind")
-    )
-    began = time.perf_counter()
-    diagnosis = Effects().run((case.record,), case.told, context)
-    seconds = time.perf_counter() - began
-    findings = diagnosis.findings
-    named = [finding.effect for finding in findings]
-    right = not named if not kind else bool(named) and named[0] in FAMILIES[kind]
-    tied = [tie.partition(" at ")[0] for finding in findings[:1] for tie in finding.ties]
-    right = right or bool(kind and set(tied) & set(FAMILIES.get(kind, ())))
-    lines = diagnosis.verdict.split("\n")
-    late = next((line.split(" by ")[1].split(" ")[0] for line in lines if line.startswith("Timing")), "")
-    return {
-        "kind": kind,
-        "seed": str(seed),
-        "size": f"{case.size:.4g}",
-        "right": str(right),
-        "first": named[0] if named else "",
-        "others": " ".join(named[1:]),
-        "gain": f"{findings[0].gain:.4g}" if findings else "",
-        "misfit": next(line for line in lines if line.startswith("Misfit")),
-        "late": f"{case.late:.3f}",
-        "found_late": late,
-        "seconds": f"{seconds:.1f}",
-    }
+def rows_of(table: Path) -> list[Row]:
+    """Rows that stand in a table."""
+    if not table.is_file():
+        return []
+    with table.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def main() -> None:
-    """Fill the table."""
+    """Fill the table and say what it says."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", default="1-3")
-    parser.add_argument("--kinds", default=",".join(["", *FAMILIES]))
+    parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--share", type=float, default=1.0, help="of the cases that a score is made of")
+    parser.add_argument("--strata", default=",".join(asked()["counts"]))
+    parser.add_argument("--kinds", default="", help="only cases that hide one of these")
+    parser.add_argument("--axes", default="1,2,6")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--table", type=Path, default=Path("blind.csv"))
+    parser.add_argument("--table", type=Path, default=HERE / "development.csv")
+    parser.add_argument("--summary", action="store_true")
     told = parser.parse_args()
-    first, last = (int(part) for part in told.seeds.split("-"))
-    rows: list[dict[str, str]] = []
-    if told.table.is_file():
-        with told.table.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    there = {(row["kind"], row["seed"]) for row in rows}
-    wanted = [
-        (k, s) for s in range(first, last + 1) for k in told.kinds.split(",") if (k, str(s)) not in there
-    ]
-    with ProcessPoolExecutor(told.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for row in pool.map(judged, *zip(*wanted, strict=True)) if wanted else ():
-            rows.append(row)
-            with told.table.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.DictWriter(file, FIELDS)
-                writer.writeheader()
-                writer.writerows(rows)
-            print(*(row[name] or "-" for name in FIELDS), flush=True)
+    rows = rows_of(told.table)
+    if not told.summary:
+        commit = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"], cwd=HERE, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        counts = {name: math.ceil(told.share * n) for name, n in asked()["counts"].items()}
+        axes, kinds = {int(n) for n in told.axes.split(",")}, set(filter(None, told.kinds.split(",")))
+        there = {(row["stratum"], row["seed"]) for row in rows}
+        strata = told.strata.split(",")
+        wanted = [
+            one
+            for one in plan(counts, told.first_seed)
+            if one.stratum in strata
+            and one.n_axis in axes
+            and (not kinds or kinds & set(one.kinds))
+            and (one.stratum, str(one.seed)) not in there
+        ]
+        with ProcessPoolExecutor(told.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(judged, one, commit) for one in wanted]):
+                rows.append(done.result())
+                _write(told.table, rows)
+                print(*(rows[-1][name] or "-" for name in FIELDS), flush=True)
+    print(summary(rows))
+
+
+def _write(table: Path, rows: list[Row]) -> None:
+    with table.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, FIELDS)
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 if __name__ == "__main__":

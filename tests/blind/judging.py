@@ -1,0 +1,162 @@
+"""A diagnosis of a blind case as one row of a table: what was hidden, what was told, and whether that is right."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from blind.cases import BlindCase, blind_case
+from blind.kinds import RIGHT, Hidden
+from blind.plan import Wanted
+from robid_core import Context, Diagnosis, Finding
+from robid_core.stage import map_in_process
+from robid_diagnosis.effects import Effects
+
+FIELDS = (
+    "stratum", "seed", "n_axis", "kinds", "on", "strengths", "sizes", "classes", "told", "right", "in_class", "wrong",
+    "extras", "alarms", "seen", "ties", "size_error", "size_z", "covered", "stated", "z_squared", "gain", "late",
+    "found_late", "misfit", "make_s", "seconds", "commit",
+)  # fmt: skip
+SIZES: dict[str, tuple[str, ...]] = {
+    "friction.stribeck": ("breakaway",),
+    "friction.load_dependent": ("load_coulomb",),
+    "friction.dahl": ("coulomb",),
+    "transmission.backlash": ("gap",),
+    "transmission.stiffening": ("cubic",),
+    "drive.torque_ripple": ("amplitude",),
+    "sensing.resolver_ripple": ("amplitude",),
+    "transmission.kinematic_error": ("amplitude",),
+    "drive.current_loop": ("time_constant",),
+    "load.cable_spring": ("stiffness",),
+    "drive.saturation": ("limit",),
+    "value.torque_constant": ("error",),
+}
+"""Parameters of the catalogue that are the first number of a hidden law."""
+LIKELY = 1.96
+KNOWN = "friction.asymmetric"
+
+
+def judged(wanted: Wanted, commit: str) -> dict[str, str]:
+    """Make a case, diagnose it, and return its row."""
+    began = time.perf_counter()
+    case = blind_case(wanted)
+    made = time.perf_counter() - began
+    exclude = RIGHT[wanted.kinds[0]] if wanted.taken_out else ()
+    context = Context(
+        np.random.default_rng(wanted.seed), map_in_process, lambda *_: None, logging.getLogger("blind")
+    )
+    began = time.perf_counter()
+    diagnosis = Effects(exclude=exclude).run((case.record,), case.told, context)
+    seconds = time.perf_counter() - began
+    return _row(case, diagnosis) | {"make_s": f"{made:.1f}", "seconds": f"{seconds:.1f}", "commit": commit}
+
+
+def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
+    wanted, findings = case.wanted, diagnosis.findings
+    named = [finding for finding in findings if finding.kind != "unknown"]
+    right = [any(_is(thing, finding) for finding in named[: len(case.hidden)]) for thing in case.hidden]
+    first = _name(named[0]) if named else ""
+    tied = any(_is(thing, tie) for thing in case.hidden for tie in _ties(named[:1]))
+    in_class = first in case.classes or (tied and bool(case.classes))
+    extras = [one for one in named if not any(_is(thing, one) for thing in case.hidden)]
+    sizes = [_size(thing, size, named) for thing, size in zip(case.hidden, case.sizes, strict=True)]
+    known = [size for size in sizes if size is not None]
+    stated, covered, squared = _values(case, diagnosis)
+    late = re.search(r"torque of .*? by (-?[\d.]+) samples", diagnosis.verdict.replace("\n", " "))
+    return {
+        "stratum": wanted.stratum,
+        "seed": str(wanted.seed),
+        "n_axis": str(wanted.n_axis),
+        "kinds": " ".join(wanted.kinds),
+        "on": " ".join(thing.on for thing in case.hidden),
+        "strengths": " ".join(f"{one:.4g}" for one in case.strengths),
+        "sizes": " ".join(f"{one:.4g}" for one in case.sizes),
+        "classes": " ".join(case.classes),
+        "told": " ".join(f"{finding.kind}:{_name(finding)}" for finding in findings),
+        "right": str(all(right) if right else not findings),
+        "in_class": str(in_class),
+        "wrong": str(bool(named) and not any(right) and not in_class),
+        "extras": str(len(extras) - (in_class and not any(right))),
+        "alarms": str(len(findings)),
+        "seen": " ".join(f"{one.n_seen}/{len(one.by_configuration)}" for one in named),
+        "ties": " ".join(f"{use}@{on}" for use, on in _ties(named)),
+        "size_error": " ".join(f"{error:.3g}" for error, _ in known),
+        "size_z": " ".join(f"{z:.3g}" for _, z in known),
+        "covered": str(covered),
+        "stated": str(stated),
+        "z_squared": f"{squared:.4g}",
+        "gain": _gain(case, diagnosis),
+        "late": f"{case.late:.3f}",
+        "found_late": late.group(1) if late else "",
+        "misfit": next(
+            line.removeprefix("Misfit ")
+            for line in diagnosis.verdict.split("\n")
+            if line.startswith("Misfit")
+        ),
+    }
+
+
+def _name(finding: Finding) -> str:
+    return f"{finding.effect}@{finding.on}"
+
+
+def _ties(findings: Sequence[Finding]) -> list[tuple[str, str]]:
+    """Effect and place of what findings cannot be told from."""
+    parts = (tie.partition(" at ") for finding in findings for tie in finding.ties)
+    return [(use, place.partition(" (")[0]) for use, _, place in parts]
+
+
+def _is(thing: Hidden, told: Finding | tuple[str, str]) -> bool:
+    """Whether what was told is the hidden thing, at its place."""
+    use, on = told if isinstance(told, tuple) else (told.effect, told.on)
+    return use in RIGHT[thing.kind] and (thing.on == "base" or on == thing.on)
+
+
+def _size(thing: Hidden, size: float, named: Sequence[Finding]) -> tuple[float, float] | None:
+    """Relative error of a size, and its error in standard errors; None where it was not named or has no one number."""
+    finding = next((one for one in named if _is(thing, one)), None)
+    if finding is None or thing.law is None:
+        return None
+    (true, *_) = thing.numbers(size)
+    values = dict(zip(finding.names, zip(finding.value, finding.standard_error, strict=True), strict=True))
+    if thing.kind == KNOWN:  # level forwards less that backwards; one of the two is estimated
+        levels = [(s * values[n][0], values[n][1]) for n, s in (("coulomb_forwards", 1), ("coulomb_backwards", -1))
+                  if n in values]  # fmt: skip
+        found, error = (
+            sum(value for value, _ in levels),
+            float(np.hypot.reduce([one for _, one in levels] or [0.0])),
+        )
+    else:
+        name = next((name for name in SIZES.get(thing.kind, ()) if name in values), None)
+        if name is None or finding.effect != RIGHT[thing.kind][0]:
+            return None
+        found, error = values[name]
+        if name == "amplitude":  # a wave half a turn further on
+            found, true = abs(found), abs(true)
+    return float(found / true - 1), float((found - true) / error) if error > 0 else float("nan")
+
+
+def _values(case: BlindCase, diagnosis: Diagnosis) -> tuple[int, int, float]:
+    """Stiffnesses with an interval, how many of the 95 % intervals hold the truth, and the sum of squared errors."""
+    table = diagnosis.values
+    assert table is not None
+    rows = [
+        (float(table.estimate[i]) - case.truth.parameter(name)) / float(table.standard_error[i])
+        for i, name in enumerate(table.names)
+        if name in case.truth.layout and case.truth.parameter_kind(name) == "stiffness"
+    ]
+    z = np.array(rows)
+    return len(z), int((np.abs(z) < LIKELY).sum()), float((z**2).sum())
+
+
+def _gain(case: BlindCase, diagnosis: Diagnosis) -> str:
+    """Share of the error in left-out configurations, above that of noise, that the extended robot does away with."""
+    if len(diagnosis.errors) < 2 or np.isnan(case.floor).any():
+        return ""
+    before, after = (np.asarray(one.relative) for one in diagnosis.errors[:2])
+    axis = int(np.argmax(before - after))
+    return f"{(before[axis] - after[axis]) / (before[axis] - case.floor[axis]):.4g}"

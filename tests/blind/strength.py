@@ -1,0 +1,117 @@
+"""How strongly data show what is hidden: the torque that it changes under the same motion, in standard deviations.
+
+The plant's torque without noise, less what the true robot without the hidden thing would need for the same motor
+motion, and less what a plant that hides nothing leaves of itself (two simulators agree to 1e-4); what the unknowns of a
+fit can take of it (springs, dampers, friction of any width, inertia within its prior, delays) is projected out. The
+squared norm of the rest is what the hidden thing adds to twice the log-likelihood.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import functools
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from blind.kinds import RIGHT
+from robid_core import ComplexArray, FloatArray, Record, Robot, chosen_names
+from robid_core.estimation.torque.speed_functions import NEAR_ALONE, SpeedFunctions
+from robid_core.residual import TorqueProblem, Weighting, default_patterns, linearise_at, torque_problem
+from robid_diagnosis.candidates import catalogue
+from robid_diagnosis.columns import Motion
+from robid_diagnosis.hypothesis import PRIORS
+from robid_diagnosis.projection import Projection
+from robid_diagnosis.search import Search
+
+CLASS = 3.0  # of twice the log-likelihood: laws that come nearer to the truth are one class with it
+REFINED = 6  # candidates whose shape is looked at closer before they are compared with the truth
+NOISE_ALONE = 1e-6  # relative error of a model that counts for nothing
+ANY = 1e-3  # likewise, where no weights are asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Ruler:
+    """The true robot without what is hidden, measured without noise: what simulators disagree in is taken off."""
+
+    robot: Robot
+    late: float
+    """Samples after which torques act."""
+    weights: tuple[Weighting, ...]
+    residual: FloatArray
+    """Of the plant that hides nothing, weighted, (n_row,)."""
+    floor: FloatArray
+    """What noise alone leaves of the torque, relative to it, all bins but the mean, (n_axis,)."""
+
+    @classmethod
+    def of_records(cls, robot: Robot, clean: Record, noisy: Record, late: float) -> Ruler:
+        """Prepare with two records of the plant that hides nothing; the noise of one weighs."""
+        problem, point = _at_truth(robot, noisy, late)
+        weights = linearise_at(problem, point, NOISE_ALONE).weights
+        ruler = cls(robot, late, weights, np.empty(0), np.empty(0))
+        nothing = ruler.strength(clean)
+        noise = _power(problem.residuals(point)[0] - nothing.problem.residuals(point)[0])
+        floor = np.sqrt(noise / _power(problem.blocks[0].motion.torque_spectrum))
+        return replace(ruler, residual=nothing.projection.residual, floor=floor)
+
+    def strength(self, clean: Record) -> Strength:
+        """Hold the noise-free record of a plant that hides something against the true robot without it."""
+        problem, point = _at_truth(self.robot, clean, self.late)
+        linearise_at(problem, point, ANY)
+        about = problem.linearise(point, self.weights)
+        weighted = problem.weighted(point, self.weights)
+        lengths = [own.shape[-1] for own in weighted for _ in range(own.shape[0] * own.shape[1])]
+        ends = np.cumsum([0, *lengths])
+        folds = [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+        residual = np.concatenate([own.ravel() for own in weighted])
+        if len(self.residual):
+            residual = residual - self.residual
+        rows, none = np.concatenate(about.rows), np.zeros(problem.n_unknown)
+        return Strength(problem, point, self.weights, Projection(rows, residual, about.whole, none, folds))
+
+
+@dataclass(frozen=True, eq=False)
+class Strength:
+    """What a hidden thing adds to the torque, in standard deviations, and what a fit could take of it."""
+
+    problem: TorqueProblem
+    point: FloatArray
+    weights: tuple[Weighting, ...]
+    projection: Projection
+
+    @functools.cached_property
+    def total(self) -> float:
+        """Squared norm of what no unknown of a fit can take."""
+        taken = self.projection.fitted.T @ self.projection.residual
+        return float(self.projection.residual @ self.projection.residual - taken @ taken)
+
+    def alike(self, kind: str, on: str, generator: np.random.Generator) -> tuple[str, ...]:
+        """Laws of the catalogue, `effect@place`, that explain the noise-free data as well as a kind's own laws do."""
+        motion = Motion(self.problem, self.point, self.weights)
+        search = Search(motion, self.projection, generator)
+        found = search.run(catalogue(), {}, lambda *_: None)
+        own = [hit for hit in found.hits if hit.candidate.use in RIGHT[kind] and hit.candidate.spot.on == on]
+        rest = [hit for hit in found.hits if hit not in own][:REFINED]
+        best = max((search.refined(hit).gain.total for hit in own), default=np.inf)
+        near = [hit for hit in rest if search.refined(hit).gain.total > best - CLASS]
+        return tuple(f"{hit.candidate.use}@{hit.candidate.spot.on}" for hit in near)
+
+
+def _power(spectra: ComplexArray) -> FloatArray:
+    power: FloatArray = (np.abs(spectra[:, :, 1:]) ** 2).sum(axis=(0, 1, 2))
+    return power
+
+
+def _at_truth(robot: Robot, record: Record, late: float) -> tuple[TorqueProblem, FloatArray]:
+    """Return what a diagnosis fits, and its unknowns as they truly are."""
+    names = chosen_names(list(robot.layout), default_patterns(robot))
+    priors = {pattern: one for pattern, one in PRIORS.items() if fnmatch.filter(names, pattern)}
+    width = robot.drives.friction_speed
+    problem = torque_problem(
+        (record,), robot, names, priors, lambda *_: SpeedFunctions.near(width), each_delay=True
+    )
+    point = np.zeros(problem.n_unknown)
+    problem.friction_size(point)[NEAR_ALONE.index(1.0)] = robot.drives.coulomb
+    point[-problem.n_delay :] = -late * robot.sample_time_s
+    return problem, point
