@@ -13,7 +13,7 @@ _HOME = {
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
         "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
         "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "SeparatingExperiment",
-        "TimeComparison", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
+        "TimeComparison", "Timing", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -77,6 +77,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         SearchRecord as SearchRecord,
         SeparatingExperiment as SeparatingExperiment,
         TimeComparison as TimeComparison,
+        Timing as Timing,
         Truth as Truth,
         VisibleSize as VisibleSize,
         array as array,

@@ -27,9 +27,10 @@ from robid_core import (
     SearchRecord,
     SeparatingExperiment,
 )
+from robid_core.residual import misfit_table
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.results import errors_of, finding_of, model_of, unknown_of, values_of
+from robid_diagnosis.results import errors_of, finding_of, model_of, timing_of, unknown_of, values_of
 from robid_diagnosis.selection import Outcome, Selection, Step
 from robid_diagnosis.separation import separation
 from robid_diagnosis.trials import DOUBTFUL
@@ -141,9 +142,8 @@ class Effects(DiagnosisStage):
             for finding in findings
             for line in (finding_line(finding, n_config), separation_line(finding))
         ]
-        deviation = np.sqrt(np.diag(final.solution.covariance))[-problem.n_delay :]
-        delay = problem.delay(final.point)
-        lines += timing_lines(robot.axis_names, delay, deviation, problem.blocks[0].motion.sample_time_s)
+        timing = timing_of(final)
+        lines += timing_lines(timing)
         if n_config == 1:
             lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
@@ -178,6 +178,8 @@ class Effects(DiagnosisStage):
                 failed,
                 outcome.visible,
             ),
+            timing=timing,
+            left=misfit_table(problem, final.point),
             model=model,
         )
 

@@ -17,6 +17,7 @@ from robid_core import (
     Record,
     Robot,
     SeparatingExperiment,
+    Timing,
 )
 from robid_core.residual import estimated_robot
 from robid_diagnosis.held_out import held_out_residuals
@@ -162,6 +163,19 @@ def values_of(final: Fitted) -> ParameterTable:
         reported=np.array([kind in ("stiffness", "effect") for kind in kinds]),
         at_bound=np.zeros(len(names), dtype=bool),
         prior=prior,
+    )
+
+
+def timing_of(final: Fitted) -> Timing:
+    """How late the torque of each axis is, in samples of the first block."""
+    problem = final.problem
+    motion = problem.blocks[0].motion
+    deviation = np.sqrt(np.diag(final.solution.covariance))[-problem.n_delay :]
+    return Timing(
+        problem.free.robot.axis_names,
+        motion.sample_time_s,
+        problem.delay(final.point) / motion.sample_time_s,
+        deviation / motion.sample_time_s,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import Finding, FloatArray, PredictionErrors
+from robid_core import Finding, FloatArray, PredictionErrors, Timing
 from robid_diagnosis.intervals import over_axes
 
 LATE = 0.1  # of a sample: a delay that is told
@@ -66,10 +66,10 @@ def place_text(use: str, on: str | None, side: str | None) -> str:
     return f"{use} at {on}" + (f" ({side})" if side else "")
 
 
-def timing_lines(axis_names: Sequence[str], delay: FloatArray, error: FloatArray, sample: float) -> list[str]:
+def timing_lines(timing: Timing) -> list[str]:
     """Delays between the channels of each axis that are worth telling."""
     found = []
-    for axis, value, sd in zip(axis_names, delay / sample, error / sample, strict=True):
+    for axis, value, sd in zip(timing.axis_names, timing.lag, timing.standard_error, strict=True):
         if abs(value) > LATE and abs(value) > SURE * sd:
             way = "lags" if value > 0 else "leads"
             found.append(

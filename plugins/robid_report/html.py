@@ -136,14 +136,20 @@ def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict
     }
 
 
-def misfit_section(fit: Fit | None) -> dict[str, Any] | None:
+def misfit_sections(fit: Fit | None, diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
     """Bands in words, and a row of text for each axis: in each band the misfit on the lines and in the other bins."""
-    table = fit.misfit_table if fit is not None else None
-    if table is None:
-        return None
-    pairs = np.stack([table.lines, table.other], axis=2).reshape(len(table.axis_names), -1)
-    rows = [[significant(value, 3) for value in row] for row in pairs.tolist()]
-    return {"bands": table.band_names, "rows": list(zip(table.axis_names, rows, strict=True))}
+    tables = {
+        "the model": fit.misfit_table if fit is not None else None,
+        "the diagnosed robot": diagnosis.left if diagnosis is not None else None,
+    }
+    found = []
+    for model, table in tables.items():
+        if table is not None:
+            pairs = np.stack([table.lines, table.other], axis=2).reshape(len(table.axis_names), -1)
+            rows = [[significant(value, 3) for value in row] for row in pairs.tolist()]
+            named = list(zip(table.axis_names, rows, strict=True))
+            found.append({"model": model, "bands": table.band_names, "rows": named})
+    return found
 
 
 def render(content: dict[str, Any], data: dict[str, Any]) -> str:
@@ -220,7 +226,7 @@ class HtmlReport(ReportStage):
             "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],
             "responding": responding.method if responding is not None and responding is not fit else "",
-            "misfit": misfit_section(fit),
+            "misfits": misfit_sections(fit, diagnosis),
             "errors": error_sections(diagnosis),
             "visible": visible_table(diagnosis),
             "response": response is not None,

@@ -25,6 +25,7 @@ from robid_core.artifacts.model import Model
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
+from robid_core.artifacts.timing import Timing
 
 __all__ = [
     "Artifact",
@@ -49,6 +50,7 @@ __all__ = [
     "SeparatingExperiment",
     "VisibleSize",
     "TimeComparison",
+    "Timing",
     "Truth",
     "array",
     "frozen",

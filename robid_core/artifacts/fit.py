@@ -10,6 +10,7 @@ from robid_core.artifacts.doubts import Doubt, judge
 from robid_core.artifacts.finding import Finding, SearchRecord
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
+from robid_core.artifacts.timing import Timing
 
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
@@ -129,7 +130,8 @@ class Diagnosis(Artifact):
     """What the simulation gets wrong: simulated against measured, with numbers and a verdict in words.
 
     `model` is the robot that was found, where the diagnosis changes the one that it was given. `findings` are causes,
-    first the one that gains most; `values` all that was estimated beside them; `search` what was tried.
+    first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
+    `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it.
     """
 
     method: str
@@ -141,3 +143,5 @@ class Diagnosis(Artifact):
     findings: tuple[Finding, ...] = ()
     values: ParameterTable | None = None
     search: SearchRecord | None = None
+    timing: Timing | None = None
+    left: MisfitTable | None = None

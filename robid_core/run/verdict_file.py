@@ -4,7 +4,9 @@ Fields: `verdict` (sentences), `robot` (name and hash of the one that was told),
 parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
 after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
 log-likelihood ratio for each rival, gain in each configuration and where held out), `values`
-(all that was estimated), `errors` (torque that each model leaves), `searched` (how many, which, excluded, failed,
+(all that was estimated, with the tolerance that was told), `timing` (by how many samples the torque of each axis lags),
+`errors` (torque that each model leaves), `left` (misfit of each axis in each band, on the excited lines and in the bins
+between), `searched` (how many, which, excluded, failed,
 smallest sizes that would have been found).
 Numbers that do not exist are null.
 """
@@ -15,8 +17,10 @@ import json
 import math
 from typing import Any
 
+import numpy as np
+
 from robid_core.arrays import FloatArray
-from robid_core.artifacts import Diagnosis, Finding, SeparatingExperiment
+from robid_core.artifacts import Diagnosis, Finding, MisfitTable, SeparatingExperiment, Timing
 
 VERSION = 1
 SURE = 1.96  # standard errors to either side
@@ -34,11 +38,18 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
         "values": []
         if values is None
         else [
-            _value(*row)
-            for row in zip(
-                values.names, values.units, values.start, values.estimate, values.standard_error, strict=True
+            _value(*row) | {"tolerance": _number(tolerance)}
+            for *row, tolerance in zip(
+                values.names,
+                values.units,
+                values.start,
+                values.estimate,
+                values.standard_error,
+                np.full(len(values.names), np.nan) if values.prior is None else values.prior,
+                strict=True,
             )
         ],
+        "timing": None if diagnosis.timing is None else _timing(diagnosis.timing),
         "errors": [
             {
                 "model": one.model,
@@ -53,6 +64,7 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
             }
             for one in diagnosis.errors
         ],
+        "left": None if diagnosis.left is None else _left(diagnosis.left),
         "searched": None
         if search is None
         else {
@@ -108,6 +120,24 @@ def _separation(best: SeparatingExperiment) -> dict[str, Any]:
                 best.rivals, best.ratio.tolist(), best.repeat, best.tells, strict=True
             )
         ],
+    }
+
+
+def _timing(timing: Timing) -> dict[str, Any]:
+    rows = zip(timing.axis_names, timing.lag, timing.standard_error, strict=True)
+    return {
+        "sample_time_s": timing.sample_time_s,
+        "lag": [_value(axis, "sample", 0.0, float(lag), float(error)) for axis, lag, error in rows],
+    }
+
+
+def _left(table: MisfitTable) -> dict[str, Any]:
+    return {
+        "band_edges_hz": table.band_edges_hz.tolist(),
+        "axes": {
+            axis: {"lines": _numbers(table.lines[i]), "other_bins": _numbers(table.other[i])}
+            for i, axis in enumerate(table.axis_names)
+        },
     }
 
 

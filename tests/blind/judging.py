@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import time
 from collections.abc import Sequence
 
@@ -66,7 +65,8 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
     sizes = [_size(thing, size, named) for thing, size in zip(case.hidden, case.sizes, strict=True)]
     known = [size for size in sizes if size is not None]
     stated, covered, squared = _values(case, diagnosis)
-    late = re.search(r"torque of .*? by (-?[\d.]+) samples", diagnosis.verdict.replace("\n", " "))
+    timing = diagnosis.timing
+    assert timing is not None
     return {
         "stratum": wanted.stratum,
         "seed": str(wanted.seed),
@@ -91,7 +91,7 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
         "z_squared": f"{squared:.4g}",
         "gain": _gain(case, diagnosis),
         "late": f"{case.late:.3f}",
-        "found_late": late.group(1) if late else "",
+        "found_late": " ".join(f"{lag:.4f}" for lag in timing.lag),
         "misfit": next(
             line.removeprefix("Misfit ")
             for line in diagnosis.verdict.split("\n")

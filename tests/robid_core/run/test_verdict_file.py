@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import Diagnosis, Finding, SearchRecord, SeparatingExperiment, VisibleSize
+from robid_core import (
+    Diagnosis,
+    Finding,
+    MisfitTable,
+    ParameterTable,
+    SearchRecord,
+    SeparatingExperiment,
+    Timing,
+    VisibleSize,
+)
 from robid_core.run.verdict_file import verdict_json
 
 GAINS = np.array([40.0, 3.0, np.nan])
@@ -50,6 +59,26 @@ def test_what_is_told_stands_in_the_file() -> None:
         "N m",
     )
     assert (told["values"], told["errors"]) == ([], [])
+
+
+def test_timing_tolerances_and_what_is_left_stand_in_the_file() -> None:
+    table = ParameterTable(
+        ("mass.link",), ("kg",), ("inertia",), np.array([2.0]), np.array([2.1]), np.array([0.01]), np.array([False]),
+        np.array([False]), prior=np.array([0.02]),
+    )  # fmt: skip
+    diagnosis = Diagnosis(
+        "effects",
+        "",
+        values=table,
+        timing=Timing(("axis_1",), 0.001, np.array([1.03]), np.array([0.01])),
+        left=MisfitTable(("axis_1",), np.array([0.0, 3.0, 9.0]), np.array([[1.0, 4.0]]), np.array([[np.nan, 2.0]])),
+    )  # fmt: skip
+    told = json.loads(verdict_json(diagnosis, "arm.yaml", "abc"))
+    (mass,) = told["values"]
+    assert (mass["told"], mass["estimate"], mass["tolerance"]) == (2.0, 2.1, 0.02)
+    (lag,) = told["timing"]["lag"]
+    assert (lag["name"], lag["unit"], lag["estimate"]) == ("axis_1", "sample", 1.03)
+    assert told["left"]["axes"]["axis_1"] == {"lines": [1.0, 4.0], "other_bins": [None, 2.0]}
 
 
 def test_configurations_in_which_a_finding_is_seen_gain_three_standard_errors() -> None:
