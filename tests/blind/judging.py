@@ -16,8 +16,8 @@ from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
 
 FIELDS = (
-    "stratum", "seed", "n_axis", "kinds", "on", "strengths", "sizes", "classes", "told", "right", "in_class", "wrong",
-    "extras", "alarms", "seen", "ties", "size_error", "size_z", "covered", "stated", "z_squared", "gain", "late",
+    "stratum", "seed", "n_axis", "kinds", "on", "strengths", "sizes", "classes", "told", "right", "in_class", "kin",
+    "wrong", "extras", "alarms", "seen", "ties", "size_error", "size_z", "covered", "stated", "z_squared", "gain", "late",
     "found_late", "misfit", "make_s", "seconds", "commit",
 )  # fmt: skip
 SIZES: dict[str, tuple[str, ...]] = {
@@ -35,6 +35,14 @@ SIZES: dict[str, tuple[str, ...]] = {
     "value.torque_constant": ("error",),
 }
 """Parameters of the catalogue that are the first number of a hidden law."""
+NEIGHBOURS = {
+    "friction": ("friction.", "a_function_of_motor_speed", "a_function_of_load_and_speed"),
+    "transmission": ("transmission.", "friction.dahl", "friction.lugre", "a_function_of_gear_deflection"),
+    "drive": ("drive.", "sensing.", "a_function_of_motor_angle", "a_function_of_frequency"),
+    "sensing": ("sensing.", "drive.", "a_function_of_motor_angle"),
+    "load": ("load.", "a_function_of_motor_angle"),
+}
+"""What is said of a law that the catalogue lacks, by its family: beginnings of names that are of its class."""
 LIKELY = 1.96
 KNOWN = "friction.asymmetric"
 
@@ -79,6 +87,7 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
         "told": " ".join(f"{finding.kind}:{_name(finding)}" for finding in findings),
         "right": str(all(right) if right else not findings),
         "in_class": str(in_class),
+        "kin": str(any(_kin(thing, finding) for thing in case.hidden for finding in findings[:1])),
         "wrong": str(bool(named) and not any(right) and not in_class),
         "extras": str(len(extras) - (in_class and not any(right))),
         "alarms": str(len(findings)),
@@ -101,7 +110,13 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def _name(finding: Finding) -> str:
-    return f"{finding.effect}@{finding.on}"
+    return f"{finding.effect}@{finding.on}".replace(" ", "_")
+
+
+def _kin(thing: Hidden, finding: Finding) -> bool:
+    """Whether a finding is at the place of the hidden thing and of its family, as near as it comes without the law."""
+    near = NEIGHBOURS.get(thing.kind.partition(".")[0], ())
+    return finding.on == thing.on and _name(finding).startswith(near)
 
 
 def _ties(findings: Sequence[Finding]) -> list[tuple[str, str]]:

@@ -40,6 +40,13 @@ def _scores(rows: Sequence[Row]) -> Iterator[str]:
             low, high = wilson(hits, n)
             limit = limits.get(name, "")
             yield f"{name:58} {hits / n:8.3f} {low:7.3f} .. {high:5.3f} {limit!s:>12}  {hits}/{n}"
+    ends = {kind: wilson(sum(map(_right, own)), len(own))[1] for kind, own in _strong_kinds(rows)}
+    if ends:
+        name, worst = (
+            "strong: upper end of every kind's interval, at least",
+            min(ends, key=lambda kind: ends[kind]),
+        )
+        yield f"{name:58} {ends[worst]:8.3f} {'':16} {limits[name]!s:>12}  {worst}"
     for name, values in _numbers(rows).items():
         if len(values):
             limit = limits.get(name, "")
@@ -65,7 +72,8 @@ def _counts(rows: Sequence[Row]) -> dict[str, tuple[int, int]]:
         "weak: wrong names, at most": of(("weak",), lambda row: _yes(row, "wrong")),
         "extra causes, at most": of((*laws, "pairs", "values"), lambda row: int(row["extras"]) > 0),
         "pairs: both right": of(("pairs",), _right),
-        "law taken out: no cause from outside its class": of(("law taken out",), _no_cause),
+        "law taken out: no cause from outside its class": of(("law taken out",), _no_foreign_cause),
+        "law taken out: right class and axis": of(("law taken out",), _kin),
         "one configuration: named": of(("one configuration",), _right),
         "one configuration: said so": of(("one configuration",), lambda row: row["seen"].startswith("1/")),
         "values: told as such, and which": of(("values",), _right),
@@ -93,14 +101,17 @@ def _numbers(rows: Sequence[Row]) -> dict[str, np.ndarray]:
 def _confusions(rows: Sequence[Row]) -> Iterator[str]:
     """What was told first for each kind, and in how many cases."""
     yield "hidden: told first"
-    strong = [row for row in rows if row["stratum"] in ("strong", "middle")]
-    for kind in sorted({row["kinds"] for row in strong}):
-        own = [row for row in strong if row["kinds"] == kind and row["stratum"] == "strong"]
+    for kind, own in _strong_kinds(rows):
         told = Counter(row["told"].split(" ")[0].partition("@")[0] or "nothing" for row in own)
         low, high = wilson(sum(map(_right, own)), len(own))
         names = ", ".join(f"{name} {n}" for name, n in told.most_common())
-        if own:
-            yield f"{kind:30} {names}; right {low:.2f} .. {high:.2f}"
+        yield f"{kind:30} {names}; right {low:.2f} .. {high:.2f}"
+
+
+def _strong_kinds(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
+    strong = [row for row in rows if row["stratum"] == "strong"]
+    for kind in sorted({row["kinds"] for row in strong}):
+        yield kind, [row for row in strong if row["kinds"] == kind]
 
 
 def _times(rows: Sequence[Row]) -> Iterator[str]:
@@ -136,8 +147,12 @@ def _right_or_alike(row: Row) -> bool:
     return _right(row) or _yes(row, "in_class")
 
 
-def _no_cause(row: Row) -> bool:
-    return "cause:" not in row["told"]
+def _kin(row: Row) -> bool:
+    return _yes(row, "kin") or _yes(row, "in_class")
+
+
+def _no_foreign_cause(row: Row) -> bool:
+    return "cause:" not in row["told"] or _yes(row, "in_class")
 
 
 def _alarmed(row: Row) -> bool:
