@@ -17,8 +17,8 @@ from robid_diagnosis.effects import Effects
 
 FIELDS = (
     "stratum", "seed", "n_axis", "kinds", "on", "strengths", "sizes", "classes", "told", "right", "in_class", "kin",
-    "wrong", "extras", "alarms", "seen", "ties", "size_error", "size_z", "covered", "stated", "z_squared", "gain", "late",
-    "found_late", "misfit", "make_s", "seconds", "commit",
+    "wrong", "extras", "alarms", "seen", "ties", "size_error", "size_z", "covered", "stated", "z_squared", "gain",
+    "late", "found_late", "misfit", "make_s", "seconds", "commit",
 )  # fmt: skip
 SIZES: dict[str, tuple[str, ...]] = {
     "friction.stribeck": ("breakaway",),

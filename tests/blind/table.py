@@ -126,8 +126,8 @@ def _times(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _late_by(row: Row) -> float:
-    """Largest error of a lag over the axes, samples."""
-    return float(np.abs(np.array(row["found_late"].split(" "), dtype=float) - float(row["late"])).max())
+    """Largest error of a lag over the axes, samples: torques that act late were demanded, and recorded, before."""
+    return float(np.abs(np.array(row["found_late"].split(" "), dtype=float) + float(row["late"])).max())
 
 
 def _floats(rows: Iterable[Row], name: str) -> np.ndarray:
