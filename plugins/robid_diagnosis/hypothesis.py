@@ -205,6 +205,8 @@ class Case:
         point = None if begin is None else _carried(begin, problem, others)
         if point is not None and delay is not None:
             point[-problem.n_delay :] -= delay
+        if begin is not None:
+            problem.go_on_from(begin.problem)
         solution = solve(
             problem,
             min(self.passes, FEW) if roughly else self.passes,

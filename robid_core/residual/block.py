@@ -127,6 +127,9 @@ class TorqueBlock(ABC, Generic[M]):
     def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
         """Begin the next prescribed motion as residuals tell, (n_config, n_exp, n_bin, n_axis)."""
 
+    def go_on_from(self, other: Self) -> None:
+        """Begin prescribed motions where those of another block of the same record ended; its robot differs little."""
+
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
         """Evaluate the functions of speed anew with what is known by now; arguments as of `predicted`."""
 

@@ -72,6 +72,11 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         assert run.coordinates is not None
         return run.coordinates
 
+    def go_on_from(self, other: PeriodicBlock) -> None:
+        """Begin where another block's motions ended; coordinates and laws that its robot lacks begin on their own."""
+        if other.state is not None:
+            self.state = _transferred(other.state, other.robot, self.robot)
+
     def _smooth(self, step: float) -> MotorMotion:
         """One period of the motors in the integrator's steps, one lane an experiment."""
         motion = self.motion
@@ -136,6 +141,36 @@ def _shifted(state: SimulationState, by: SimulationState, way: float) -> Simulat
         position=state.position + way * by.position,
         speed=state.speed + way * by.speed,
     )
+
+
+def _transferred(state: SimulationState, before: Robot, robot: Robot) -> SimulationState:
+    """Return a state, less where a linear model would be, for another robot, by names of coordinates and laws."""
+    names, known = robot.mechanism.coordinate_names, before.mechanism.coordinate_names
+    here = [i for i, name in enumerate(names) if name in known]
+    there = [known.index(names[i]) for i in here]
+
+    def of_coordinates(values: FloatArray) -> FloatArray:
+        found = np.zeros((len(values), len(names)))
+        found[:, here] = values[:, there]
+        return found
+
+    known_laws = _memories(before)
+    parts = np.split(state.law_state, np.cumsum([size for *_, size in known_laws]), axis=1)
+    remembered = dict(zip(known_laws, parts, strict=False))
+    laws = [remembered.get(key, np.zeros((len(state.position), key[-1]))) for key in _memories(robot)]
+    return replace(
+        state,
+        position=of_coordinates(state.position),
+        speed=of_coordinates(state.speed),
+        acceleration=of_coordinates(state.acceleration),
+        law_state=np.concatenate((np.empty((len(state.position), 0)), *laws), axis=1),
+    )
+
+
+def _memories(robot: Robot) -> list[tuple[str, int, int]]:
+    """Laws of forces in the order of their states: label, number among the terms of that label, size of the memory."""
+    labels = [term.label for term in robot.forces]
+    return [(term.label, labels[:i].count(term.label), term.n_state) for i, term in enumerate(robot.forces)]
 
 
 def linear_state(robot: Robot, motion: PeriodicMotion, whole: MotorMotion) -> SimulationState:

@@ -89,6 +89,11 @@ class TorqueProblem:
         blocks = tuple(block.thinned(block.motion.representative()) for block in self.blocks)
         return replace(self, free=free, blocks=blocks, mean_counts=False)
 
+    def go_on_from(self, other: TorqueProblem) -> None:
+        """Begin prescribed motions where those of another problem of these records ended: what rings has rung out."""
+        for block, before in zip(self.blocks, other.blocks, strict=True):
+            block.go_on_from(before)
+
     def robots(self, point: FloatArray) -> list[Robot]:
         """Return the robot of each block at a point."""
         return [block.robot_at(self.free, point[: self.n_free]) for block in self.blocks]

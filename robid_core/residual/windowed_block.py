@@ -119,6 +119,11 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         more = deviation_of(residual, free_vibration(robot, self.motion), whitener, prior)
         self.deviation = more if self.deviation is None else self.deviation + more
 
+    def go_on_from(self, other: WindowedBlock) -> None:
+        """Begin with the initial states that another block found, where its robot bends in the same places."""
+        if other.robot.mechanism.coordinate_names == self.robot.mechanism.coordinate_names:
+            self.deviation = other.deviation
+
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from the noise that the robot file tells, shape (n_bin, n_axis, n_axis)."""
         motion, drives = self.motion, robot.drives

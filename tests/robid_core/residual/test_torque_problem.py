@@ -113,3 +113,27 @@ def test_the_gradient_is_the_slope_of_the_cost(robot: Robot) -> None:
     )
     slope = (ahead - behind) / (2 * h)
     assert gradient @ way == pytest.approx(slope, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("use", "on", "values"),
+    [
+        ("friction.dahl", "axis_4", {"coulomb": 0.01, "stiffness": 1.0}),
+        ("structure.foundation_sway", None, {"stiffness_x": 1e9, "stiffness_y": 1e9}),
+    ],
+)
+def test_motions_go_on_from_those_of_a_robot_without_the_effect(
+    robot: Robot, use: str, on: str | None, values: dict[str, float]
+) -> None:
+    """Bearings ring for seconds. A problem that goes on has at once what another has after many motions."""
+    motion = motion_of(robot, POSES[:1], 5)
+    changed = robot.with_effect("more", use, on, None, values)
+    before, fresh, goes_on, late = (problem_of(one, motion) for one in (robot, *3 * [changed]))
+    for problem, n in ((before, 12), (fresh, 1), (late, 12)):
+        for _ in range(n):
+            problem.blocks[0].renew(problem.free, np.zeros(problem.n_free))
+    goes_on.go_on_from(before)
+    goes_on.blocks[0].renew(goes_on.free, np.zeros(goes_on.n_free))
+    rung_out = late.blocks[0].remainder
+    left = [np.linalg.norm(one.blocks[0].remainder - rung_out) for one in (goes_on, fresh)]
+    assert left[0] < 0.05 * left[1]
