@@ -90,9 +90,11 @@ class TorqueProblem:
         return replace(self, free=free, blocks=blocks, mean_counts=False)
 
     def go_on_from(self, other: TorqueProblem) -> None:
-        """Begin prescribed motions where those of another problem of these records ended: what rings has rung out."""
-        for block, before in zip(self.blocks, other.blocks, strict=True):
-            block.go_on_from(before)
+        """Begin prescribed motions where those of another problem ended, in records that both have."""
+        for block in self.blocks:
+            for before in other.blocks:
+                if np.array_equal(block.recorded.angle, before.recorded.angle):
+                    block.go_on_from(before)
 
     def robots(self, point: FloatArray) -> list[Robot]:
         """Return the robot of each block at a point."""
