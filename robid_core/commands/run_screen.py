@@ -30,11 +30,31 @@ FEWEST_ROWS = 4  # of a table that doubts leave little room
 SECONDS_BETWEEN_LINES = 10.0
 
 
+class Part:
+    """What a stage has done of its present part, of which alone the time left can be told.
+
+    A part begins where a stage does, and where it has less done, or another total, than before: fits within a search.
+    """
+
+    def __init__(self, now: float) -> None:
+        self._began = now, 0.0
+        self._latest = 0.0, 0.0
+
+    def seconds_left(self, now: float, done: float, total: float) -> float | None:
+        """Take note of what is done; the time that the rest of the part takes, None where nothing tells it."""
+        before, whole = self._latest
+        if done < before or (total != whole and whole):
+            self._began = now, done
+        self._latest = done, total
+        since, first = self._began
+        return (now - since) * (total - done) / (done - first) if done > first else None
+
+
 class Lines(Silence):
     """Plain lines on stderr."""
 
     def __init__(self) -> None:
-        self._began = self._told = 0.0
+        self._told, self._part = 0.0, Part(0.0)
 
     def waiting(self, holder: str) -> None:
         """Say for whom the run waits."""
@@ -46,18 +66,20 @@ class Lines(Silence):
 
     def begin(self, stage: str, index: int, total: int, reasons: Sequence[str]) -> None:
         """Say which stage starts, and why."""
-        self._began = self._told = time.monotonic()
+        self._told = time.monotonic()
+        self._part = Part(self._told)
         _say(f"[{index}/{total}] {stage}: {'; '.join(reasons)}")
 
     def progress(self, stage: str, done: float, total: float, note: str) -> None:
         """Say how far it is, not too often."""
         now = time.monotonic()
+        left = self._part.seconds_left(now, done, total)
         if now - self._told >= SECONDS_BETWEEN_LINES:
             self._told = now
-            _say(f"{stage}: {note + ' ' if note else ''}{done:g}/{total:g}{self._left(now, done, total)}")
-
-    def _left(self, now: float, done: float, total: float) -> str:
-        return f", {(now - self._began) * (total / done - 1):.0f} s left" if done > 0 else ""
+            _say(
+                f"{stage}: {note + ' ' if note else ''}{done:g}/{total:g}"
+                + ("" if left is None else f", {left:.0f} s left")
+            )
 
     def end(self, stage: str, outcome: str, seconds: float) -> None:
         """Say what became of it."""
