@@ -13,7 +13,7 @@ from robid_core.estimation.torque.periodic import PeriodicMotion, friction_devia
 from robid_core.estimation.torque.spectra import FINER, MOTION_BAND_HZ, friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
-from robid_core.mechanics import MotorMotion, SimulationState, periodic_motion
+from robid_core.mechanics import MotorMotion, Simulation, SimulationState, periodic_motion
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
@@ -23,6 +23,11 @@ from robid_core.robot.side_by_side import prescribe_many
 
 FIRST_PERIODS = 3  # until it has rung out, from the linear motion
 NEXT_PERIODS = 2  # likewise, from where the last run ended
+STEADY = 0.1  # of the noise: two periods that differ by less are alike, what rang has rung out
+EXACT = 1e-5  # of the rms torque: noise below it counts as that
+REMAINS = 0.02  # of a difference between two motions, where its derivative is taken
+SMALLEST = 1e-30  # (N m)^2
+LONGEST_S = 30.0  # of motion: what has not rung out then never will
 
 
 @dataclass(eq=False)
@@ -33,6 +38,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     """Functions of each period's speed less their mean, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
     state: SimulationState | None = None
     """Where the last prescribed motion ended, less where the linear model would be."""
+    periods: int = field(init=False, default=NEXT_PERIODS)
+    """Until a motion beside the last one has rung out."""
     smooth: tuple[PeriodicMotion, MotorMotion] | None = field(init=False, default=None)
     """A motion, and what of it is prescribed."""
 
@@ -53,14 +60,40 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         motion, whole = self.motion, self._smooth(robots[0].step_s)
         n_sample = motion.angle.shape[2]
-        periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS
+        periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS if final else self.periods
         several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
         linear = [linear_state(robot, motion, whole) for robot in robots]
         starts = linear if self.state is None else [_shifted(state, self.state, 1.0) for state in linear]
         runs = prescribe_many(robots, several, starts)
         if final:
+            runs = [self._rung_out(robots[0], whole, runs[0])]
             self.state = _shifted(runs[0].state, linear[0], -1.0)
         return [motion.spectrum_of(run.torque[:, -n_sample:].reshape(motion.angle.shape)) for run in runs]
+
+    def _rung_out(self, robot: Robot, whole: MotorMotion, run: Simulation) -> Simulation:
+        """Go on with a motion until a period is like the one before: a gap rings for seconds, however short they are.
+
+        How fast that was tells how many periods a motion beside this one takes.
+        """
+        motion, n_sample = self.motion, self.motion.angle.shape[2]
+        noise = (np.abs(motion.torque_deviation) ** 2).mean(axis=(0, 1, 2, 3))
+        several = replace(whole, acceleration=np.tile(whole.acceleration, (1, NEXT_PERIODS, 1)))
+        most = int(LONGEST_S / (n_sample * motion.sample_time_s))
+        changes = list[float]()
+        for _ in range(max(1, most // NEXT_PERIODS)):
+            last, before = run.torque[:, -n_sample:], run.torque[:, -2 * n_sample : -n_sample]
+            size, moved = (
+                (np.abs(motion.spectrum_of(one.reshape(motion.angle.shape))) ** 2).mean(axis=(0, 1, 2))
+                for one in (last, last - before)
+            )
+            least = np.maximum(noise, EXACT**2 * size + SMALLEST)
+            changes.append(float(np.sqrt((moved / least).max())))
+            if changes[-1] <= STEADY:
+                break
+            run = robot.prescribe(several, run.state)
+        if len(changes) > 1:
+            self.periods = periods_until(REMAINS, changes[-1] / changes[-2], most)
+        return run
 
     def coordinates(self, robot: Robot) -> FloatArray:
         """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
@@ -129,6 +162,12 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """Complex degrees of freedom of the noise at each bin."""
         n_config, n_exp, n_period = self.motion.torque_deviation.shape[:3]
         return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1))
+
+
+def periods_until(remains: float, kept: float, most: int) -> int:
+    """Periods after which a share of a difference is left, of which NEXT_PERIODS keep another share; `most` at most."""
+    wanted = NEXT_PERIODS * np.log(remains) / np.log(kept) if kept < 1 else np.inf
+    return int(np.ceil(min(max(wanted, NEXT_PERIODS), max(most, NEXT_PERIODS))))
 
 
 def _shifted(state: SimulationState, by: SimulationState, way: float) -> SimulationState:

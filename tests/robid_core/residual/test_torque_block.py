@@ -79,11 +79,11 @@ def test_derivatives_that_run_together_are_those_of_runs_one_by_one(
     robot = robot.with_effect("hook", "transmission.bouc_wen", "axis_3", "gear")
     names = ("gear_stiffness.axis_2", "gear_damping.axis_4", "effect.hard.cubic", "effect.hook.torque")
     free = FreeParameters.of_robot(robot, names)
-    time, n_sample = T * np.arange(500), 500
+    time, n_sample = T * np.arange(2000), 2000
     wave = 0.02 * np.sin(2 * np.pi * 10 * time[:, None] + np.arange(6)) / robot.drives.gear.diagonal()
     angle = wave + robot.motor_angle([0.3, 0.4, -0.3, 0.5, 0.6, 0.2])
     motion = periodic_motion_of(
-        np.tile(angle, (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, n_sample, 6)), T, np.array([5]), 60.0
+        np.tile(angle, (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, n_sample, 6)), T, np.array([20]), 60.0
     )
     block, found = PeriodicBlock.of_record(robot, motion, SpeedFunctions.of_widths((0.5,), 6)), []
     block.renew(free, np.zeros(4))
@@ -107,3 +107,33 @@ def test_derivatives_that_run_together_are_those_of_runs_one_by_one(
         # One step to one side errs by half of it, 5e-4, times the second derivative over the first: 1 for a power of
         # the number, more for hysteresis with sharp corners. What rings from the start is 200 times that large.
         assert abs(column.remainder + column.linear - expected).max() < 2e-2 * abs(expected).max()
+
+
+def test_a_gap_has_rung_out_however_short_the_period_is(
+    ideal: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second motion after the first changes less than the noise; with a fixed number of periods it is far from that.
+
+    The wrist's gap rings for seconds, and half a second is a period.
+    """
+    robot = ideal.with_effect("play", "transmission.backlash", "axis_4", "gear", values={"gap": 1e-4})
+    generator, time = np.random.default_rng(5), T * np.arange(500)
+    wave = 0.02 * np.sin(2 * np.pi * 10 * time[:, None] + np.arange(6)) / robot.drives.gear.diagonal()
+    angle = wave + robot.motor_angle([0.3, 0.4, -0.3, 0.5, 0.6, 0.2])
+    torque = 0.01 * generator.standard_normal((1, 1, 1, 2, 500, 6))
+    motion = periodic_motion_of(np.tile(angle, (1, 1, 1, 2, 1, 1)), torque, T, np.array([5]), 60.0)
+    noise = (np.abs(motion.torque_deviation) ** 2).mean(axis=(0, 1, 2, 3))
+    free = FreeParameters.of_robot(robot, ("gear_stiffness.axis_4",))
+
+    def moved() -> float:
+        """What the second motion changes, of the noise, at the axis where that is most."""
+        block, left = PeriodicBlock.of_record(robot, motion, SpeedFunctions.of_widths((0.5,), 6)), []
+        for _ in range(2):
+            block.renew(free, np.zeros(1))
+            left.append(block.remainder)
+        change = (np.abs(left[1] - left[0]) ** 2).mean(axis=(0, 1, 2))
+        return float(np.sqrt((change / noise).max()))
+
+    rung_out = moved()
+    monkeypatch.setattr("robid_core.residual.periodic_block.LONGEST_S", 0.0)
+    assert rung_out < 0.5 < 5 < moved()
