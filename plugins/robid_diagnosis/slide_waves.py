@@ -8,7 +8,6 @@ a search.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ from robid_core import FloatArray
 HIGHEST = 1e4  # rad/m: the bound of every effect's order
 FINER = 4  # steps of the order in an independent bin
 MOST = 4  # peaks of either kind
-AT_ONCE = 64  # orders: what bounds the memory
+CELLS = 16  # of position in the shortest wave: samples of a cell count as one
 
 
 @dataclass(frozen=True)
@@ -47,19 +46,23 @@ def waves_of(left: FloatArray, position: FloatArray, speed: FloatArray, highest_
     if travel == 0 or rms == 0:
         return Waves((), 0)
     highest = min(HIGHEST, 2 * np.pi * highest_hz / rms)
-    bin_width = 2 * np.pi / travel
-    orders = np.arange(bin_width, highest, bin_width / FINER)
-    kinds = np.stack((left, left * np.sign(speed)))
-    power = np.concatenate(list(_powers(kinds, position - position.mean(), orders)), axis=1)
+    whole, spacing = _powers(np.stack((left, left * np.sign(speed))), position, highest)
+    power = whole[:, FINER:]
+    orders = spacing * (FINER + np.arange(power.shape[1]))
     peaks = {float(orders[i]) for own in power for i in _highest(own)}
     return Waves(tuple(sorted(peaks)), 2 * len(orders) // FINER)
 
 
-def _powers(kinds: FloatArray, position: FloatArray, orders: FloatArray) -> Iterator[FloatArray]:
-    """Squared size of the waves of some orders at a time, (n_kind, n_order)."""
-    for first in range(0, len(orders), AT_ONCE):
-        wave = np.exp(-1j * np.outer(position, orders[first : first + AT_ONCE]))
-        yield np.abs(kinds @ wave) ** 2
+def _powers(kinds: FloatArray, position: FloatArray, highest: float) -> tuple[FloatArray, float]:
+    """Squared size of the waves of all orders from zero on, (n_kind, n_order), and how far these are apart, rad/m."""
+    travel = float(np.ptp(position))
+    step = 2 * np.pi / highest / CELLS
+    cell = ((position - position.min()) / step).astype(np.int64)
+    length = int(np.ceil(FINER * travel / step))
+    sums = np.stack([np.bincount(cell, own, minlength=length) for own in kinds])
+    power: FloatArray = np.abs(np.fft.rfft(sums, axis=1)) ** 2
+    spacing = 2 * np.pi / (length * step)
+    return power[:, : int(highest / spacing)], spacing
 
 
 def _highest(power: FloatArray) -> list[int]:
