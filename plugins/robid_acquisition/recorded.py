@@ -124,7 +124,8 @@ class RecordedAcquisition(Sources):
             find_file(root, self.path, self.origin)
         refuse_others(super().external_files(root), self.sha256, name, self.origin)
         if not self.channels:
-            return _own_record(reader_of(name, self.format), root / name, robot)
+            record = _own_record(reader_of(name, self.format), root / name, robot)
+            return record.replace(variants=(self.variant,) * len(record.angle)) if self.variant else record
         arrangement = arrange(self.recordings(root))
         self._tell(arrangement, context)
         return self._record(arrangement, robot, context)

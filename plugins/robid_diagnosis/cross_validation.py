@@ -30,8 +30,9 @@ from robid_core.residual import prescribe_record
 from robid_diagnosis.closed_loop import relative_error
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
 from robid_diagnosis.intervals import intervals, relative_errors
-from robid_diagnosis.parts import parted
-from robid_diagnosis.results import STILL, model_of
+from robid_diagnosis.judgement import STILL
+from robid_diagnosis.parts import cut_into_parts
+from robid_diagnosis.results import model_of
 from robid_diagnosis.wording import errors_line
 
 QUANTITY = "torque of blocks left out of the fit"
@@ -87,7 +88,7 @@ class CrossValidation(DiagnosisStage):
 
     def _left_out(self, record: Record, told: Robot, hypothesis: Hypothesis) -> Iterator[FloatArray]:
         """Torques of the whole recording as predicted without each block in turn, (n_sample, n_axis)."""
-        cut = parted(record, self.blocks, self.skip_s)
+        cut = cut_into_parts(record, self.blocks, self.skip_s)
         width = told.drives.friction_speed
 
         def case(part: Record) -> Case:

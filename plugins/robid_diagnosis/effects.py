@@ -24,14 +24,16 @@ from robid_core import (
     Record,
     RobidError,
     Robot,
+    RobotName,
     SearchRecord,
     SeparatingExperiment,
 )
-from robid_core.residual import misfit_table
+from robid_core.residual import check_variants, misfit_table
 from robid_diagnosis.candidates import catalogue
-from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.parts import parted
-from robid_diagnosis.results import errors_of, finding_of, model_of, timing_of, unknown_of, values_of
+from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.judgement import errors_of, parted
+from robid_diagnosis.parts import cut_into_parts
+from robid_diagnosis.results import finding_of, model_of, timing_of, unknown_of, values_of
 from robid_diagnosis.selection import Outcome, Selection, Step
 from robid_diagnosis.separation import separation
 from robid_diagnosis.trials import DOUBTFUL
@@ -53,7 +55,10 @@ class Effects(DiagnosisStage):
     Effects on forces and signals are searched, and changes of the robot itself: foundations, elastic coordinates,
     coupled axes. Of bodies, rotors and springs it says whether they are told wrong. Experiments that separate ties are
     recorded motions, slower or faster, in other configurations; of more than three rivals the best are compared.
-    Not taken yet: records of several payloads.
+
+    Records may be of several variants (payloads, tools): all share springs, friction and what is found; `robots:` tells
+    the robot of each that is not the nominal one, what it carries as an effect (`load.payload`), which may turn out to
+    be told wrong. Experiments of the role `test` are looked at by the last judgement only: how much torque is left.
 
     Example::
 
@@ -83,7 +88,10 @@ class Effects(DiagnosisStage):
     separate: bool = True
     """Whether the experiment that tells tied causes apart is looked for, by simulation."""
 
-    sees_test: ClassVar[bool] = False
+    robots: dict[str, RobotName] = {}
+    """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
+
+    tells_variants: ClassVar[bool] = True
 
     def uses(self) -> list[tuple[str, str]]:
         """Every effect that is tried, and may come into the robot."""
@@ -92,9 +100,8 @@ class Effects(DiagnosisStage):
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
         uses = self._known()
-        record = tuple(parted(one, self.blocks, self.skip_s) for one in record)
-        _check(record, robot)
-        case = Case(record, robot, self.prior, self.highest_hz, self.discard, self.passes, self.model_error)
+        record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
+        case, tests = self._case(record, robot)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
         outcome = selection.run()
         for one in self.only:
@@ -103,7 +110,21 @@ class Effects(DiagnosisStage):
                     f"diagnosis.effects: '{one}' could be tried nowhere: {robot.name} has the axes "
                     f"{', '.join(robot.axis_names)}; masses, rotors and springs are refitted in any case"
                 )
-        return self._told(robot, record, selection, outcome, context)
+        return self._told(robot, tests, selection, outcome, context)
+
+    def _case(self, records: tuple[Record, ...], robot: Robot) -> tuple[Case, tuple[Record, ...]]:
+        """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
+        robots = {variant: Robot.load(name) for variant, name in self.robots.items()}
+        check_variants(records, robot, robots, ())
+        training, tests = parted(records)
+        _check(records, training, robot)
+        case = Case(
+            training, robot, self.prior, self.highest_hz, self.discard, self.passes, self.model_error,
+            robots=robots,
+        )  # fmt: skip
+        if tests:
+            case.problem(Hypothesis(), tests)
+        return case, tests
 
     def _asked(self) -> list[str]:
         return catalogue(self.exclude, [one.partition("@")[0] for one in self.only])
@@ -129,16 +150,17 @@ class Effects(DiagnosisStage):
     def _told(
         self,
         robot: Robot,
-        records: tuple[Record, ...],
+        tests: tuple[Record, ...],
         selection: Selection,
         outcome: Outcome,
         context: Context,
     ) -> Diagnosis:
-        final = outcome.final
+        case, final = selection.case, outcome.final
         problem = final.problem
-        model = model_of(robot, selection.case, final)
+        model = model_of(robot, case, final)
+        whole = case.variants.whole
         findings = tuple(
-            finding_of(robot, final, step, self._separation(step, selection.case, final, model, context))
+            finding_of(whole, final, step, self._separation(step, case, final, model, context))
             for step in outcome.steps
         )
         findings += unknown_of(outcome)
@@ -160,7 +182,7 @@ class Effects(DiagnosisStage):
             f"Misfit {outcome.base.misfit:.3g} with all values refitted"
             + (f", {final.misfit:.3g} with what was found." if outcome.steps else ".")
         )
-        errors, gain = errors_of(records, robot, outcome, context.generator)
+        errors, gain = errors_of(case, tests, robot, outcome, context.generator)
         lines.append(errors_line(errors, gain))
         if final.misfit > DOUBTFUL:
             lines.append(f"Left unexplained: misfit {final.misfit:.3g}.")
@@ -209,8 +231,8 @@ class Effects(DiagnosisStage):
         return best
 
 
-def _check(records: Sequence[Record], robot: Robot) -> None:
-    """Refuse in one sentence what cannot be diagnosed."""
+def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) -> None:
+    """Refuse in one sentence what cannot be diagnosed; `training` is what the diagnosis may look at."""
     for record in records:
         if record.axis_names != robot.axis_names:
             raise DataRejected(
@@ -221,7 +243,7 @@ def _check(records: Sequence[Record], robot: Robot) -> None:
     for name in ("motor_position", "motor_torque"):
         if any(name not in run.channels for run in runs):
             raise DataRejected(f"the record has no {name}; a diagnosis needs angle and torque of every motor")
-    n_experiment = sum(run.valid[..., 0, 0].size for run in runs)
+    n_experiment = sum(run.valid[..., 0, 0].size for record in training for run in record.runs)
     if n_experiment < FEWEST:
         raise DataRejected(
             f"{n_experiment} experiments: what is found must hold in data that were held out; measure at least "

@@ -1,10 +1,10 @@
-"""Hypotheses: a robot with effects more and priors wider, fitted to the record by the engine of all torque fits."""
+"""Hypotheses: a robot with effects more and priors wider, fitted to the records by the engine of all torque fits."""
 
 from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,9 +18,11 @@ from robid_core.residual import (
     default_patterns,
     linearise_at,
     misfit,
+    parts_by_variant,
     solve,
     torque_problem,
 )
+from robid_diagnosis.variants import Variants
 
 PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 """What is believed of springs and dampers before the data, in natural scales."""
@@ -149,6 +151,19 @@ class Case:
     model_error: float
     friction_speed: FloatArray | None = None
     """Zero-speed width of the motors' friction, rad/s, (n_axis,); null: as it is told."""
+    robots: Mapping[str, Robot] = field(default_factory=dict)
+    """Those that were told for variants that are not the nominal one."""
+
+    @cached_property
+    def variants(self) -> Variants:
+        """All robots that were told, and the unknowns of what only some of them carry."""
+        return Variants(self.told, self.robots)
+
+    @property
+    def nominal_records(self) -> tuple[Record, ...]:
+        """What was measured under the nominal robot."""
+        parts = (part for one in self.records for part in parts_by_variant(one))
+        return tuple(part for variant, part in parts if variant not in self.robots)
 
     def with_fitted_width(self, fitted: Fitted) -> Case:
         """Return the case with the width of the friction as a fit found it: then Coulomb friction is fitted exactly."""
@@ -165,22 +180,32 @@ class Case:
 
     def problem(self, hypothesis: Hypothesis, records: tuple[Record, ...]) -> TorqueProblem:
         """What a hypothesis has to explain in some records, its unknowns as they are for any others."""
-        robot = hypothesis.robot(self.told)
+        variants = self.variants
+        robot = hypothesis.robot(variants.whole)
         known = list(robot.layout)
-        patterns = (*default_patterns(robot), *(name for one in hypothesis.additions for name in one.names))
+        added = (name for one in hypothesis.additions for name in one.names)
+        patterns = (*default_patterns(robot), *added, *variants.priors)
         names = tuple(name for name in chosen_names(known, patterns) if name not in hypothesis.held)
         priors = {
             **{pattern: deviation for pattern, deviation in PRIORS.items() if fnmatch.filter(names, pattern)},
+            **{name: deviation for name, deviation in variants.priors.items() if name in names},
             **self.priors,
-            **dict.fromkeys(hypothesis.widened, DROPPED),
+            **{name: DROPPED for name in hypothesis.widened if name in names},
         }
         width = self.friction_speed
+        under = {
+            variant: hypothesis.robot(variants.robot_of(variant))
+            for one in records
+            for variant, _ in parts_by_variant(one)
+        }
         return torque_problem(
             records,
             robot,
             names,
             priors,
             lambda told, _: SpeedFunctions.near(width if width is not None else told.drives.friction_speed),
+            robots=under if self.robots else None,
+            own=variants.priors,
             discard=self.discard,
             highest_hz=self.highest_hz,
             each_delay=True,

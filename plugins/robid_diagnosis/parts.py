@@ -7,7 +7,7 @@ import numpy as np
 from robid_core import DataRejected, DenseRun, Record, frozen
 
 
-def parted(record: Record, n_part: int, skip_s: float = 0.0) -> Record:
+def cut_into_parts(record: Record, n_part: int, skip_s: float = 0.0) -> Record:
     """Return a record that does not repeat with each experiment cut into parts of equal length, experiments themselves.
 
     Parameters

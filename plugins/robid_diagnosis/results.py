@@ -1,40 +1,27 @@
-"""What a search told, as artifacts: findings, torque that each model leaves, values, the extended robot."""
+"""What a search told, as artifacts: findings, values, the extended robot."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 import scipy
 
-from robid_core import (
-    ComplexArray,
-    Finding,
-    FloatArray,
-    Model,
-    ParameterTable,
-    PredictionErrors,
-    Record,
-    Robot,
-    SeparatingExperiment,
-    Timing,
-)
+from robid_core import Finding, Model, ParameterTable, Robot, SeparatingExperiment, Timing
 from robid_core.residual import estimated_robot
-from robid_diagnosis.held_out import held_out_residuals
 from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.intervals import intervals, relative_errors
 from robid_diagnosis.selection import Outcome, Step, least_gain
 from robid_diagnosis.wording import place_text
 
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
-STILL = 1e-3  # of travel at the joint, rad or m
 
 
 def finding_of(
     robot: Robot, final: Fitted, step: Step, separation: SeparatingExperiment | None = None
 ) -> Finding:
-    """Return a cause that was accepted, with the values that the last fit gives it, and what tells it from its ties."""
-    names = step.names
+    """Return a cause that was accepted, with the values that the last fit gives it, and what tells it from its ties.
+
+    `robot` has all that was told, the loads of all variants too.
+    """
+    names = tuple(name for name in step.names if name in final.problem.free.names)  # others data do not tell
     estimates = [final.estimate(name) for name in names]
     told = [robot.parameter(name) if name in robot.layout else float("nan") for name in names]
     if step.kind != "effect":
@@ -97,53 +84,6 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     )
 
 
-def errors_of(
-    records: Sequence[Record], robot: Robot, outcome: Outcome, generator: np.random.Generator
-) -> tuple[tuple[PredictionErrors, ...], FloatArray]:
-    """Torque that each model leaves in data that were left out of its fit, and what the last gains, an interval (2,).
-
-    In the data of its fit, where one model would be another without some of them. Experiments are drawn again for the
-    intervals.
-    """
-    models = {"robot file, values refitted": outcome.base, "extended robot": outcome.final}
-    if not outcome.steps:
-        models.popitem()
-    runs = [run for record in records for run in record.runs]
-    travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in runs]
-    still = np.concatenate(travels).max(axis=0) < STILL
-    held_out = [held_out_residuals(fitted) for fitted in models.values()]
-    known: list[list[ComplexArray]] = [one for one in held_out if one is not None]
-    where = "configurations left out of its fit"
-    if len(known) < len(models):
-        known, where = [one.problem.residuals(one.point) for one in models.values()], "the data of its fit"
-    power = _sums([block.motion.torque_spectrum for block in outcome.base.problem.blocks])
-    errors = np.stack([_sums(one) for one in known])
-    found = intervals(errors, power, generator)
-    relative = relative_errors(errors.sum(axis=1), power.sum(axis=0))
-    rows = tuple(
-        PredictionErrors(
-            model=name,
-            quantity=f"torque that the model leaves in {where}, all bins but the mean",
-            unit_symbol=records[0].runs[0].channel("motor_torque").unit_symbol,
-            axis_names=robot.axis_names,
-            rms=np.sqrt(2 * errors[m].mean(axis=0)),
-            relative=relative[m],
-            low=found.relative[0, m],
-            high=found.relative[1, m],
-            still=still,
-        )
-        for m, name in enumerate(models)
-    )
-    return rows, found.gain
-
-
-def _sums(spectra: Sequence[ComplexArray]) -> FloatArray:
-    """Power of each experiment, the mean left out, (n_experiment, n_axis)."""
-    return np.concatenate(
-        [(np.abs(one[:, :, 1:]) ** 2).sum(axis=2).reshape(-1, one.shape[-1]) for one in spectra]
-    )
-
-
 def values_of(final: Fitted) -> ParameterTable:
     """All parameters of the robot that were estimated: told, found, how sure."""
     problem = final.problem
@@ -180,7 +120,7 @@ def timing_of(final: Fitted) -> Timing:
 
 
 def model_of(robot: Robot, case: Case, final: Fitted) -> Model:
-    """The robot that was found, effects and all."""
+    """The nominal robot as it was found, effects and all; what other variants carry is no part of it."""
     problem = final.problem
     extended = final.hypothesis.robot(robot)
     if case.friction_speed is not None:
@@ -190,6 +130,9 @@ def model_of(robot: Robot, case: Case, final: Fitted) -> Model:
                 for axis, width in zip(robot.axis_names, case.friction_speed, strict=True)
             }
         )
-    motions = [block.motion for block in problem.blocks]
-    laws = problem.blocks[0].laws
-    return estimated_robot(extended, motions, laws, problem.free, final.point, final.solution.covariance)
+    free = problem.free.without(lambda name: name not in extended.layout)
+    own = [name in free.names for name in problem.free.names]
+    rows = np.flatnonzero(np.append(own, np.ones(problem.n_unknown - problem.n_free, dtype=bool)))
+    motions, laws = [block.motion for block in problem.blocks], problem.blocks[0].laws
+    point, covariance = final.point[rows], final.solution.covariance[np.ix_(rows, rows)]
+    return estimated_robot(extended, motions, laws, free, point, covariance)

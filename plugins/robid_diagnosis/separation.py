@@ -79,13 +79,16 @@ def separation(
     final, step
         How it was fitted, and the cause that is in question.
     """
+    records = case.nominal_records  # simulated under the robot that was found, which carries nothing more
+    if not records:
+        return None
     fits = [beside(case, final, step, one, progress) for one in step.rivals[:MOST]]
     rivals = [one for one in fits if one is not None]
     if not rivals:
         return None
     names = tuple(place_text(*tie) for tie, one in zip(step.ties, fits, strict=False) if one is not None)
     found: list[tuple[Proposals, FloatArray]] = []
-    for proposed in proposals(case.records, robot, case.discard, generator):
+    for proposed in proposals(records, robot, case.discard, generator):
         progress(len(found), len(found) + 1, "experiments that could tell ties apart")
         try:
             found.append((proposed, ratios(case, final, rivals, proposed.record)))
@@ -93,7 +96,7 @@ def separation(
             continue
     if not found:
         return None
-    return _best(robot, case.records, step, names, found)
+    return _best(robot, records, step, names, found)
 
 
 def ratios(case: Case, final: Fitted, rivals: Sequence[Fitted], record: Record) -> FloatArray:

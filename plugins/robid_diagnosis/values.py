@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from robid_core import FloatArray, Robot
-from robid_core.residual import Linearisation, TorqueProblem
+from robid_core import FloatArray, Robot, StructureEffect
+from robid_core.residual import Linearisation, TorqueProblem, effect_class
 
 PRICE = 3.0  # of a number that the data choose, in twice the log-likelihood
 SEEN = 1e-3  # of a prior's variance: directions of which the data take less away say nothing
@@ -26,7 +26,7 @@ class ValueHit:
 
     on: str
     kind: str
-    """body, rotor or spring."""
+    """body, rotor, spring or load."""
     names: tuple[str, ...]
     gain: float
     freedom: int
@@ -43,7 +43,7 @@ class ValueHit:
 
 
 def value_groups(robot: Robot, names: tuple[str, ...]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Parameters that are wrong together: all of a body (a load), one rotor, one spring; (kind, where, names)."""
+    """Parameters that are wrong together, of a body, rotor, spring or load of a variant: (kind, where, names)."""
     for body in robot.description.bodies:
         own = tuple(
             name
@@ -61,6 +61,10 @@ def value_groups(robot: Robot, names: tuple[str, ...]) -> Iterator[tuple[str, st
         for name in names:
             if name.startswith(f"{head}."):
                 yield kind, name.partition(".")[2], (name,)
+    for label, entry in robot.description.effects.items():
+        effect, own = effect_class(entry.use), tuple(n for n in names if n.startswith(f"effect.{label}."))
+        if own and issubclass(effect, StructureEffect) and effect.places[0] == "body":
+            yield "load", label, own
 
 
 def value_hits(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> list[ValueHit]:

@@ -138,7 +138,7 @@ class TorqueResidualFit(Estimator):
             chosen_names(list(robot.layout), patterns, self.fixed),
             self.prior,
             lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths),
-            robots=self.robots,
+            robots={variant: Robot.load(name) for variant, name in self.robots.items()},
             discard=self.discard,
             highest_hz=self.highest_hz,
             each_delay=self.delays == "each",

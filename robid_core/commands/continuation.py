@@ -57,9 +57,7 @@ def experiment_of(diagnosis: Diagnosis) -> SeparatingExperiment | None:
     return next((one for one in found if one is not None and one.tells.any()), None)
 
 
-def stages_of(
-    records: list[str], experiment: SeparatingExperiment, asked: dict[str, list[str]]
-) -> dict[str, Any]:
+def stages_of(records: list[str], experiment: SeparatingExperiment, asked: dict[str, Any]) -> dict[str, Any]:
     """Return the stages that measure, and judge again with all records, by name."""
     from_explain = {"diagnosis": "explain"}
     settle = experiment.n_settling

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +17,22 @@ if TYPE_CHECKING:
 
 FILE = "diagnosis.yaml"
 HEADING = "# Written by `robid diagnose`; it is a pipeline like any other, and is written anew by the same command.\n"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the diagnosis is asked for."""
+
+    only: list[str] = field(default_factory=list)
+    exclude: list[str] = field(default_factory=list)
+    robots: dict[str, str] = field(default_factory=dict)
+    """Robot files of records that have one of their own, by the record's name."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings of the stage."""
+        every = (("only", self.only), ("exclude", self.exclude), ("robots", self.robots))
+        return {key: value for key, value in every if value}
 
 
 def command(
@@ -39,6 +56,14 @@ def command(
             "--test", metavar="EFFECT@AXIS", help="One law: its p-value without a search, its size."
         ),
     ] = "",
+    variant: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--variant",
+            metavar="RECORD=ROBOT",
+            help="A record that was measured under another robot file: another payload, told as an effect.",
+        ),
+    ] = None,
     continued: Annotated[
         Path | None,
         typer.Option(
@@ -64,11 +89,11 @@ def command(
     if test and (only or exclude):
         raise ConfigurationError("--test asks for one law; leave --only and --exclude away")
     root, names = below_one_folder(records, data)
-    asked = {"only": [test] if test else only or [], "exclude": exclude or []}
+    asked = Asked([test] if test else only or [], exclude or [], robots_of(variant or [], records, names))
     drives = drives_of(continued) if continued is not None else None
 
     def run(experiment: SeparatingExperiment | None = None) -> Pipeline:
-        write_pipeline(pipeline_text(robot, names, asked["only"], asked["exclude"], drives, experiment))
+        write_pipeline(pipeline_text(robot, names, asked, drives, experiment))
         pipeline = load_pipeline(Path(FILE), None, root)
         run_and_tell(pipeline, RunOptions(), f"robid run {FILE} --data {root}", quiet, verbose)
         return pipeline
@@ -113,11 +138,30 @@ def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list
     return root, [one.relative_to(root).as_posix() for one in whole]
 
 
+def robots_of(variants: list[str], records: list[Path], names: list[str]) -> dict[str, str]:
+    """Return the robot files of records that have one of their own, by the names of the records.
+
+    Raises ConfigurationError where it is not RECORD=ROBOT, or the record is none of those that are diagnosed.
+    """
+    from robid_core.errors import ConfigurationError
+
+    named = {record.resolve(): name for record, name in zip(records, names, strict=True)}
+    found = {}
+    for one in variants:
+        record, _, robot = one.partition("=")
+        name = named.get(Path(record).resolve())
+        if name is None or not robot:
+            raise ConfigurationError(
+                f"--variant {one}: give one of the records and its robot file, `--variant {records[-1]}=loaded.yaml`"
+            )
+        found[name] = robot
+    return found
+
+
 def pipeline_text(
     robot: str,
     records: list[str],
-    only: list[str],
-    exclude: list[str],
+    asked: Asked,
     drives: dict[str, Any] | None = None,
     experiment: SeparatingExperiment | None = None,
 ) -> str:
@@ -125,14 +169,16 @@ def pipeline_text(
     import json
 
     stages: dict[str, Any] = {
-        f"record_{number + 1}": {"use": "acquisition.recorded", "with": {"path": name}}
+        f"record_{number + 1}": {
+            "use": "acquisition.recorded",
+            "with": {"path": name} | ({"variant": name} if name in asked.robots else {}),
+        }
         for number, name in enumerate(records)
     }
     names, told = list(stages), "explain"
-    asked = {key: value for key, value in (("only", only), ("exclude", exclude)) if value}
-    stages[told] = {"use": "diagnosis.effects", "inputs": {"record": names}, "with": asked}
+    stages[told] = {"use": "diagnosis.effects", "inputs": {"record": names}, "with": asked.settings}
     if experiment is not None:
-        stages |= stages_of(names, experiment, asked)
+        stages |= stages_of(names, experiment, asked.settings)
         told = AGAIN
     stages["page"] = {"use": "report.html", "inputs": {"diagnosis": told, "record": names[0]}}
     lines = ["robid: 1", "name: diagnosis", "seed: 1", f"robot: {json.dumps(robot)}"]

@@ -146,6 +146,13 @@ class FreeParameters:
         """Return the robot that a vector of coordinates means."""
         return self.robot.with_parameters(self.values(point))
 
+    def set_on(self, robot: Robot, point: FloatArray) -> Robot:
+        """Return another robot with the parameters of a vector; what it does not have (a payload) leaves it alone."""
+        known = robot.layout
+        return robot.with_parameters(
+            {name: value for name, value in self.values(point).items() if name in known}
+        )
+
     def jacobian(self, point: FloatArray) -> FloatArray:
         """Derivative of the values for the coordinates, shape (n, n), by central differences of 1e-6: exact to 1e-9."""
         step, columns = 1e-6, []

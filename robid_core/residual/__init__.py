@@ -4,7 +4,7 @@ from robid_core.residual.building import default_patterns, torque_problem
 from robid_core.residual.catalogue import effect_class, effect_names, place_in
 from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.estimated_robot import estimated_robot
-from robid_core.residual.measured import functions_of_speed
+from robid_core.residual.measured import check_variants, functions_of_speed, parts_by_variant
 from robid_core.residual.misfit import misfit, misfit_table
 from robid_core.residual.passes import Solution, linearise_at, solve
 from robid_core.residual.periodic_block import PeriodicBlock
@@ -16,6 +16,7 @@ from robid_core.robot.effects import BoundEffect
 
 __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting",
-    "WindowedBlock", "default_patterns", "effect_class", "effect_names", "estimated_robot", "functions_of_speed",
-    "linearise_at", "misfit", "misfit_table", "place_in", "prescribe_record", "solve", "torque_problem",
+    "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names", "estimated_robot",
+    "functions_of_speed", "linearise_at", "misfit", "misfit_table", "parts_by_variant", "place_in",
+    "prescribe_record", "solve", "torque_problem",
 ]  # fmt: skip

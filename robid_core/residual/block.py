@@ -145,7 +145,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
         """Return this block's robot with the free parameters at some coordinates."""
-        return self.robot.with_parameters(free.values(coordinates))
+        return free.set_on(self.robot, coordinates)
 
     # Torque
 
@@ -228,6 +228,7 @@ class TorqueBlock(ABC, Generic[M]):
         kinds = [free.robot.parameter_kind(name) for name in free.names]
         columns = {column.index: column for column in self.simulated if kinds[column.index] == "inertia"}
         known = {*columns, *(column.index for column in self.signal_columns)}
+        known |= {i for i, name in enumerate(free.names) if name not in robot.layout}
         numbers = [i for i, kind in enumerate(kinds) if self._needs_motion(kind, robot) and i not in known]
         here, still = self.linear_torque(robot), np.zeros_like(self.remainder[:1, :1, :1, :1])
         laws = {bound.label for bound in robot.effects}

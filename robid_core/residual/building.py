@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from robid_core.artifacts import Record
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
-from robid_core.residual.measured import block_of, spectra_of, variants_of
+from robid_core.residual.measured import block_of, check_variants, parts_by_variant, spectra_of
 from robid_core.residual.problem import TorqueProblem
 from robid_core.robot import Robot
-from robid_core.settings_types import RobotName
 
 NOUNS = (
     "gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping", "rotor_inertia",
@@ -33,7 +32,8 @@ def torque_problem(
     prior: Mapping[str, float],
     speed_functions: Callable[[Robot, Sequence[MotionSpectra]], SpeedFunctions],
     *,
-    robots: Mapping[str, RobotName] | None = None,
+    robots: Mapping[str, Robot] | None = None,
+    own: Collection[str] = (),
     discard: int = 0,
     highest_hz: float = 100.0,
     each_delay: bool = False,
@@ -51,7 +51,9 @@ def torque_problem(
     speed_functions
         Chooses the functions of speed that stand for the friction of the motors, from the robot and the motions.
     robots
-        Under which variants of the record were measured, where they are not the nominal one.
+        Under which variants of the records were measured, where they are not the nominal one.
+    own
+        Free parameters that only some of these robots have: each acts in its own.
     discard
         Leading periods dropped as transient.
     highest_hz
@@ -67,13 +69,14 @@ def torque_problem(
         Where variants and robots do not fit.
     """
     free = FreeParameters.of_robot(_bare(robot), names, dict(prior))
+    check_variants(records, robot, robots or {}, free.names, own)
     parts = [
-        (spectra_of(part, discard, highest_hz), _bare(own))
+        (spectra_of(part, discard, highest_hz), _bare((robots or {}).get(variant, robot)))
         for record in records
-        for part, own in variants_of(record, robot, robots or {}, free.names)
+        for variant, part in parts_by_variant(record)
     ]
     laws = speed_functions(robot, [motion for motion, _ in parts])
-    blocks: tuple[Any, ...] = tuple(block_of(motion, own, laws) for motion, own in parts)
+    blocks: tuple[Any, ...] = tuple(block_of(motion, under, laws) for motion, under in parts)
     return TorqueProblem(free, blocks, laws.names, each_delay=each_delay)
 
 

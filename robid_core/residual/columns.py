@@ -72,14 +72,14 @@ def body_derivatives(
     angle
         Joint-side poses, shape (n_config, n_axis).
     """
-    here = robot.with_parameters(free.values(point))
+    here = free.set_on(robot, point)
     base, weight = here.second_order(angle), here.gravity_torque(angle)
     index = tuple(i for i, name in enumerate(free.names) if free.robot.parameter_kind(name) == "inertia")
     columns = []
     for i in index:
         moved = point.copy()
         moved[i] += BODY_STEP
-        other = robot.with_parameters(free.values(moved))
+        other = free.set_on(robot, moved)
         model = other.second_order(angle)
         columns.append(
             (model.mass - base.mass, model.stiffness - base.stiffness, other.gravity_torque(angle) - weight)

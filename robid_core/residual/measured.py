@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motio
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
-from robid_core.settings_types import RobotName
 
 
 def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotion | WindowedMotion:
@@ -62,32 +61,69 @@ def block_of(
     return WindowedBlock.of_record(robot, motion, laws)
 
 
-def variants_of(
-    record: Record, robot: Robot, robots: Mapping[str, RobotName], names: tuple[str, ...]
-) -> Iterator[tuple[Record, Robot]]:
-    """Part the record by variants, each with its robot, which must have the free parameters."""
-    found = tuple(dict.fromkeys(record.variants)) or ("",)
-    unmeasured = [variant for variant in robots if variant not in found]
-    if unmeasured:
-        raise ConfigurationError(
-            f"robots: nothing was measured as '{unmeasured[0]}'; the record has "
-            + (f"the variants {', '.join(found)}" if record.variants else "no variants")
-        )
-    if len(found) > 1 and len(found) - len(robots) > 1:
-        raise ConfigurationError(
-            f"the record has the variants {', '.join(found)}; tell the robot of each that is not the nominal one, "
-            f"`robots: {{{found[-1]}: {found[-1]}.yaml}}`, or choose one with `variant:` where it is read"
-        )
+def parts_by_variant(record: Record) -> Iterator[tuple[str, Record]]:
+    """Part a record by its variants; "" is the name where it has none."""
+    found = _variants([record])
     for variant in found:
-        own = Robot.load(robots[variant]) if variant in robots else robot
-        missing = [name for name in names if name not in own.layout]
-        if missing:
-            raise ConfigurationError(
-                f"robots: {variant}: it has no parameter {missing[0]}, which is free; give it `base: {robot.name}`"
-            )
         if len(found) == 1:
-            yield record, own
+            yield variant, record
             continue
         chosen = np.array([name == variant for name in record.variants])
-        whole = np.broadcast_to(chosen[:, None, None], record.run.valid.shape[:3])
-        yield record.part(whole), own
+        yield variant, record.part(np.broadcast_to(chosen[:, None, None], record.run.valid.shape[:3]))
+
+
+def check_variants(
+    records: Sequence[Record],
+    robot: Robot,
+    robots: Mapping[str, Robot],
+    names: Sequence[str],
+    own: Collection[str] = (),
+) -> None:
+    """Refuse variants that have no robot, and robots that are not variants of the nominal one.
+
+    Parameters
+    ----------
+    records, robot, robots
+        What was measured, the nominal robot, and those of variants that have another.
+    names
+        Free parameters: all robots share them, so that each must have them and be told the same.
+    own
+        Those of `names` that belong to one variant.
+
+    Raises
+    ------
+    ConfigurationError
+        The message names the variant.
+    """
+    found = _variants(records)
+    unmeasured = [variant for variant in robots if variant not in found]
+    if unmeasured:
+        measured = [name for name in found if name]
+        raise ConfigurationError(
+            f"robots: nothing was measured as '{unmeasured[0]}'; the record has "
+            + (f"the variants {', '.join(measured)}" if measured else "no variants")
+        )
+    nominal = [variant for variant in found if variant and variant not in robots]
+    if len(nominal) > 1:
+        raise ConfigurationError(
+            f"the record has the variants {', '.join(name for name in found if name)}; tell the robot of each that is "
+            f"not the nominal one, `robots: {{{nominal[-1]}: {nominal[-1]}.yaml}}`, or choose one with `variant:` "
+            "where it is read"
+        )
+    for variant, other in robots.items():
+        for name in (one for one in names if one not in own):
+            if name not in other.layout:
+                raise ConfigurationError(
+                    f"robots: {variant}: it has no parameter {name}, which is free; give it `base: {robot.name}`"
+                )
+            if other.parameter(name) != robot.parameter(name):
+                raise ConfigurationError(
+                    f"robots: {variant}: {name} is free and shared, but told otherwise than in {robot.name} "
+                    f"({other.parameter(name):g}, {robot.parameter(name):g}); say what differs as an effect "
+                    "(load.payload), or hold it"
+                )
+
+
+def _variants(records: Sequence[Record]) -> tuple[str, ...]:
+    """Names of all variants, "" where a record has none."""
+    return tuple(dict.fromkeys(name for record in records for name in record.variants or ("",)))

@@ -151,13 +151,16 @@ def solve(
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
 
 
-def linearise_at(problem: TorqueProblem, point: FloatArray, model_error: float) -> Linearisation:
+def linearise_at(
+    problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool = False
+) -> Linearisation:
     """Prescribe the motions to the robots at a point and differentiate there: all that a question beside a fit needs.
 
-    Weights are the noise and a model error relative to the torque, never what the model leaves.
+    Weights are the noise and a model error relative to the torque, never what the model leaves. `improve`: initial
+    states that nobody knows are those with which the residual is least.
     """
     _renew_signals(problem, point)
-    _renew(problem, point, model_error, improve=False)
+    _renew(problem, point, model_error, improve=improve)
     _renew_derivatives(problem, point)
     return _linearised(problem, point, model_error, doubted=False)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ class PeriodicMotion(MotionSpectra):
     """Likewise of the accelerations."""
     angle_deviation: FloatArray
     """Each period's angles less their mean, rad, shape (n_config, n_exp, n_period, n_sample, n_axis)."""
+    _rates: dict[tuple[int, int, float], FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def constant(self) -> ComplexArray:
@@ -80,8 +81,13 @@ class PeriodicMotion(MotionSpectra):
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
         """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""
-        highest = SPEED_BAND / self.sample_time_s
-        return periodic_derivative(self.angle, self.sample_time_s, order, highest, finer, shift_s)
+        key = (order, finer, shift_s)
+        if key not in self._rates:
+            highest = SPEED_BAND / self.sample_time_s
+            self._rates[key] = periodic_derivative(
+                self.angle, self.sample_time_s, order, highest, finer, shift_s
+            )
+        return self._rates[key]
 
     def divided(self, values: FloatArray, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
         """Return one period, shape of `angle`, over a gain as a function of omega, (n_omega, n_axis)."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid_core import Channel, DataRejected, DenseRun, Record
-from robid_diagnosis.parts import parted
+from robid_diagnosis.parts import cut_into_parts
 
 N_EXP, N_SAMPLE, N_AXIS = 2, 1003, 3
 
@@ -30,7 +30,7 @@ def record(line: np.ndarray | None = None) -> Record:
 
 
 def test_parts_follow_one_another() -> None:
-    whole, cut = record(), parted(record(), 10, 0.003)
+    whole, cut = record(), cut_into_parts(record(), 10, 0.003)
     assert cut.run.valid.shape == (1, 1, 10 * N_EXP, 1, 100)
     for name in ("motor_position", "motor_torque"):
         joined = cut.run.lanes(name).reshape(N_EXP, 1000, N_AXIS)
@@ -38,7 +38,7 @@ def test_parts_follow_one_another() -> None:
 
 
 def test_what_an_experiment_is_told_holds_for_its_parts() -> None:
-    run = parted(record(), 4).run
+    run = cut_into_parts(record(), 4).run
     assert run.test is not None
     np.testing.assert_array_equal(run.test.ravel(), [False] * 4 + [True] * 4)
     np.testing.assert_array_equal(run.constant("payload").ravel(), [1.0] * 4 + [2.0] * 4)
@@ -46,11 +46,11 @@ def test_what_an_experiment_is_told_holds_for_its_parts() -> None:
 
 def test_one_part_is_the_record_itself() -> None:
     whole = record()
-    assert parted(whole, 1) is whole
+    assert cut_into_parts(whole, 1) is whole
 
 
 def test_periods_and_short_recordings_are_refused() -> None:
     with pytest.raises(DataRejected, match="stays whole"):
-        parted(record(np.array([3, 5])), 2)
+        cut_into_parts(record(np.array([3, 5])), 2)
     with pytest.raises(DataRejected, match="cannot be cut"):
-        parted(record(), 600)
+        cut_into_parts(record(), 600)

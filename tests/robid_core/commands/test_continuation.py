@@ -10,7 +10,7 @@ import pytest
 from robid_core import Diagnosis, Finding, SeparatingExperiment
 from robid_core.commands import main
 from robid_core.commands.continuation import AGAIN, drives_of, experiment_of
-from robid_core.commands.diagnose import FILE, pipeline_text
+from robid_core.commands.diagnose import FILE, Asked, pipeline_text
 from robid_core.errors import MotionRefused
 from robid_core.pipeline import Pipeline
 
@@ -74,7 +74,7 @@ def test_what_was_simulated_elsewhere_is_simulated_here(
     monkeypatch.chdir(tmp_path)
     drives = drives_of(Path("lab/lab.yaml"))
     assert drives == {"use": "simulated", "with": {"plant": "lab/plant.yaml"}}
-    text = pipeline_text("one_axis", ["a.mcap"], [], [], drives, EXPERIMENT)
+    text = pipeline_text("one_axis", ["a.mcap"], Asked(), drives, EXPERIMENT)
     (tmp_path / FILE).write_text(text, encoding="utf-8")
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     assert tuple(pipeline.stage(AGAIN).inputs["record"]) == ("record_1", "measure_next")

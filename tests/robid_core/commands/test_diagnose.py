@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from robid_core.commands.diagnose import FILE, HEADING, below_one_folder, command, pipeline_text
+from robid_core.commands.diagnose import (
+    FILE,
+    HEADING,
+    Asked,
+    below_one_folder,
+    command,
+    pipeline_text,
+    robots_of,
+)
 from robid_core.errors import ConfigurationError
 from robid_core.pipeline import Pipeline
 
@@ -15,12 +23,30 @@ def test_the_pipeline_reads_every_record_and_explains_them_together(tmp_path: Pa
     """It is valid, and asks for what was asked for."""
     for name in ("a.mcap", "b.mcap"):
         (tmp_path / name).write_bytes(b"")
-    text = pipeline_text("one_axis", ["a.mcap", "b.mcap"], ["friction.stribeck@axis_1"], [])
+    text = pipeline_text("one_axis", ["a.mcap", "b.mcap"], Asked(only=["friction.stribeck@axis_1"]))
     (tmp_path / FILE).write_text(text, encoding="utf-8")
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     stages = {node.name: node for node in pipeline.stages}
     assert tuple(stages["explain"].inputs["record"]) == ("record_1", "record_2")
     assert stages["explain"].stage.only == ("friction.stribeck@axis_1",)  # type: ignore[attr-defined]
+
+
+def test_a_record_of_another_payload_has_its_robot(tmp_path: Path) -> None:
+    """It is read as a variant of that name, which the diagnosis knows; a robot for no record is refused."""
+    records = [tmp_path / "bare.mcap", tmp_path / "loaded.mcap"]
+    for path in records:
+        path.write_bytes(b"")
+    (tmp_path / "arm.yaml").write_text("robid_robot: 1\nname: arm\nbase: one_axis\n", encoding="utf-8")
+    names = [path.name for path in records]
+    robots = robots_of([f"{records[1]}=arm.yaml"], records, names)
+    assert robots == {"loaded.mcap": "arm.yaml"}
+    (tmp_path / FILE).write_text(pipeline_text("one_axis", names, Asked(robots=robots)), encoding="utf-8")
+    pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
+    assert [pipeline.stage(f"record_{k}").stage.variant for k in (1, 2)] == ["", "loaded.mcap"]  # type: ignore[attr-defined]
+    assert list(pipeline.stage("explain").stage.robots) == ["loaded.mcap"]  # type: ignore[attr-defined]
+    for wrong in ("other.mcap=arm.yaml", f"{records[1]}"):
+        with pytest.raises(ConfigurationError, match="give one of the records and its robot file"):
+            robots_of([wrong], records, names)
 
 
 def test_records_are_named_below_the_folder_that_holds_them_all(tmp_path: Path) -> None:

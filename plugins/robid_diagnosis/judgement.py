@@ -1,0 +1,115 @@
+"""How much torque models leave in data that they were not fitted to: experiments of the role test, where there are any.
+
+Else each configuration in turn is left out of the fit (`held_out.py`), and where that cannot be told, it is the data of
+the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robid_core import ComplexArray, DataRejected, FloatArray, PredictionErrors, Record, Robot
+from robid_core.residual import linearise_at
+from robid_diagnosis.held_out import held_out_residuals, unweighted
+from robid_diagnosis.hypothesis import Case, Fitted
+from robid_diagnosis.intervals import intervals, relative_errors
+from robid_diagnosis.selection import Outcome
+
+STILL = 1e-3  # of travel at the joint, rad or m
+
+
+def parted(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Return what a diagnosis may look at, and the experiments of the role test.
+
+    Raises DataRejected where all are tests, or what is left has no shape.
+    """
+    training, tests = list[Record](), list[Record]()
+    for record in records:
+        test = record.run.test
+        if test is None or not test.any():
+            training.append(record)
+            continue
+        tests.append(record if test.all() else record.part(test))
+        if not test.all():
+            training.append(record.part(~test))
+    if not training:
+        raise DataRejected("all experiments have the role test, and a diagnosis looks at none of them")
+    return tuple(training), tuple(tests)
+
+
+def errors_of(
+    case: Case,
+    tests: tuple[Record, ...],
+    robot: Robot,
+    outcome: Outcome,
+    generator: np.random.Generator,
+) -> tuple[tuple[PredictionErrors, ...], FloatArray]:
+    """Torque that each model leaves where it was not fitted, and what the last gains, an interval (2,).
+
+    Experiments are drawn again for the intervals.
+    """
+    models = {"robot file, values refitted": outcome.base, "extended robot": outcome.final}
+    if not outcome.steps:
+        models.popitem()
+    where, power, left = _judged(case, tests, list(models.values()))
+    runs = [run for record in tests or case.records for run in record.runs]
+    travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in runs]
+    still = np.concatenate(travels).max(axis=0) < STILL
+    errors = np.stack([_sums(one) for one in left])
+    found = intervals(errors, power, generator)
+    relative = relative_errors(errors.sum(axis=1), power.sum(axis=0))
+    rows = tuple(
+        PredictionErrors(
+            model=name,
+            quantity=f"torque that the model leaves in {where}, all bins but the mean",
+            unit_symbol=runs[0].channel("motor_torque").unit_symbol,
+            axis_names=robot.axis_names,
+            rms=np.sqrt(2 * errors[m].mean(axis=0)),
+            relative=relative[m],
+            low=found.relative[0, m],
+            high=found.relative[1, m],
+            still=still,
+        )
+        for m, name in enumerate(models)
+    )
+    return rows, found.gain
+
+
+def _judged(
+    case: Case, tests: tuple[Record, ...], models: Sequence[Fitted]
+) -> tuple[str, FloatArray, list[list[ComplexArray]]]:
+    """In which data, the power of their torque, (n_experiment, n_axis), and what each model leaves in their blocks."""
+    if tests:
+        blocks = case.problem(models[0].hypothesis, tests).blocks
+        left = [left_in(case, fitted, tests) for fitted in models]
+        return "experiments of the role test", _sums([block.motion.torque_spectrum for block in blocks]), left
+    power = _sums([block.motion.torque_spectrum for block in models[0].problem.blocks])
+    held_out = [held_out_residuals(fitted) for fitted in models]
+    known = [one for one in held_out if one is not None]
+    if len(known) == len(models):
+        return "configurations left out of its fit", power, known
+    return "the data of its fit", power, [one.problem.residuals(one.point) for one in models]
+
+
+def left_in(case: Case, fitted: Fitted, records: tuple[Record, ...]) -> list[ComplexArray]:
+    """Measured less predicted torque in records that were not fitted, N m, (n_config, n_exp, n_bin, n_axis) each.
+
+    What rings on from before the first sample is no error of the model, and is taken off.
+    """
+    problem, point = case.problem(fitted.hypothesis, records), fitted.point
+    about = linearise_at(problem, point, fitted.model_error, improve=True)
+    if any(
+        robot.signals for robot in problem.robots(point)
+    ):  # along the torques that the first round expects
+        about = linearise_at(problem, point, fitted.model_error, improve=True)
+    weighted = problem.weighted(point, about.weights)
+    return [unweighted(weight, own) for weight, own in zip(about.weights, weighted, strict=True)]
+
+
+def _sums(spectra: Sequence[ComplexArray]) -> FloatArray:
+    """Power of each experiment, the mean left out, (n_experiment, n_axis)."""
+    return np.concatenate(
+        [(np.abs(one[:, :, 1:]) ** 2).sum(axis=2).reshape(-1, one.shape[-1]) for one in spectra]
+    )
