@@ -35,7 +35,7 @@ SEEN = 0.02  # of the limit: friction where none is told
 HARDLY = 0.98  # quantile of a deflection
 BOTH_SPRINGS = ("gear", "bearing")
 BEHIND = (*BOTH_SPRINGS, "arm")  # the gear
-ZERO_SPEED = "speed"  # parameter of the width of a sign at zero: the fit has told it
+ZERO_SPEEDS = ("speed", "zero_speed")  # parameters of the width of a sign at zero: the fit has told it
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ class Scales:
     friction_speed: float
     """Zero-speed width that is told, rad/s at the place."""
     sample_time: float
+    orders: tuple[float, ...] = ORDERS
+    """Of waves of the angle, periods a turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,8 @@ def grid(
     """Values to begin from: products of those of each parameter in which the law is not linear, and of no start."""
     rows = effect.parameters
     wave = {"order", "phase"} <= {row.name for row in rows}
-    linear = [row.name for row in rows if row.name not in ("order", "phase")] if wave else linear
+    if wave:
+        linear = [row.name for row in rows if row.name not in ("order", "phase", *ZERO_SPEEDS)]
     levels = [row for row in rows if row.unit == "N m" and row.name not in linear]
     told = start or {}
     choices = [
@@ -145,12 +148,12 @@ def _choices(row: Parameter, linear: bool, levels: Sequence[Parameter], scales: 
     found: list[float]
     if linear:
         found = [row.default]
-    elif row.name == ZERO_SPEED and row.unit == "rad/s":
+    elif row.name in ZERO_SPEEDS and row.unit == "rad/s":
         found = [scales.friction_speed]
     elif row.unit == "rad/s":
         found = [share * scales.speed for share in SPEEDS]
     elif row.unit == "1/turn":
-        found = list(ORDERS)
+        found = list(scales.orders)
     elif row.unit == "rad" and row.name != "phase" and row.default > 0:
         found = [2 * share * scales.deflection for share in GAPS]
     elif row.unit == "s" and row.upper <= 1.0 and row.default > 0:
@@ -173,7 +176,7 @@ def shape_of(effect: type[Effect], linear: Sequence[str]) -> tuple[str, ...]:
     if {"order", "phase"} <= {row.name for row in effect.parameters}:
         return ("order",)
     units = ["rad/s", "1/turn", "rad", "s", "N m/rad"] + ["N m"] * issubclass(effect, SignalEffect)
-    held = (*linear, "phase", ZERO_SPEED)
+    held = (*linear, "phase", *ZERO_SPEEDS)
     return tuple(
         row.name
         for row in effect.parameters
@@ -188,6 +191,7 @@ def scales_at(
     speed: FloatArray,
     signal: FloatArray | None,
     friction_speed: float,
+    orders: tuple[float, ...] = ORDERS,
 ) -> Scales:
     """Return what the motion at a place is like.
 
@@ -201,6 +205,8 @@ def scales_at(
         Of the channel; None: the place has none.
     friction_speed
         Zero-speed width of the motor's friction, rad/s.
+    orders
+        Of waves of the motor's angle.
     """
     swing = position - position.mean(axis=1, keepdims=True)
     axis, drives = place.axis, robot.drives
@@ -216,4 +222,5 @@ def scales_at(
         level=0.1 * place.stiffness * deflection if at_spring else told * ratio,
         friction_speed=friction_speed / ratio,
         sample_time=place.sample_time,
+        orders=orders,
     )

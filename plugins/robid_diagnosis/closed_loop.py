@@ -124,9 +124,21 @@ class ClosedLoopSimulation(DiagnosisStage):
     """Time at the start of each experiment that is simulated and not compared: what is behind the motors of a recording
     that begins under way is not known, and has to ring out."""
 
-    def run(self, record: Record, fit: Fit, robot: Robot, context: Context) -> Diagnosis:
-        """Simulate twice, with fitted and with nominal parameters, and compare."""
+    def run(
+        self,
+        record: Record,
+        fit: Fit,
+        robot: Robot,
+        context: Context,
+        explained: tuple[Diagnosis, ...] = (),
+    ) -> Diagnosis:
+        """Simulate twice, the fitted robot and the robot file, and compare.
+
+        Of diagnoses before it the last that extended the robot gives the one that is simulated in the fit's place.
+        """
         model, left_out = identified(robot, fit), fit.model.left_out if fit.model is not None else ()
+        for found in (one.model for one in explained if one.model is not None):
+            model, left_out = Robot.of_model(found), ()
         measured = {name: compared(record, name, self.skip_s) for name in ("motor_position", "motor_torque")}
         context.progress(0, 2, "simulating the identified robot")
         fitted = simulate_record(model, record, self.start)

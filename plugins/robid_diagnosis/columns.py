@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import numpy as np
 from robid_core import ComplexArray, Effect, FloatArray, Place, Robot, SignalEffect, StructureEffect
 from robid_core.residual import EffectTorque, TorqueProblem, Weighting, effect_class
 from robid_diagnosis.candidates import (
+    ORDERS,
     Candidate,
     Scales,
     Spot,
@@ -20,6 +22,7 @@ from robid_diagnosis.candidates import (
     spots,
 )
 from robid_diagnosis.projection import Rows
+from robid_diagnosis.slide_waves import Waves, waves_of
 from robid_diagnosis.structures import changed_robot, structure_candidates
 
 WHOLE = "*"  # name of the column of a law that is linear in nothing: all that it does
@@ -54,7 +57,8 @@ class Motion:
     """The motion of all blocks about fitted robots, and the weights of their residuals."""
 
     def __init__(self, problem: TorqueProblem, point: FloatArray, weights: Sequence[Weighting]) -> None:
-        parts = zip(problem.blocks, problem.robots(point), problem.residuals(point), strict=True)
+        self.residuals = problem.residuals(point)
+        parts = zip(problem.blocks, problem.robots(point), self.residuals, strict=True)
         self.along = [
             EffectTorque(block, robot, residual, problem.delay(point)) for block, robot, residual in parts
         ]
@@ -83,7 +87,30 @@ class Motion:
             signal = np.concatenate([getattr(o.motion, kind)[..., axis].ravel() for o in self.along])
         position, speed = (np.concatenate(parts) for parts in zip(*seen, strict=True))
         width = float(self.friction_speed[place.axis])
-        return scales_at(self.robot, place, position, speed, signal, width)
+        return scales_at(self.robot, place, position, speed, signal, width, self._orders(place.axis))
+
+    def _orders(self, axis: int) -> tuple[float, ...]:
+        """Orders of waves that are worth a try at an axis: whole ones a turn; of a slide, those of what is left."""
+        return self.waves[axis].peaks if axis in self.waves else ORDERS
+
+    @functools.cached_property
+    def waves(self) -> dict[int, Waves]:
+        """Waves over the travel of each slide: a metre has no whole orders."""
+        unit = self.robot.parameter_unit
+        slides = [
+            a for a, name in enumerate(self.robot.axis_names) if unit(f"friction.{name}.viscous") == "N s/m"
+        ]
+        if not slides:
+            return {}
+        motions = [one.block.motion for one in self.along]
+        left = [motion.over_time(r) for motion, r in zip(motions, self.residuals, strict=True)]
+        highest = float(motions[0].frequency_hz[-1])
+
+        def joined(parts: list[FloatArray], axis: int) -> FloatArray:
+            return np.concatenate([part[..., axis].ravel() for part in parts])
+
+        angle, speed = [motion.angle for motion in motions], [motion.rate(1) for motion in motions]
+        return {a: waves_of(joined(left, a), joined(angle, a), joined(speed, a), highest) for a in slides}
 
     def candidates(self, use: str) -> list[Candidate]:
         """An effect at every place, with every value to begin from."""

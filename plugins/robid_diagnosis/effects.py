@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
     ConfigurationError,
@@ -32,6 +32,7 @@ from robid_core.residual import check_variants, misfit_table
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
+from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.results import finding_of, model_of, timing_of, unknown_of, values_of
 from robid_diagnosis.selection import Outcome, Selection, Step
 from robid_diagnosis.separation import separation
@@ -80,6 +81,10 @@ class Effects(DiagnosisStage):
     """Prescribed motions of a fit at most."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient."""
+    blocks: Annotated[int, Field(ge=1, le=100)] = 1
+    """Into which each experiment that does not repeat is cut: what one long motion tells must hold in parts of it."""
+    skip_s: NonNegativeFloat = 0.0
+    """Left out at the beginning of each such experiment."""
     separate: bool = True
     """Whether the experiment that tells tied causes apart is looked for, by simulation."""
 
@@ -95,6 +100,7 @@ class Effects(DiagnosisStage):
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
         uses = self._known()
+        record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
         case, tests = self._case(record, robot)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
         outcome = selection.run()
@@ -241,7 +247,7 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
     if n_experiment < FEWEST:
         raise DataRejected(
             f"{n_experiment} experiments: what is found must hold in data that were held out; measure at least "
-            f"{FEWEST}, better in several configurations"
+            f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10)"
         )
     for run in runs:
         still = np.ptp(run.lanes("motor_torque").reshape(-1, robot.n_axis), axis=0) == 0

@@ -124,20 +124,17 @@ class Projection:
         while left:
             trials = []
             for i in left:
-                members = [*chosen, i]
-                if _own_share(matrix, chosen, i) < blind * square[i]:
+                if i in chosen or _own_share(matrix, chosen, i) < blind * square[i]:
                     continue
-                found = solved(matrix[np.ix_(members, members)], slope[members])
-                if not any(positive[k] and value < 0 for k, value in zip(members, found, strict=True)):
-                    trials.append((float(found @ slope[members]), i, found))
+                members, found = _not_negative([*chosen, i], matrix, slope, positive)
+                if i in members:
+                    trials.append((float(found @ slope[members]), members, found))
             if not trials:
                 break
-            total, i, found = max(trials, key=lambda trial: trial[0])
+            total, members, found = max(trials, key=lambda trial: trial[0])
             if chosen and total < best + WORTH:
                 break
-            best, size = total, found
-            chosen.append(i)
-            left.remove(i)
+            best, chosen, size = total, members, found
         if not chosen:
             return NOTHING
         inside = matrix[np.ix_(chosen, chosen)]
@@ -172,6 +169,19 @@ class Projection:
         """Sums over all rows, with the priors: what the fit has is orthonormal with them."""
         whole = sums.over(range(len(self.folds)))
         return Sums(np.eye(len(self.pull)), whole.told - self.pull, whole.cross, whole.own, whole.slope)
+
+
+def _not_negative(
+    members: list[int], matrix: FloatArray, slope: FloatArray, positive: Sequence[bool]
+) -> tuple[list[int], FloatArray]:
+    """Members of which none that must not be negative is, and their sizes: whoever would be most goes, one by one."""
+    while members:
+        size = solved(matrix[np.ix_(members, members)], slope[members])
+        bound = np.where([positive[i] for i in members], size, 0.0)
+        if (bound >= 0).all():
+            return members, size
+        members = [i for i in members if i != members[int(bound.argmin())]]
+    return members, np.empty(0)
 
 
 def _own_share(matrix: FloatArray, chosen: Sequence[int], i: int) -> float:

@@ -94,6 +94,12 @@ class Search:
     def __init__(self, motion: Motion, projection: Projection, generator: np.random.Generator) -> None:
         self.motion, self.projection, self.generator = motion, projection, generator
 
+    @cached_property
+    def blind(self) -> float:
+        """Share of a law's square that must be left beside the fit's unknowns: their torque errs by what is left."""
+        measured = self.motion.weighted([one.block.motion.torque_spectrum for one in self.motion.along])
+        return max(BLIND, float((self.projection.residual**2).sum() / (measured**2).sum()))
+
     def run(
         self,
         uses: Sequence[str],
@@ -122,7 +128,7 @@ class Search:
                     failures.append(Failure(*candidate.key, f"{type(error).__name__}: {error}"))
                     continue
                 matrix, _ = self.projection.normal(hit.sums)
-                power = power_of(candidate, hit.columns, matrix, BLIND)
+                power = power_of(candidate, hit.columns, matrix, self.blind)
                 powers.setdefault(candidate.key, []).append(power)
                 if not hit.gain.freedom:
                     continue
@@ -133,6 +139,7 @@ class Search:
         hits = sorted(best.values(), key=lambda one: one.worth, reverse=True)
         rate = -np.log1p(-np.exp(np.minimum(smallest, -1e-12))).mean()
         trials = float(max(1.0, 1.0 / rate)) if rate > 0 else 1.0
+        trials += sum(waves.n_independent for waves in self.motion.waves.values())
         return Found(tuple(hits), tuple(failures), trials, n_tried, tuple(tried), powers)
 
     def hit(self, candidate: Candidate, values: dict[str, float]) -> Hit:
@@ -142,7 +149,7 @@ class Search:
             raise ConfigurationError("the law gives NaN or infinite values along this motion")
         sums = self.projection.sums(columns.rows)
         linear = issubclass(candidate.effect, SignalEffect) and WHOLE not in columns.names
-        blind = EXACT if linear else BLIND
+        blind = EXACT if linear else self.blind
         gain = self.projection.gain(sums, columns.positive, blind, columns.paired)
         shape = {name: float(candidate.values[name]) for name in candidate.shape}
         return Hit(candidate, {**shape, **values}, columns, sums, gain)

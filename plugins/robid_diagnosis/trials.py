@@ -18,7 +18,7 @@ from robid_diagnosis.values import PRICE, ValueHit
 
 LUCK = 4.0  # a rival is not fitted that would have to keep more than this times what the others kept of their promise
 LITTLE_LUCK = 1.5  # likewise, where another one has left no more than noise
-CLOSE = 0.9  # of the largest gain of trials: these are fitted to the end before they are compared
+CLOSE = 0.9  # of the largest gain of trials: fitted to the end before they are compared; of a promise: it was kept
 DOUBTFUL = 1.1  # misfit: above, something is left to explain
 WRONG = 2.0  # misfit: above, something lacks, and a fit need not go on to its last digit
 MUCH = 0.01  # of the misfit's excess: what more is left was not explained
@@ -66,6 +66,7 @@ class Trials:
         self.case, self.current, self.search, self.least = case, current, search, least
         self.progress = progress
         self.failures: list[Failure] = []
+        self._kept: dict[tuple[str, str | None, str | None], float] = {}
 
     def run(self, rivals: Sequence[Rival], others: Sequence[Rival]) -> list[Trial]:
         """Return the rivals that gain, the best first; `others` have their turn where these leave much."""
@@ -76,7 +77,10 @@ class Trials:
             shaped = [
                 hit
                 for hit in (*rivals, *others)
-                if isinstance(hit, Hit) and hit.candidate.shape and hit.candidate.place is not None
+                if isinstance(hit, Hit)
+                and hit.candidate.shape
+                and hit.candidate.place is not None
+                and self._lost(hit, trials)
             ]
             for hit in sorted(shaped, key=total, reverse=True)[:AGAIN]:
                 trials = self._restarted(hit, trials)
@@ -93,6 +97,7 @@ class Trials:
             if best is not None and total(hit) * reach * luck < best.gain and not alike(hit, rivals[0]):
                 continue
             trial = self._fitted(hit, self.current)
+            self._kept[key_of(hit)] = 0.0 if trial is None else trial.gain
             if trial is not None and trial.gain > self.least:
                 found.append(trial)
                 reach = max(reach, trial.gain / total(hit))
@@ -104,6 +109,11 @@ class Trials:
             return self.current.misfit > WRONG
         left = trials[0].fitted.misfit
         return left > WRONG and left - 1 > much * (self.current.misfit - 1)
+
+    def _lost(self, hit: Rival, trials: Sequence[Trial]) -> bool:
+        """Whether a rival promised more than any trial gained, and its own fit did not keep it: it began wrong."""
+        most = max((trial.gain for trial in trials), default=0.0)
+        return total(hit) > most and self._kept.get(key_of(hit), 0.0) < CLOSE * total(hit)
 
     def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
         """Fit those that gain nearly as much as the best to the end, and return all, the best first."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.errors import ConfigurationError
 from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.residual.problem import Linearisation, TorqueProblem
 
@@ -26,7 +27,11 @@ def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -
         return latest[at.tobytes()]
 
     def cost(at: FloatArray) -> float:
-        return problem.cost(at, weighted(at))
+        """Infinite where no robot has such numbers, of which one bounds another: shorter steps are tried."""
+        try:
+            return problem.cost(at, weighted(at))
+        except ConfigurationError:
+            return float("inf")
 
     def equations(at: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         slope = precision * at - problem.gradients(weighted(at), about).sum(axis=0)

@@ -117,3 +117,16 @@ def test_by_chance_a_gain_is_chi_square() -> None:
     above = np.mean(np.array(gains) > scipy.stats.chi2.ppf(0.95, 1))
     assert abs(above - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 200)
     assert abs(np.mean(gains) - 1.0) < 4 * np.sqrt(2 / 200)
+
+
+def test_a_column_that_would_turn_negative_makes_room_for_others() -> None:
+    """The first alone explains most, being the sum of two others less a third of itself; with both of them it goes."""
+    generator = np.random.default_rng(3)
+    rows = generator.standard_normal((N_ROW, N_UNKNOWN))
+    pair = generator.standard_normal((2, N_ROW))
+    columns = np.stack((pair.sum(axis=0) + 0.3 * generator.standard_normal(N_ROW), *pair))
+    data = 5 * pair[0] + 5 * pair[1] - 1.0 * columns[0]
+    projection = Projection(rows, data, rows.T @ rows + np.eye(N_UNKNOWN), np.zeros(N_UNKNOWN), FOLDS)
+    gain = projection.gain(projection.sums(columns), [True, True, True], blind=1e-6)
+    assert set(gain.chosen) == {1, 2}
+    assert (gain.size > 0).all()
