@@ -76,10 +76,8 @@ class Lines(Silence):
         left = self._part.seconds_left(now, done, total)
         if now - self._told >= SECONDS_BETWEEN_LINES:
             self._told = now
-            _say(
-                f"{stage}: {note + ' ' if note else ''}{done:g}/{total:g}"
-                + ("" if left is None else f", {left:.0f} s left")
-            )
+            rest = "" if left is None else f", {left:.0f} s left"
+            _say(f"{stage}: {note + ' ' if note else ''}{done:g}/{total:g}{rest}")
 
     def end(self, stage: str, outcome: str, seconds: float) -> None:
         """Say what became of it."""
@@ -117,7 +115,13 @@ class Bars(Silence):
     def progress(self, stage: str, done: float, total: float, note: str) -> None:
         """Move the bar."""
         if stage in self._tasks:
-            self._progress.update(self._tasks[stage], completed=done, total=total, note=note)
+            task = self._tasks[stage]
+            known = self._progress.tasks[task]
+            if (
+                done < known.completed or total != known.total
+            ):  # another part: what the last took tells nothing of it
+                self._progress.reset(task, total=total, completed=int(done), note=note)
+            self._progress.update(task, completed=done, total=total, note=note)
 
     def end(self, stage: str, outcome: str, seconds: float) -> None:
         """Close the line."""
