@@ -233,8 +233,9 @@ class TorqueBlock(ABC, Generic[M]):
         here, still = self.linear_torque(robot), np.zeros_like(self.remainder[:1, :1, :1, :1])
         laws = {bound.label for bound in robot.effects}
         structural = [i for i in numbers if self._is_structure(free.names[i], kinds[i], laws, robot)]
-        for i, other in zip(structural, self._moved(free, coordinates, structural), strict=True):
-            slope = (self.linear_torque(other) - here) / DIFFERENCE
+        for i in structural:
+            other, step = self._moved(free, coordinates, i)
+            slope = (self.linear_torque(other) - here) / step
             columns[i] = SimulatedColumn(i, np.broadcast_to(still, slope.shape), slope)
         numbers = [i for i in numbers if i not in structural]
         if numbers:
@@ -244,12 +245,11 @@ class TorqueBlock(ABC, Generic[M]):
             size = max(1, LANES_AT_ONCE // (len(here) * here.shape[1]))
             for first in range(0, len(numbers), size):
                 batch = numbers[first : first + size]
-                others = self._moved(free, coordinates, batch)
-                for i, other, remainder in zip(
-                    batch, others, self._remainders(others, final=False), strict=True
-                ):
+                moved = [self._moved(free, coordinates, i) for i in batch]
+                remainders = self._remainders([other for other, _ in moved], final=False)
+                for i, (other, step), remainder in zip(batch, moved, remainders, strict=True):
                     linear = self.linear_torque(other) - here
-                    columns[i] = SimulatedColumn(i, (remainder - about) / DIFFERENCE, linear / DIFFERENCE)
+                    columns[i] = SimulatedColumn(i, (remainder - about) / step, linear / step)
         self.simulated = tuple(columns[i] for i in sorted(columns))
 
     def _needs_motion(self, kind: str, robot: Robot) -> bool:
@@ -264,14 +264,15 @@ class TorqueBlock(ABC, Generic[M]):
         plain = not (self.moves_far or self.all_by_motion or robot.bending_forces)
         return plain and kind == "effect" and name.split(".")[1] not in laws
 
-    def _moved(self, free: FreeParameters, coordinates: FloatArray, numbers: Sequence[int]) -> list[Robot]:
-        """Robots with one parameter each moved by DIFFERENCE."""
-        robots = []
-        for i in numbers:
+    def _moved(self, free: FreeParameters, coordinates: FloatArray, number: int) -> tuple[Robot, float]:
+        """Robot with one parameter moved, and by how much: down, where up is no robot (one level above another)."""
+        for step in (DIFFERENCE, -DIFFERENCE):
             moved = coordinates.copy()
-            moved[i] += DIFFERENCE
-            robots.append(self.robot_at(free, moved))
-        return robots
+            moved[number] += step
+            robot = self.robot_at(free, moved)
+            if robot.is_possible:
+                break
+        return robot, step
 
     def _remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.

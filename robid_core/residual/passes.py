@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.arrays import FloatArray
-from robid_core.errors import ConfigurationError
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
 from robid_core.estimation.torque.weights import covariance_apart, whitener
 from robid_core.residual.acceleration import History
@@ -144,7 +143,7 @@ def solve(
             break
         if number + 1 < passes:
             ahead = _within(problem, history.next_point(about.whole))
-            point = ahead if _is_possible(problem, ahead) else found
+            point = ahead if all(robot.is_possible for robot in problem.robots(ahead)) else found
     progress(passes + 1, passes + 1, "")
     assert about is not None
     covariance = _covariance(problem, point, about) + np.outer(last, last)
@@ -193,14 +192,6 @@ def _within(problem: TorqueProblem, point: FloatArray) -> FloatArray:
     """Return the point with the parameters within their bounds."""
     free = np.clip(point[: problem.n_free], problem.free.lower, problem.free.upper)
     return np.concatenate((free, point[problem.n_free :]))
-
-
-def _is_possible(problem: TorqueProblem, point: FloatArray) -> bool:
-    """Tell whether robots can have these numbers: a law may ask that one of two is not above the other."""
-    try:
-        return all(robot.forces is not None and robot.signals is not None for robot in problem.robots(point))
-    except ConfigurationError:
-        return False
 
 
 def _renew_signals(problem: TorqueProblem, point: FloatArray) -> None:

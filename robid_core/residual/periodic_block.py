@@ -109,6 +109,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """Begin where another block's motions ended; coordinates and laws that its robot lacks begin on their own."""
         if other.state is not None:
             self.state = _transferred(other.state, other.robot, self.robot)
+            self.periods = other.periods
 
     def _smooth(self, step: float) -> MotorMotion:
         """One period of the motors in the integrator's steps, one lane an experiment."""

@@ -152,6 +152,14 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         return signal_terms(self)
 
     @functools.cached_property
+    def is_possible(self) -> bool:
+        """Whether the laws of its effects have these numbers: some ask that one of two is not above the other."""
+        try:
+            return self.forces is not None and self.signals is not None
+        except ConfigurationError:
+            return False
+
+    @functools.cached_property
     def chain(self) -> Chain:
         """Joints and bodies as arrays, elastic coordinates included."""
         return chain_of(self.structure)

@@ -137,3 +137,19 @@ def test_motions_go_on_from_those_of_a_robot_without_the_effect(
     rung_out = late.blocks[0].remainder
     left = [np.linalg.norm(one.blocks[0].remainder - rung_out) for one in (goes_on, fresh)]
     assert left[0] < 0.05 * left[1]
+
+
+def test_a_derivative_is_taken_on_the_side_where_there_is_a_robot(robot: Robot) -> None:
+    """LuGre friction asks that breakaway is not below Coulomb: where both are equal, each has one side only."""
+    levels = {"coulomb": 0.01, "breakaway": 0.01 * (1 + 1e-6), "stribeck_speed": 1.0, "stiffness": 1.0}
+    whole = robot.with_effect("bristles", "friction.lugre", "axis_4", "motor", levels)
+    names = ("effect.bristles.coulomb", "effect.bristles.breakaway")
+    block = PeriodicBlock.of_record(whole, motion_of(whole, POSES[:1], 6), LAWS)
+    problem = TorqueProblem(FreeParameters.of_robot(whole, names), (block,), LAWS.names)
+    for _ in range(6):
+        block.renew(problem.free, np.zeros(2))
+    block.differentiate(problem.free, np.zeros(2))
+    # A greater level of either takes more torque of the motor where it slides: along its speed.
+    speed = block.motion.acceleration_spectrum[..., 3] / (1j * np.maximum(block.motion.omega, 1e-9))
+    for column in block.simulated:
+        assert (column.remainder[..., 3] * speed.conj()).real.sum() > 0
