@@ -76,7 +76,9 @@ class Effects(DiagnosisStage):
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations of told parameters by pattern, in natural scales (0.01: one percent)."""
     model_error: PositiveFloat = 5e-4
-    """Relative error of the model's torque per bin and axis, beside the noise."""
+    """Relative error of the model's torque per bin and axis, beside the noise.
+
+    Half of it may be alike in all bins: what gains less than such an error could is not named."""
     passes: PositiveInt = 12
     """Prescribed motions of a fit at most."""
     discard: NonNegativeInt = 0

@@ -8,7 +8,8 @@ import scipy
 from robid_core import Finding, Model, ParameterTable, Robot, SeparatingExperiment, Timing
 from robid_core.residual import estimated_robot
 from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.selection import Outcome, Step, least_gain
+from robid_diagnosis.least_gains import LeastGains
+from robid_diagnosis.selection import Outcome, Step
 from robid_diagnosis.wording import place_text
 
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
@@ -58,8 +59,10 @@ def finding_of(
 def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     """What no effect explains and free functions of some variable would."""
     left = outcome.left
-    least = least_gain(outcome.final.misfit, [step.gain for step in outcome.steps])
-    if left is None or left.gain <= least:
+    if left is None:
+        return ()
+    least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps])
+    if left.gain <= least.at(least.axis_names.index(left.axis)):
         return ()
     none = np.empty(0)
     return (

@@ -17,6 +17,7 @@ from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.ceilings import Ceiling, ceilings
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.pictures import Picture, picture_of
 from robid_diagnosis.projection import Projection
 from robid_diagnosis.search import Failure, Found, Hit, Search
@@ -25,10 +26,8 @@ from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
-LEAST = 30.0  # of twice the log-likelihood: what gains less is not named
-NAMED = 1e-3  # of what was named before: three percent of an effect left over is no effect
-NAMED_AT_LEAST = 1e-2, 100.0  # likewise: ten percent, of what was named and up to a gain
 RIVALS = 4  # candidates that are fitted in turn
+EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
 SAME = 2  # places of one effect that are looked at closer
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
@@ -122,7 +121,7 @@ class Selection:
         visible = visible_sizes(
             found.powers,
             lambda one: scaled_parameters(search.hit(one, {}), search),
-            least_gain(current.misfit, [step.gain for step in steps]),
+            LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
             LEVEL / found.trials,
         )
         return Outcome(base, current, tuple(steps), tuple(searches), left, visible)
@@ -145,7 +144,7 @@ class Selection:
         before: Sequence[Step],
     ) -> tuple[Fitted, Step] | None:
         """Return the best hypothesis that has one cause more, where there is one."""
-        least = least_gain(current.misfit, [step.gain for step in before])
+        least = LeastGains.beside(current, [step.gain for step in before])
         values = value_hits(current.problem, current.point, current.about)
         rivals, others = self._rivals(search, found, values, before, least)
         fits = Trials(self.case, current, search, least, self.progress)
@@ -160,18 +159,23 @@ class Selection:
         return None
 
     def _rivals(
-        self, search: Search, found: Found, values: Sequence[ValueHit], before: Sequence[Step], least: float
+        self,
+        search: Search,
+        found: Found,
+        values: Sequence[ValueHit],
+        before: Sequence[Step],
+        least: LeastGains,
     ) -> tuple[list[Rival], list[Rival]]:
         """Return what is worth a fit of its own, shapes refined, the most promising first; and what promises less."""
         known = {(step.use, step.on, step.side) for step in before}
         named = {name for step in before for name in step.names}
         hits = [hit for hit in found.hits if hit.candidate.key not in known]
-        significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least]
+        significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least.of(hit)]
         chance = LEVEL / max(len(values), 1)
         wrong = [
             hit
             for hit in values
-            if np.exp(hit.log_p) < chance and hit.gain > least and not named & set(hit.names)
+            if np.exp(hit.log_p) < chance and hit.gain > least.of(hit) and not named & set(hit.names)
         ]
         rivals: list[Rival] = [
             search.refined(hit, as_it_is=is_fixed(hit, search)) for hit in _varied(significant)
@@ -275,18 +279,23 @@ class Selection:
         return projection, groups
 
 
-def least_gain(misfit: float, named: Sequence[float]) -> float:
-    """What a cause must gain, of twice the log-likelihood, beside others whose laws may be a little off."""
-    known = sum(named)
-    share, at_most = NAMED_AT_LEAST
-    return LEAST * max(1.0, misfit) + max(NAMED * known, min(share * known, at_most))
-
-
 def _varied(hits: Sequence[Hit]) -> list[Hit]:
     """Return the best hits, of one effect only its best places: near the truth its own kind crowds others out."""
     found: list[Hit] = []
-    for hit in hits:
+    for hit in _plainest(hits):
         if sum(one.candidate.use == hit.candidate.use for one in found) < SAME:
             found.append(hit)
     kept = found[: 2 * RIVALS]
     return kept + [hit for hit in found if hit not in kept and any(alike(hit, one) for one in kept)]
+
+
+def _plainest(hits: Sequence[Hit]) -> list[Hit]:
+    """Of laws that do the same at one place only that with the fewest numbers: it is a special case of the others."""
+
+    def holds(one: Hit, other: Hit) -> bool:
+        here = one.candidate.key[1:] == other.candidate.key[1:]
+        alike = abs(one.gain.total - other.gain.total) <= EQUAL * other.gain.total
+        plainer = len(other.candidate.effect.parameters) < len(one.candidate.effect.parameters)
+        return here and alike and plainer and other.freedom <= one.freedom
+
+    return [hit for hit in hits if not any(holds(hit, other) for other in hits)]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from robid_core import NotIdentifiable, RobidError
 from robid_diagnosis.additions import addition_of, label_of
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Failure, Hit, Search
 from robid_diagnosis.values import PRICE, ValueHit
 
@@ -60,7 +61,7 @@ class Trials:
         case: Case,
         current: Fitted,
         search: Search,
-        least: float,
+        least: LeastGains,
         progress: Callable[[float, float, str], None],
     ) -> None:
         self.case, self.current, self.search, self.least = case, current, search, least
@@ -98,7 +99,7 @@ class Trials:
                 continue
             trial = self._fitted(hit, self.current)
             self._kept[key_of(hit)] = 0.0 if trial is None else trial.gain
-            if trial is not None and trial.gain > self.least:
+            if trial is not None and trial.gain > self.least.of(hit):
                 found.append(trial)
                 reach = max(reach, trial.gain / total(hit))
         return found
@@ -144,7 +145,7 @@ class Trials:
         best: Trial | None = None
         for start, begin in self._starts(hit):
             trial = self._fitted(start, begin)
-            if trial is not None and trial.gain > max(self.least, best.gain if best else 0.0):
+            if trial is not None and trial.gain > max(self.least.of(hit), best.gain if best else 0.0):
                 best = trial
                 if not self._leaves_much([best], PROMISING):
                     break

@@ -54,7 +54,7 @@ def power_of(candidate: Candidate, columns: Columns, matrix: FloatArray, blind: 
 def visible_sizes(
     powers: Mapping[tuple[str, str, str], Sequence[Power]],
     scaled: Callable[[Candidate], Sequence[str]],
-    least: float,
+    least: Callable[[Candidate], float],
     chance: float,
 ) -> tuple[VisibleSize, ...]:
     """Return the smallest size of every effect at every place that would have been found.
@@ -66,12 +66,13 @@ def visible_sizes(
     scaled
         Tells to which parameters a law is proportional that is linear in none.
     least, chance
-        Gain and p-value that are needed.
+        Gain, of an effect at its place, and p-value that are needed.
     """
-    needed = (np.sqrt(max(least, scipy.stats.chi2.isf(chance, 1))) + NINE_OF_TEN) ** 2
     found = []
     for (use, on, side), own in powers.items():
         units = {row.name: row.unit for row in own[0].candidate.effect.parameters}
+        gain = max(least(own[0].candidate), scipy.stats.chi2.isf(chance, 1))
+        needed = float((np.sqrt(gain) + NINE_OF_TEN) ** 2)
         for name, size in _sizes(own, scaled, needed):
             found.append(VisibleSize(use, on, side, name, units[name], size))
     return tuple(found)

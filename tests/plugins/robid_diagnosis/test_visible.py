@@ -36,7 +36,7 @@ def test_a_linear_size_is_seen_where_its_square_times_the_power_is_needed(robot:
         rows /= np.linalg.norm(rows, axis=1, keepdims=True) / factor
         columns = Columns(rows, ("breakaway", "coulomb"), (0.0, 0.0), (True, True))
         powers.append(power_of(own, columns, np.diag([factor**2, 1e-9]), 1e-4))
-    (found,) = visible_sizes({own.key: powers}, lambda one: (), 100.0, 1.0)
+    (found,) = visible_sizes({own.key: powers}, lambda one: (), lambda one: 100.0, 1.0)
     assert (found.effect, found.parameter, found.unit_symbol) == ("friction.stribeck", "breakaway", "N m")
     assert found.size == pytest.approx(np.sqrt(NEEDED) / 0.5)
 
@@ -45,7 +45,7 @@ def test_a_wave_is_seen_at_its_worst_phase(robot: Robot) -> None:
     own = candidate(robot, "drive.cogging", "torque")
     columns = Columns(np.eye(2), ("amplitude", "amplitude"), (0.0, np.pi / 2), (False, False))
     power = power_of(own, columns, np.diag([1.0, 0.25]), 1e-4)
-    (found,) = visible_sizes({own.key: [power]}, lambda one: (), 100.0, 1.0)
+    (found,) = visible_sizes({own.key: [power]}, lambda one: (), lambda one: 100.0, 1.0)
     assert found.size == pytest.approx(np.sqrt(NEEDED / 0.25))
 
 
@@ -57,7 +57,7 @@ def test_a_gap_is_seen_from_where_its_power_is_enough(robot: Robot) -> None:
         own = candidate(robot, "transmission.backlash", "gear", gap=gap)
         rows = np.full((1, 1), 1e6 * gap)
         powers.append(power_of(own, Columns(rows, (WHOLE,), (0.0,), (True,)), rows**2, 1e-4))
-    (found,) = visible_sizes({own.key: powers}, lambda one: (), 100.0, 1.0)
+    (found,) = visible_sizes({own.key: powers}, lambda one: (), lambda one: 100.0, 1.0)
     assert found.size == pytest.approx(np.sqrt(NEEDED) / 1e6)
 
 
@@ -85,7 +85,7 @@ def test_a_law_of_that_size_is_found_in_nine_of_ten_records(robot: Robot) -> Non
         if not size:
             columns = Columns(column, ("breakaway",), (0.0,), (False,))
             power = power_of(own, columns, projection.normal(sums)[0], 1e-4)
-            (found,) = visible_sizes({own.key: [power]}, lambda one: (), 100.0, 1.0)
+            (found,) = visible_sizes({own.key: [power]}, lambda one: (), lambda one: 100.0, 1.0)
             size = found.size
             continue
         enough += projection.gain(sums, [False], 1e-4).total > 100.0
