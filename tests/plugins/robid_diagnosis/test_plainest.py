@@ -1,4 +1,4 @@
-"""Of laws that do the same at one place, that with the fewest numbers is tried: the others hold it as a special case."""
+"""Of laws that do the same at one place, that with the fewest numbers is tried: it is a special case of the others."""
 
 from __future__ import annotations
 
