@@ -17,6 +17,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from robid_core import (
     ConfigurationError,
     Context,
+    DataRejected,
     Diagnosis,
     DiagnosisStage,
     FloatArray,
@@ -35,6 +36,7 @@ from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.results import model_of
 from robid_diagnosis.wording import errors_line
 
+DRAWN = 24  # pieces at least that are drawn again for intervals
 QUANTITY = "torque of blocks left out of the fit"
 
 
@@ -65,6 +67,11 @@ class CrossValidation(DiagnosisStage):
         """Fit, predict and compare, for the robot file and for the extended robot."""
         if explained.model is None:
             raise ConfigurationError("diagnosis.cross_validation: the diagnosis before it has no robot")
+        if record.run.valid[..., 0].size > 1:
+            raise DataRejected(
+                f"diagnosis.cross_validation: {record.run.valid[..., 0].size} experiments or periods; it cuts one long "
+                "motion into blocks; of several experiments diagnosis.effects leaves configurations out"
+            )
         extended = Robot.of_model(explained.model)
         additions = _additions(robot, extended, explained)
         bare = extended.without_effect(*(one.label for one in additions))
@@ -127,7 +134,7 @@ class CrossValidation(DiagnosisStage):
         predicted: dict[str, FloatArray],
         context: Context,
     ) -> Diagnosis:
-        pieces = np.array_split(np.arange(len(measured)), self.blocks)
+        pieces = np.array_split(np.arange(len(measured)), max(self.blocks, DRAWN))
 
         def sums(values: FloatArray) -> FloatArray:
             return np.stack([(values[piece] ** 2).sum(axis=0) for piece in pieces])

@@ -44,6 +44,7 @@ from robid_diagnosis.wording import (
     separation_line,
     silent_line,
     timing_lines,
+    values_line,
 )
 
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
@@ -173,7 +174,8 @@ class Effects(DiagnosisStage):
             for line in (finding_line(finding, n_config), separation_line(finding))
         ]
         timing = timing_of(final)
-        lines += timing_lines(timing)
+        values = values_of(final)
+        lines += [*timing_lines(timing), values_line(values)]
         if n_config == 1:
             lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
@@ -199,7 +201,7 @@ class Effects(DiagnosisStage):
             verdict="\n".join(line for line in lines if line),
             findings=findings,
             errors=errors,
-            values=values_of(final),
+            values=values,
             search=SearchRecord(
                 outcome.searches[0].n_tried,
                 outcome.searches[0].trials,

@@ -21,6 +21,9 @@ from robid_diagnosis.search import Hit
 from robid_diagnosis.values import ValueHit
 
 LEAST = 30.0  # what gains less is not named
+LEAST_OF_VALUE = (
+    20.0  # likewise, of values beyond their tolerance: four and a half of its standard deviations
+)
 NAMED = 1e-3  # of what was named before: three percent of an effect left over is no effect
 NAMED_AT_LEAST = 1e-2, 100.0  # likewise: ten percent, of what was named and up to a gain
 ALIKE = 0.5  # of the model error: this much of it may be alike in all bins
@@ -57,10 +60,10 @@ class LeastGains:
         return self.at(None if candidate.place is None else candidate.place.axis)
 
     def of(self, rival: Hit | ValueHit) -> float:
-        """Of an effect or a wrong value."""
+        """Of an effect or a wrong value, whose gain is counted in its tolerance and not in the noise."""
         if isinstance(rival, Hit):
             return self.of_candidate(rival.candidate)
-        return self.at(self.axis_names.index(rival.on) if rival.on in self.axis_names else None)
+        return self.beside_chance + LEAST_OF_VALUE - LEAST
 
 
 def _torques(fitted: Fitted) -> FloatArray:

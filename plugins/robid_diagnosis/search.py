@@ -28,6 +28,7 @@ BLIND = 1e-4  # of a law's square that the fit's unknowns cannot do: its torque 
 EXACT = 1e-7  # likewise of what is linear in a signal, which is known better
 STEPS = 60  # of the search for a shape
 FACTOR = 3.0  # by which a shape may leave the value that it was tried with
+FIRST_STEP = 0.3  # of a shape's logarithm, or of an order
 SHARP = 0.02  # of a shape's logarithm: nearer is not looked
 
 
@@ -187,9 +188,13 @@ class Search:
                 best, most = tried, worth
             return -worth
 
-        simplex = np.vstack([np.zeros(len(names)), 0.3 * np.eye(len(names))])
+        begin, size = np.zeros(len(names)), FIRST_STEP
+        if as_it_is and len(names) == 1:  # a limit is worth something only near its own value
+            ways = np.arange(-FIRST_STEP, FIRST_STEP + SHARP, SHARP)
+            begin, size = ways[[np.argmin([loss(np.array([way])) for way in ways])]], SHARP
+        simplex = np.vstack([begin, begin + size * np.eye(len(names))])
         options = {"maxfev": STEPS, "xatol": SHARP, "fatol": 0.5, "initial_simplex": simplex}
-        scipy.optimize.minimize(loss, np.zeros(len(names)), method="Nelder-Mead", options=options)
+        scipy.optimize.minimize(loss, begin, method="Nelder-Mead", options=options)
         return best
 
     def _worth(self, hit: Hit, as_it_is: bool) -> float:

@@ -6,11 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import Finding, FloatArray, PredictionErrors, Timing
+from robid_core import Finding, FloatArray, ParameterTable, PredictionErrors, Timing
 from robid_diagnosis.intervals import over_axes
 
 LATE = 0.1  # of a sample: a delay that is told
 SURE = 5.0  # standard errors from zero: likewise
+REFITTED = ("stiffness", "inertia")  # groups of values of which the verdict tells
+APART = 0.02  # of what was told: values that are nearer to it are not read out
+BEYOND = 3.0  # standard deviations of a tolerance: likewise
+SHOWN = 5  # values
 MANY_DIGITS = 4
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
@@ -76,6 +80,25 @@ def timing_lines(timing: Timing) -> list[str]:
                 f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
             )
     return found
+
+
+def values_line(values: ParameterTable) -> str:
+    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
+    relative = values.estimate / np.where(values.start == 0, np.nan, values.start) - 1
+    error = values.standard_error / np.abs(np.where(values.start == 0, np.nan, values.start))
+    apart = np.array([group in REFITTED for group in values.groups])
+    apart &= np.abs(np.nan_to_num(relative)) > np.maximum(SURE * error, APART)
+    if values.prior is not None:  # bodies are told within a tolerance, springs are not
+        bodies = np.array([group == "inertia" for group in values.groups])
+        apart &= ~bodies | (np.abs(values.estimate - values.start) > BEYOND * values.prior)
+    furthest = sorted(np.flatnonzero(apart), key=lambda i: -abs(np.log(abs(1 + relative[i]))))
+    told = [
+        f"{values.names[i]} is {100 * abs(relative[i]):.3g} ± {100 * error[i]:.1g} % "
+        f"{'larger' if relative[i] > 0 else 'smaller'} than told"
+        for i in furthest[:SHOWN]
+    ]
+    more = f"; {len(furthest) - SHOWN} more" if len(furthest) > SHOWN else ""
+    return f"Values: {'; '.join(told)}{more}." if told else ""
 
 
 def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful: bool) -> str:

@@ -14,6 +14,7 @@ from blind.plan import Wanted
 from robid_core import Context, Diagnosis, Finding
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
+from robid_diagnosis.wording import APART, SURE
 
 FIELDS = (
     "stratum", "seed", "n_axis", "kinds", "on", "strengths", "sizes", "classes", "told", "right", "in_class", "kin",
@@ -44,6 +45,7 @@ NEIGHBOURS = {
 }
 """What is said of a law that the catalogue lacks, by its family: beginnings of names that are of its class."""
 LIKELY = 1.96
+NEAR = 4.0  # standard errors
 KNOWN = "friction.asymmetric"
 
 
@@ -65,7 +67,10 @@ def judged(wanted: Wanted, commit: str) -> dict[str, str]:
 def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
     wanted, findings = case.wanted, diagnosis.findings
     named = [finding for finding in findings if finding.kind != "unknown"]
-    right = [any(_is(thing, finding) for finding in named[: len(case.hidden)]) for thing in case.hidden]
+    right = [
+        any(_is(thing, finding) for finding in named[: len(case.hidden)]) or _refitted(thing, case, diagnosis)
+        for thing in case.hidden
+    ]
     first = _name(named[0]) if named else ""
     tied = any(_is(thing, tie) for thing in case.hidden for tie in _ties(named[:1]))
     in_class = first in case.classes or (tied and bool(case.classes))
@@ -129,6 +134,18 @@ def _is(thing: Hidden, told: Finding | tuple[str, str]) -> bool:
     """Whether what was told is the hidden thing, at its place."""
     use, on = told if isinstance(told, tuple) else (told.effect, told.on)
     return use in RIGHT[thing.kind] and (thing.on == "base" or on == thing.on)
+
+
+def _refitted(thing: Hidden, case: BlindCase, diagnosis: Diagnosis) -> bool:
+    """Whether a wrong spring is told by its estimate: no cause took its place, and the estimate is right."""
+    if thing.kind != "value.stiffness" or diagnosis.findings:
+        return False
+    table, name = diagnosis.values, f"gear_stiffness.{thing.on}"
+    assert table is not None
+    i = table.names.index(name)
+    estimate, error = float(table.estimate[i]), float(table.standard_error[i])
+    told = abs(estimate - table.start[i]) > max(SURE * error, APART * abs(table.start[i]))
+    return told and abs(estimate - case.truth.parameter(name)) < NEAR * error
 
 
 def _size(thing: Hidden, size: float, named: Sequence[Finding]) -> tuple[float, float] | None:

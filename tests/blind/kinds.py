@@ -179,7 +179,7 @@ def _value(kind: str, robot: Robot, axis: int, generator: np.random.Generator) -
 
     if kind == "value.torque_constant":
         row = np.eye(robot.mechanism.n_coordinate)[axis]
-        return Hidden(kind, name, HiddenLaw(laws.GAIN, axis, (), row), lambda size: (0.03 * sign * size,))
+        return Hidden(kind, name, HiddenLaw(laws.GAIN, axis, (), row), lambda size: (0.05 * sign * size,))
     if kind == "value.payload":
         return Hidden(kind, last, values=loaded)
     if kind == "value.centre_of_mass":
@@ -193,6 +193,6 @@ def _value(kind: str, robot: Robot, axis: int, generator: np.random.Generator) -
         )
     if kind == "value.rotor_inertia":
         told = robot.parameter(rotor)
-        return Hidden(kind, name, values=lambda size: {rotor: told * np.exp(0.05 * sign * size)})
+        return Hidden(kind, name, values=lambda size: {rotor: told * np.exp(0.1 * sign * size)})
     stiff = robot.parameter(spring)
     return Hidden(kind, name, values=lambda size: {spring: stiff * np.exp(0.7 * sign * size)})

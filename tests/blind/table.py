@@ -79,7 +79,7 @@ def _counts(rows: Sequence[Row]) -> dict[str, tuple[int, int]]:
         "values: told as such, and which": of(("values",), _right),
         "moves: cause and axis named first": of(("moves",), _right),
         "delay within 0.02 samples": (
-            sum(_late_by(row) < NEAR for row in timed), len(timed),
+            sum(late_by(row) < NEAR for row in timed), len(timed),
         ),
         "95 % intervals that hold the truth": (
             sum(int(row["covered"]) for row in stated), sum(int(row["stated"]) for row in stated),
@@ -125,7 +125,7 @@ def _times(rows: Sequence[Row]) -> Iterator[str]:
                 yield f"{n_axis} axes, {what}: median {np.median(seconds):.1f} s, worst {seconds.max():.1f} s"
 
 
-def _late_by(row: Row) -> float:
+def late_by(row: Row) -> float:
     """Largest error of a lag over the axes, samples: torques that act late were demanded, and recorded, before."""
     return float(np.abs(np.array(row["found_late"].split(" "), dtype=float) + float(row["late"])).max())
 
