@@ -8,7 +8,8 @@ after the search.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -160,6 +161,8 @@ class Search:
         names = hit.candidate.shape
         if not names:
             return hit
+        if as_it_is:
+            hit = max((hit, *self._sized(hit)), key=lambda one: self._worth(one, as_it_is))
         rows = {row.name: row for row in hit.candidate.effect.parameters}
         start = np.array([hit.values[name] for name in names])
         best, most = hit, self._worth(hit, as_it_is)
@@ -196,6 +199,18 @@ class Search:
         options = {"maxfev": STEPS, "xatol": SHARP, "fatol": 0.5, "initial_simplex": simplex}
         scipy.optimize.minimize(loss, begin, method="Nelder-Mead", options=options)
         return best
+
+    def _sized(self, hit: Hit) -> Iterator[Hit]:
+        """Hits with one number of the shape grown or shrunk by the best size: small gaps act in proportion."""
+        size = float(np.abs(hit.gain.size).max(initial=0.0))
+        if size == 0:
+            return
+        for row in hit.candidate.effect.parameters:
+            if row.name in hit.candidate.shape:
+                for value in (hit.values[row.name] * size, hit.values[row.name] / size):
+                    if row.lower < value < row.upper:
+                        with contextlib.suppress(RobidError):
+                            yield self.hit(hit.candidate, {**hit.values, row.name: value})
 
     def _worth(self, hit: Hit, as_it_is: bool) -> float:
         """What a hit gains; with sizes of one, where it must stay as it is."""

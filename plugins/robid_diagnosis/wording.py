@@ -16,6 +16,7 @@ APART = 0.02  # of what was told: values that are nearer to it are not read out
 BEYOND = 3.0  # standard deviations of a tolerance: likewise
 SHOWN = 5  # values
 MANY_DIGITS = 4
+BETTER = 1.005  # a gain that rounds to more than one
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
@@ -128,7 +129,7 @@ def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
         f"{100 * share:.3g} % with the {one.model}" for one, share in zip(models, whole, strict=True)
     )
     text = f"{first.quantity.capitalize()}, rms over the axes: {shares}"
-    if len(models) > 1 and whole[-1] > 0:
+    if len(models) > 1 and whole[-1] > 0 and whole[0] / whole[-1] > BETTER:
         text += f" ({three_digits(whole[0] / whole[-1])} times better"
         text += (
             f", 95 % interval {three_digits(gain[0])} to {three_digits(gain[1])})"
