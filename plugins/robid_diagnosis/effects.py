@@ -33,7 +33,7 @@ from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
-from robid_diagnosis.results import finding_of, model_of, timing_of, unknown_of, values_of
+from robid_diagnosis.results import finding_of, model_of, timing_of, unknown_of, values_of, with_unknown
 from robid_diagnosis.selection import Outcome, Selection, Step
 from robid_diagnosis.separation import separation
 from robid_diagnosis.trials import DOUBTFUL
@@ -166,7 +166,7 @@ class Effects(DiagnosisStage):
             finding_of(whole, final, step, self._separation(step, case, final, model, context))
             for step in outcome.steps
         )
-        findings += unknown_of(outcome)
+        findings = with_unknown(findings, unknown_of(outcome))
         n_config = sum(len(block.motion.angle) for block in problem.blocks)
         lines = [
             line

@@ -87,6 +87,15 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     )
 
 
+def with_unknown(findings: tuple[Finding, ...], unknown: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Return all findings; a cause at whose axis something is left that no effect explains is a part of it."""
+    left = {one.on for one in unknown}
+    return (
+        *(one.replace(kind="partial") if one.kind == "cause" and one.on in left else one for one in findings),
+        *unknown,
+    )
+
+
 def values_of(final: Fitted) -> ParameterTable:
     """All parameters of the robot that were estimated: told, found, how sure."""
     problem = final.problem

@@ -31,6 +31,7 @@ EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same
 SAME = 2  # places of one effect that are looked at closer
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
+TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -234,7 +235,7 @@ class Selection:
         assert trial.addition is not None
         projection, whole = search.projection, trial.hit
         held = projection.held_out(whole.sums, whole.gain, groups)
-        if held.sum() < LEAST / 2:
+        if held.sum() < LEAST / 2 and trial.gain_of_tolerances < TOLERANCES * trial.gain:
             single = [[i] for i in range(len(projection.folds))]
             if projection.held_out(whole.sums, whole.gain, single).sum() < LEAST / 2:
                 return None

@@ -41,6 +41,8 @@ class Trial:
     gain: float
     """Of twice the log-likelihood."""
     hit: Rival
+    gain_of_tolerances: float
+    """What of the gain is that told numbers need not leave their tolerances."""
 
     @property
     def addition(self) -> Addition | None:
@@ -188,7 +190,8 @@ class Trials:
 
     def _of(self, fitted: Fitted, hit: Rival) -> Trial:
         gain = self.current.cost(self.current.about) - fitted.cost(self.current.about)
-        return Trial(fitted, gain, hit)
+        pulls = [((one.point / one.problem.prior) ** 2).sum() for one in (self.current, fitted)]
+        return Trial(fitted, gain, hit, float(pulls[0] - pulls[1]))
 
 
 def _holding(hypothesis: Hypothesis, error: NotIdentifiable) -> Hypothesis:

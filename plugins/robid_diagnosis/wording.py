@@ -42,6 +42,8 @@ def finding_line(finding: Finding, n_config: int) -> str:
     seen = ""
     if np.isfinite(finding.by_configuration).all():
         seen = f"; seen in {finding.n_seen} of {n_config} configurations"
+        if not finding.n_seen:
+            seen = "; without it told numbers would leave their tolerances"
     chance = "p < 0.001" if finding.p_value < 1e-3 else f"p = {finding.p_value:.2g}"
     ties = f"these data cannot tell it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
     return f"{finding.where}: {what} ({sizes}){seen}; {chance} after the search; {ties}."

@@ -92,7 +92,7 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
         "told": " ".join(f"{finding.kind}:{_name(finding)}" for finding in findings),
         "right": str(all(right) if right else not findings),
         "in_class": str(in_class),
-        "kin": str(any(_kin(thing, finding) for thing in case.hidden for finding in findings[:1])),
+        "kin": str(any(_kin(thing, finding) for thing in case.hidden for finding in findings)),
         "wrong": str(bool(named) and not any(right) and not in_class),
         "extras": str(len(extras) - (in_class and not any(right))),
         "alarms": str(len(findings)),

@@ -102,6 +102,18 @@ def test_nothing_is_found_where_nothing_is_hidden(told: Robot) -> None:
     assert "Nothing significant" in diagnosis.verdict
 
 
+def test_a_wrong_torque_constant_is_no_wrong_rotor_and_body(told: Robot) -> None:
+    """Eight percent of torque look like springs, rotor and body that are all eight percent off; tolerances tell it."""
+    plant = plant_of(told, 13).with_effect(
+        "hidden", "drive.torque_constant", "axis_1", values={"error": 0.08}
+    )
+    diagnosis = diagnosed(measured(plant, 14), told)
+    (finding,) = diagnosis.findings
+    assert (finding.kind, finding.effect) == ("cause", "drive.torque_constant")
+    assert abs(finding.value[0] - 0.08) < 4 * finding.standard_error[0] < 0.04
+    assert "without it told numbers would leave their tolerances" in diagnosis.verdict
+
+
 def test_a_cause_that_the_catalogue_lacks_is_unknown(told: Robot) -> None:
     """With the law and the like loss of the motor taken out no other takes its name; what it depends on is told."""
     plant = plant_of(told, 7).with_effect("hidden", "friction.load_dependent", "axis_1", values=BY_LOAD)
