@@ -32,6 +32,9 @@ SAME = 2  # places of one effect that are looked at closer
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
+WORSE = (
+    1.02  # of the misfit before: what fits the data worse, however much nearer to what was told, is no cause
+)
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -152,6 +155,8 @@ class Selection:
         trials = fits.run(rivals, others)
         self.failures += fits.failures
         for trial in trials:
+            if trial.fitted.misfit > WORSE * current.misfit:
+                continue
             step = self._judged(trial, trials, search, found, groups, len(values))
             if step is not None and not step.share < PART:
                 if trial.addition is not None:

@@ -62,14 +62,15 @@ def blind_case(wanted: Wanted) -> BlindCase:
     if len(things) == 2:
         while things[1].on == things[0].on and wanted.n_axis > 1:
             things[1] = hidden(wanted.kinds[1], truth, generator)
-    where = int(generator.integers(len(experiments.poses))) if wanted.single else None
-    found = [_sized(thing, wanted, truth, experiments, late, where, generator) for thing in things]
+    if wanted.single:
+        experiments = experiments.quiet_but(int(generator.integers(len(experiments.poses))))
+    found = [_sized(thing, wanted, truth, experiments, late, generator) for thing in things]
     plant = Plant(truth)
     for thing, (size, *_) in zip(things, found, strict=True):
         plant = thing.added(plant, size)
     for thing in things:
         told = without_bearing(told, thing.bearing) if thing.bearing else told
-    record = _measured(plant, truth, experiments, late, where, generator)
+    record = _measured(plant, truth, experiments, late, generator)
     return BlindCase(
         wanted,
         told,
@@ -90,7 +91,6 @@ def _sized(
     truth: Robot,
     experiments: Experiments,
     late: float,
-    where: int | None,
     generator: np.random.Generator,
 ) -> tuple[float, float, tuple[str, ...], np.ndarray]:
     """Size as strong as a number drawn between the bounds, its strength, what is like it, and what noise leaves."""
@@ -99,12 +99,12 @@ def _sized(
     few = experiments.first()
     share = len(few.references) / len(experiments.references)
     without = without_bearing(truth, thing.bearing) if thing.bearing else truth
-    nothing = _measured(Plant(without), without, few, late, None, None)
+    nothing = _measured(Plant(without), without, few, late, None)
     ruler = Ruler.of_records(without, nothing, few.with_noise(nothing, truth, generator), late)
 
     def strength_at(size: float) -> Strength:
         plant = thing.added(Plant(truth), size)
-        return ruler.strength(_measured(plant, truth, few, late, where, None))
+        return ruler.strength(_measured(plant, truth, few, late, None))
 
     low, high = wanted.strength
     target = float(np.exp(generator.uniform(*np.log((low, high)))))
@@ -141,20 +141,17 @@ def _measured(
     truth: Robot,
     experiments: Experiments,
     late: float,
-    where: int | None,
     generator: np.random.Generator | None,
 ) -> Record:
-    """Measure all experiments; without noise where there is no generator, with laws in one pose where one is told."""
+    """Measure all experiments; without noise where there is no generator."""
     whole = ForeignPlant(plant.robot, plant.laws, late, plant.base)
-    plain = ForeignPlant(truth, (), late) if where is not None else whole
     shown = []
     for k, reference in enumerate(experiments.references):
         pose = k // experiments.each
         noise = None
         if generator is not None:
             noise = generator.standard_normal(reference.shape) * of_axes(truth, "sensors", "position_noise")
-        one = whole if where is None or pose == where else plain
-        shown.append(one.measure(reference, experiments.poses[pose], noise))
+        shown.append(whole.measure(reference, experiments.poses[pose], noise))
     position, torque = (np.stack(parts) for parts in zip(*shown, strict=True))
     if generator is not None:
         torque = torque + generator.standard_normal(torque.shape) * experiments.torque_noise

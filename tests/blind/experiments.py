@@ -15,6 +15,7 @@ EXPERIMENTS = {1: (6, 2), 2: (6, 2), 6: (6, 3)}  # poses and experiments of each
 BAND_HZ, LINES = (3.0, 80.0), 60
 FAST, SLOW = 4.0, 10.0  # rad/s at the motor: rms of the multisine, amplitude of the slow sine
 MOVE, STANDING = (0.3, 0.6), 0.2  # rad at the joint; s in which a multisine begins
+QUIET = 0.5  # of a motion
 NOISE = (0.7, 3.0)  # of periodic records' torque, over what is told; what does not repeat has what is told
 
 
@@ -57,6 +58,11 @@ class Experiments:
             [fade * wave + _move(robot, poses[k // each], generator) for k, wave in enumerate(multisine)]
         )
         return cls(poses, moves, each, told, None)
+
+    def quiet_but(self, pose: int) -> Experiments:
+        """Return the same with small motions in all poses but one: there what grows fast with them is not seen."""
+        share = np.where(np.arange(len(self.references)) // self.each == pose, 1.0, QUIET)
+        return replace(self, references=self.references * share[:, None, None])
 
     def first(self) -> Experiments:
         """Return the first experiment of each pose."""

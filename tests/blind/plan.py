@@ -16,7 +16,7 @@ from blind.kinds import LAWS, STRUCTURES, VALUES
 ASKED = Path(__file__).with_name("asked.json")
 AXES = (1, 2, 1, 6)  # half of all cases have one axis, a quarter two, a quarter six
 SIX = 6
-SINGLE = ("friction.asymmetric", "friction.stribeck", "transmission.backlash", "load.cable_spring")
+SINGLE = ("drive.saturation", "transmission.stiffening")  # grow fast with the motion
 APART = 1000  # seeds of one stratum
 
 
@@ -35,7 +35,7 @@ class Wanted:
     motion: Literal["multisine", "moves"] = "multisine"
     exact_inertia: bool = False
     single: bool = False
-    """Whether the law acts in one configuration only."""
+    """Whether motions are small in all configurations but one: the law is seen there only."""
     taken_out: bool = False
     """Whether the diagnosis is not given the law."""
 
