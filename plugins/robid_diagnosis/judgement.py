@@ -100,9 +100,7 @@ def left_in(case: Case, fitted: Fitted, records: tuple[Record, ...]) -> list[Com
     """
     problem, point = case.problem(fitted.hypothesis, records), fitted.point
     about = linearise_at(problem, point, fitted.model_error, improve=True)
-    if any(
-        robot.signals for robot in problem.robots(point)
-    ):  # along the torques that the first round expects
+    if any(robot.signals for robot in problem.robots(point)):  # along torques that the first round expects
         about = linearise_at(problem, point, fitted.model_error, improve=True)
     weighted = problem.weighted(point, about.weights)
     return [unweighted(weight, own) for weight, own in zip(about.weights, weighted, strict=True)]

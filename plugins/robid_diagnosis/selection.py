@@ -33,7 +33,7 @@ NEAR = 0.3  # of the largest gain: rivals gain at least that
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
 WORSE = (
-    1.02  # of the misfit before: what fits the data worse, however much nearer to what was told, is no cause
+    1.02  # of the misfit before: what fits data worse is no cause, however near numbers come to what was told
 )
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 

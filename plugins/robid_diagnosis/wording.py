@@ -11,6 +11,7 @@ from robid_diagnosis.intervals import over_axes
 
 LATE = 0.1  # of a sample: a delay that is told
 SURE = 5.0  # standard errors from zero: likewise
+RESIDUAL = 0.5  # of a gain: where data show less of it, tolerances of told numbers show the rest
 REFITTED = ("stiffness", "inertia")  # groups of values of which the verdict tells
 APART = 0.02  # of what was told: values that are nearer to it are not read out
 BEYOND = 3.0  # standard deviations of a tolerance: likewise
@@ -42,7 +43,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
     seen = ""
     if np.isfinite(finding.by_configuration).all():
         seen = f"; seen in {finding.n_seen} of {n_config} configurations"
-        if not finding.n_seen:
+        if finding.by_configuration.sum() < RESIDUAL * finding.gain:
             seen = "; without it told numbers would leave their tolerances"
     chance = "p < 0.001" if finding.p_value < 1e-3 else f"p = {finding.p_value:.2g}"
     ties = f"these data cannot tell it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
@@ -87,21 +88,21 @@ def timing_lines(timing: Timing) -> list[str]:
 
 def values_line(values: ParameterTable) -> str:
     """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
-    relative = values.estimate / np.where(values.start == 0, np.nan, values.start) - 1
-    error = values.standard_error / np.abs(np.where(values.start == 0, np.nan, values.start))
+    told = np.where(values.start == 0, np.nan, values.start)
+    relative, error = values.estimate / told - 1, values.standard_error / np.abs(told)
     apart = np.array([group in REFITTED for group in values.groups])
     apart &= np.abs(np.nan_to_num(relative)) > np.maximum(SURE * error, APART)
     if values.prior is not None:  # bodies are told within a tolerance, springs are not
         bodies = np.array([group == "inertia" for group in values.groups])
         apart &= ~bodies | (np.abs(values.estimate - values.start) > BEYOND * values.prior)
     furthest = sorted(np.flatnonzero(apart), key=lambda i: -abs(np.log(abs(1 + relative[i]))))
-    told = [
+    lines = [
         f"{values.names[i]} is {100 * abs(relative[i]):.3g} ± {100 * error[i]:.1g} % "
         f"{'larger' if relative[i] > 0 else 'smaller'} than told"
         for i in furthest[:SHOWN]
     ]
     more = f"; {len(furthest) - SHOWN} more" if len(furthest) > SHOWN else ""
-    return f"Values: {'; '.join(told)}{more}." if told else ""
+    return f"Values: {'; '.join(lines)}{more}." if lines else ""
 
 
 def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful: bool) -> str:

@@ -16,7 +16,8 @@ import math
 import numpy as np
 
 from robid_core import Equivalent, FloatArray, ForceEffect, Motion, Parameter, Place, TestValue
-from robid_core.mechanics import equivalent_damping, kernel, smooth_sign, where
+from robid_core.mechanics import equivalent_damping, kernel, where
+from robid_effects.either_way import by_way, coulomb_and_viscous
 
 
 @kernel
@@ -25,9 +26,8 @@ def asymmetric_law(position, velocity, load, state, next_state, parameters, step
     forwards = velocity > 0.0
     coulomb = where(forwards, parameters[0], parameters[2])
     viscous = where(forwards, parameters[1], parameters[3])
-    share = smooth_sign(velocity / parameters[4])
-    slope = coulomb / parameters[4] * (1.0 - share * share) + viscous
-    return coulomb * share + viscous * velocity, 0.0 * position, slope
+    force, slope = coulomb_and_viscous(velocity, coulomb, viscous, parameters[4])
+    return force, 0.0 * position, slope
 
 
 class Asymmetric(ForceEffect):
@@ -78,10 +78,4 @@ class Asymmetric(ForceEffect):
         place: Place,
     ) -> dict[str, FloatArray]:
         """Force per unit of each level and coefficient, at the given smoothing speed."""
-        share = np.tanh(velocity / parameters[4])
-        return {
-            "coulomb_forwards": np.maximum(share, 0.0),
-            "viscous_forwards": np.maximum(velocity, 0.0),
-            "coulomb_backwards": np.minimum(share, 0.0),
-            "viscous_backwards": np.minimum(velocity, 0.0),
-        }
+        return by_way({"coulomb": np.tanh(velocity / parameters[4]), "viscous": velocity})

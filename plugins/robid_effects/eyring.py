@@ -15,7 +15,8 @@ import math
 import numpy as np
 
 from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
-from robid_core.mechanics import exponential, kernel, natural_logarithm, smooth_sign, where
+from robid_core.mechanics import exponential, kernel, natural_logarithm, where
+from robid_effects.either_way import by_way, coulomb_and_viscous
 
 
 @kernel
@@ -36,10 +37,9 @@ def eyring_law(position, velocity, load, state, next_state, parameters, step):  
     coulomb = where(forwards, parameters[0], parameters[3])
     viscous = where(forwards, parameters[1], parameters[4])
     shear = where(forwards, parameters[2], parameters[5])
-    share = smooth_sign(velocity / parameters[7])
+    force, slope = coulomb_and_viscous(velocity, coulomb, viscous, parameters[7])
     bend, rise = area_sine(velocity / parameters[6])
-    slope = coulomb / parameters[7] * (1.0 - share * share) + viscous + shear / parameters[6] * rise
-    return coulomb * share + viscous * velocity + shear * bend, 0.0 * position, slope
+    return force + shear * bend, 0.0 * position, slope + shear / parameters[6] * rise
 
 
 class Eyring(ForceEffect):
@@ -86,13 +86,10 @@ class Eyring(ForceEffect):
     ) -> dict[str, FloatArray]:
         """Force per unit of each level and coefficient, at the given speeds."""
         eyring_speed, speed = parameters[6:]
-        shapes = {
-            "coulomb": np.tanh(velocity / speed),
-            "viscous": velocity,
-            "shear": np.arcsinh(velocity / eyring_speed),
-        }
-        return {
-            f"{name}_{way}": side(shape, 0.0)
-            for way, side in (("forwards", np.maximum), ("backwards", np.minimum))
-            for name, shape in shapes.items()
-        }
+        return by_way(
+            {
+                "coulomb": np.tanh(velocity / speed),
+                "viscous": velocity,
+                "shear": np.arcsinh(velocity / eyring_speed),
+            }
+        )

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
-from robid_core.mechanics import exponential, kernel, natural_logarithm, smooth_sign, where
+from robid_core.mechanics import exponential, kernel, natural_logarithm, where
+from robid_effects.either_way import by_way, coulomb_and_viscous
 
 
 @kernel
@@ -34,10 +35,9 @@ def power_law(position, velocity, load, state, next_state, parameters, step):  #
     coulomb = where(forwards, parameters[0], parameters[3])
     viscous = where(forwards, parameters[1], parameters[4])
     drag = where(forwards, parameters[2], parameters[5])
-    share = smooth_sign(velocity / parameters[7])
+    force, slope = coulomb_and_viscous(velocity, coulomb, viscous, parameters[7])
     power, rise = power_of_speed(velocity, parameters[6], parameters[7])
-    slope = coulomb / parameters[7] * (1.0 - share * share) + viscous + drag * rise
-    return coulomb * share + viscous * velocity + drag * power, 0.0 * position, slope
+    return force + drag * power, 0.0 * position, slope + drag * rise
 
 
 class PowerLaw(ForceEffect):
@@ -102,13 +102,10 @@ class PowerLaw(ForceEffect):
     ) -> dict[str, FloatArray]:
         """Force per unit of each level and coefficient, at the given exponent and smoothing speed."""
         exponent, speed = parameters[6:]
-        shapes = {
-            "coulomb": np.tanh(velocity / speed),
-            "viscous": velocity,
-            "drag": velocity * (velocity**2 + speed**2) ** (0.5 * (exponent - 1)),
-        }
-        return {
-            f"{name}_{way}": side(shape, 0.0)
-            for way, side in (("forwards", np.maximum), ("backwards", np.minimum))
-            for name, shape in shapes.items()
-        }
+        return by_way(
+            {
+                "coulomb": np.tanh(velocity / speed),
+                "viscous": velocity,
+                "drag": velocity * (velocity**2 + speed**2) ** (0.5 * (exponent - 1)),
+            }
+        )

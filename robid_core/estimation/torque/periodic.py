@@ -87,6 +87,7 @@ class PeriodicMotion(MotionSpectra):
             self._rates[key] = periodic_derivative(
                 self.angle, self.sample_time_s, order, highest, finer, shift_s
             )
+            self._rates[key].setflags(write=False)
         return self._rates[key]
 
     def divided(self, values: FloatArray, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import ParameterTable
-from robid_diagnosis.wording import values_line
+from robid_core import Finding, ParameterTable
+from robid_diagnosis.wording import finding_line, values_line
 
 
 def table(estimate: list[float], error: list[float], group: str = "stiffness") -> ParameterTable:
@@ -29,3 +29,16 @@ def test_many_are_counted_and_none_is_no_line() -> None:
     assert values_line(table([200.0] * 7, [1.0] * 7)).endswith("; 2 more.")
     assert values_line(table([100.5], [0.01])) == ""
     assert values_line(table([50.0], [0.01], group="friction")) == ""
+
+
+def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
+    """Eight configurations that each show a little are data; a gain that none shows is told numbers' nearness."""
+    one = {
+        "kind": "cause", "effect": "drive.torque_constant", "on": "axis_1", "side": "torque", "p_value": 1e-9,
+        "share": float("nan"), "names": ("error",), "units": ("1",), "told": np.array([np.nan]),
+        "value": np.array([0.07]), "standard_error": np.array([0.006]), "held_out": np.zeros(8),
+    }  # fmt: skip
+    spread = Finding(**one, gain=60.0, by_configuration=np.full(8, 7.5))
+    assert "seen in 0 of 8 configurations" in finding_line(spread, 8)
+    pulled = Finding(**one, gain=60.0, by_configuration=np.full(8, 0.1))
+    assert "without it told numbers would leave their tolerances" in finding_line(pulled, 8)
