@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robid_core import RobidError
-from robid_diagnosis.columns import WHOLE
+from robid_diagnosis.candidates import Candidate
+from robid_diagnosis.columns import WHOLE, Columns, Motion
 from robid_diagnosis.hypothesis import Addition, Hypothesis
 from robid_diagnosis.search import Hit, Search, parameters_of
 from robid_diagnosis.structures import CONTINUOUS
@@ -19,7 +22,7 @@ TOLD = 5.0  # standard deviations per logarithm: likewise, where the robot itsel
 def addition_of(hit: Hit, search: Search, label: str) -> Addition:
     """Return the effect with the values that the search found."""
     candidate = hit.candidate
-    scaled = scaled_parameters(hit, search)
+    scaled = scaled_parameters(candidate, hit.values, hit.columns, search.motion)
     values = parameters_of(hit, scaled)
     rows = {row.name: row for row in candidate.effect.parameters}
     free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
@@ -56,29 +59,43 @@ def label_of(hit: Hit, hypothesis: Hypothesis) -> str:
 
 def is_fixed(hit: Hit, search: Search) -> bool:
     """Whether a law is in proportion to none of its parameters: its size is told by its shape alone."""
-    return hit.columns.names == (WHOLE,) and not scaled_parameters(hit, search)
+    if hit.columns.names != (WHOLE,):
+        return False
+    return not scaled_parameters(hit.candidate, hit.values, hit.columns, search.motion)
 
 
-def scaled_parameters(hit: Hit, search: Search) -> tuple[str, ...]:
-    """Parameters to which, all together, a law is proportional that is linear in none; empty where it is not."""
-    if WHOLE not in hit.columns.names:
+def scaled_parameters(
+    candidate: Candidate, values: Mapping[str, float], columns: Columns, motion: Motion
+) -> tuple[str, ...]:
+    """Parameters to which, all together, a law is proportional that is linear in none; empty where it is not.
+
+    Parameters
+    ----------
+    candidate, values
+        The law at its place, and values in place of the candidate's.
+    columns
+        Its columns with these.
+    motion
+        Along which they were evaluated.
+    """
+    if WHOLE not in columns.names:
         return ()
-    rows = hit.candidate.effect.parameters
-    if hit.candidate.signed:
-        return tuple(row.name for row in rows if _is_proportional(hit, search, (row.name,)))
-    if hit.columns.paired:
+    rows = candidate.effect.parameters
+
+    def is_proportional(names: tuple[str, ...]) -> bool:
+        """Whether half the values of some parameters give half the torque."""
+        half = {name: 0.5 * {**candidate.values, **values}[name] for name in names}
+        try:
+            less = motion.columns(candidate, {**values, **half}).rows
+        except RobidError:
+            return False
+        off = np.linalg.norm(2 * less - columns.rows) / np.linalg.norm(columns.rows)
+        return bool(off < PROPORTIONAL)
+
+    if candidate.signed:
+        return tuple(row.name for row in rows if is_proportional((row.name,)))
+    if columns.paired:
         names = tuple(row.name for row in rows if row.name not in ("order", "phase"))
     else:
         names = tuple(row.name for row in rows if row.unit.startswith("N m"))
-    return names if names and _is_proportional(hit, search, names) else ()
-
-
-def _is_proportional(hit: Hit, search: Search, names: tuple[str, ...]) -> bool:
-    """Whether half the values of some parameters give half the torque."""
-    half = {name: 0.5 * {**hit.candidate.values, **hit.values}[name] for name in names}
-    try:
-        less = search.motion.columns(hit.candidate, {**hit.values, **half}).rows
-    except RobidError:
-        return False
-    off = np.linalg.norm(2 * less - hit.columns.rows) / np.linalg.norm(hit.columns.rows)
-    return bool(off < PROPORTIONAL)
+    return names if names and is_proportional(names) else ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ WHOLE = "*"  # name of the column of a law that is linear in nothing: all that i
 PHASES = (0.0, np.pi / 2)
 TORQUES = ("torque", "torque_measurement")
 MERE_DELAY = 1e-3  # of a law's power: one that leaves less beside a delay is a delay
+ALIKE = 0.01  # of what laws see and do at a place: torques of the search before are those of this one
 ALIGNING = 6  # rounds of Newton's method
 
 
@@ -53,10 +54,29 @@ class Columns:
         return len(set(self.phases)) > 1
 
 
+@dataclass(frozen=True, eq=False)
+class Added:
+    """What a candidate adds to the torque."""
+
+    keys: tuple[tuple[str, float], ...]
+    """Parameter of each column, `*` for all that a law does, and its phase, rad."""
+    spectra: tuple[list[ComplexArray], ...]
+    """Of each column in each block, N m, (n_config, n_exp, n_bin, n_axis), in single precision: there are many."""
+    delay: FloatArray | None
+    """As of `Columns`."""
+
+
 class Motion:
     """The motion of all blocks about fitted robots, and the weights of their residuals."""
 
-    def __init__(self, problem: TorqueProblem, point: FloatArray, weights: Sequence[Weighting]) -> None:
+    def __init__(
+        self,
+        problem: TorqueProblem,
+        point: FloatArray,
+        weights: Sequence[Weighting],
+        before: Motion | None = None,
+    ) -> None:
+        """Prepare; `before` is that of the search before, with torques that need not be evaluated again."""
         self.residuals = problem.residuals(point)
         parts = zip(problem.blocks, problem.robots(point), self.residuals, strict=True)
         self.along = [
@@ -65,6 +85,12 @@ class Motion:
         self.weights = tuple(weights)
         self.predicted = problem.predicted(point)
         self.friction_speed: FloatArray = np.median(problem.blocks[0].laws.odd, axis=0)
+        self._before = before
+        if before is not None:
+            before._before = None
+        self._alike: dict[Spot, bool] = {}
+        self._at_spot: dict[tuple[str, Spot], list[Candidate]] = {}
+        self._known: dict[Candidate, Added] = {}
 
     @property
     def robot(self) -> Robot:
@@ -122,7 +148,25 @@ class Motion:
         for spot in spots(self.robot, effect):
             place = place_at(self.robot, spot)
             if place is not None:
-                found += self._at(use, effect, spot, place)
+                self._at_spot[use, spot] = self._again(use, spot, place) or self._at(use, effect, spot, place)
+                found += self._at_spot[use, spot]
+        return found
+
+    def _again(self, use: str, spot: Spot, place: Place) -> list[Candidate]:
+        """Candidates of the search before, with their torques, at a place where the motion has hardly changed since."""
+        before = self._before
+        if before is None or (use, spot) not in before._at_spot or place.axis in self.waves:
+            return []
+        if spot not in self._alike:
+            pairs = zip(self.along, before.along, strict=True)
+            self._alike[spot] = all(now.change_since(then, place) < ALIKE for now, then in pairs)
+        if not self._alike[spot]:
+            return []
+        found = []
+        for old in before._at_spot[use, spot]:
+            found.append(replace(old, place=place))
+            if old in before._known:
+                self._known[found[-1]] = before._known[old]
         return found
 
     def _at(self, use: str, effect: type[Effect], spot: Spot, place: Place) -> list[Candidate]:
@@ -150,14 +194,28 @@ class Motion:
         if candidate.place is None:
             every = self.whole(candidate, values or {})[None]
             return Columns(every, (WHOLE,), (0.0,), (not candidate.signed,))
+        added = self._known.get(candidate) if not values else None
+        if added is None:
+            added = self._added(candidate, values or {})
+            if not values:
+                self._known[candidate] = added
         rows = {row.name: row for row in candidate.effect.parameters}
-        phases = PHASES if "phase" in rows else (0.0,)
+        paired = len({phase for _, phase in added.keys}) > 1
+        return Columns(
+            np.stack([self.weighted(spectra) for spectra in added.spectra]),
+            tuple(name for name, _ in added.keys),
+            tuple(phase for _, phase in added.keys),
+            tuple(not paired and (name == WHOLE or rows[name].lower >= 0) for name, _ in added.keys),
+            added.delay,
+        )
+
+    def _added(self, candidate: Candidate, values: Mapping[str, float]) -> Added:
+        has_phase = any(row.name == "phase" for row in candidate.effect.parameters)
         spectra: dict[tuple[str, float], list[ComplexArray]] = {}
         delay = None
         for one, predicted in zip(self.along, self.predicted, strict=True):
-            for phase in phases:
-                told = {**(values or {}), **({"phase": phase} if "phase" in rows else {})}
-                bound = candidate.bound(told)
+            for phase in PHASES if has_phase else (0.0,):
+                bound = candidate.bound({**values, **({"phase": phase} if has_phase else {})})
                 units = one.units(bound)
                 if not units:
                     whole = one.of_effect(bound)
@@ -165,16 +223,8 @@ class Motion:
                         delay, whole = without_delay(whole, predicted, one.motion.omega)
                     units = {WHOLE: whole}
                 for name, torque in units.items():
-                    spectra.setdefault((name, phase), []).append(torque)
-        keys = list(spectra)
-        weighted = np.stack([self.weighted(spectra[key]) for key in keys])
-        return Columns(
-            weighted,
-            tuple(name for name, _ in keys),
-            tuple(phase for _, phase in keys),
-            tuple(len(phases) == 1 and (name == WHOLE or rows[name].lower >= 0) for name, _ in keys),
-            delay,
-        )
+                    spectra.setdefault((name, phase), []).append(torque.astype(np.complex64))
+        return Added(tuple(spectra), tuple(spectra.values()), delay)
 
 
 def without_delay(

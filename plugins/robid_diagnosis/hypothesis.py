@@ -28,6 +28,7 @@ PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 """What is believed of springs and dampers before the data, in natural scales."""
 THINNED = 5  # every so many samples of the speeds tell a width
 FEW = 5  # passes of a fit that is only compared
+SIGMAS = 3.0  # of the misfit of noise
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
 
 
@@ -113,6 +114,12 @@ class Fitted:
     def misfit(self) -> float:
         """Per degree of freedom, against the noise."""
         return misfit(self.problem, self.point)
+
+    @property
+    def leaves_noise(self) -> bool:
+        """Whether the misfit is one within what noise does to it."""
+        count = sum(residual.size for residual in self.problem.residuals(self.point))
+        return self.misfit < 1 + SIGMAS / float(np.sqrt(count))
 
     @cached_property
     def robot(self) -> Robot:

@@ -103,11 +103,11 @@ class Selection:
         """Search until nothing is significant."""
         current = base = self._refitted()
         steps, searches = list[Step](), list[Found]()
+        motion: Motion | None = None
         while True:
-            projection, groups = self._projection(current)
-            search = Search(
-                Motion(current.problem, current.point, current.about.weights), projection, self.generator
-            )
+            projection, groups = projection_of(current)
+            motion = Motion(current.problem, current.point, current.about.weights, motion)
+            search = Search(motion, projection, self.generator)
             found = search.run(self.uses, self.places, self.progress)
             searches.append(found)
             if len(steps) == self.most:
@@ -124,7 +124,7 @@ class Selection:
             left = ceilings(search.motion, projection, axes)[0]
         visible = visible_sizes(
             found.powers,
-            lambda one: scaled_parameters(search.hit(one, {}), search),
+            lambda one: scaled_parameters(one, {}, search.motion.columns(one), search.motion),
             LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
             LEVEL / found.trials,
         )
@@ -267,22 +267,23 @@ class Selection:
         best = ceilings(search.motion, search.projection, axes)[0]
         return trial.gain / best.gain if best.gain > LEAST else float("nan")
 
-    def _projection(self, fitted: Fitted) -> tuple[Projection, list[list[int]]]:
-        """Prepare what was fitted; folds are experiments, groups those of one configuration."""
-        about = fitted.about
-        weighted = fitted.problem.weighted(fitted.point, about.weights)
-        folds, groups, first = list[slice](), list[list[int]](), 0
-        for own in weighted:
-            for experiments in own:
-                groups.append([])
-                for rows in experiments:
-                    groups[-1].append(len(folds))
-                    folds.append(slice(first, first + len(rows)))
-                    first += len(rows)
-        residual = np.concatenate([own.ravel() for own in weighted])
-        pull = fitted.point / fitted.problem.prior**2
-        projection = Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
-        return projection, groups
+
+def projection_of(fitted: Fitted) -> tuple[Projection, list[list[int]]]:
+    """Prepare what was fitted; folds are experiments, groups those of one configuration."""
+    about = fitted.about
+    weighted = fitted.problem.weighted(fitted.point, about.weights)
+    folds, groups, first = list[slice](), list[list[int]](), 0
+    for own in weighted:
+        for experiments in own:
+            groups.append([])
+            for rows in experiments:
+                groups[-1].append(len(folds))
+                folds.append(slice(first, first + len(rows)))
+                first += len(rows)
+    residual = np.concatenate([own.ravel() for own in weighted])
+    pull = fitted.point / fitted.problem.prior**2
+    projection = Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
+    return projection, groups
 
 
 def _varied(hits: Sequence[Hit]) -> list[Hit]:

@@ -133,10 +133,12 @@ class Trials:
         return sorted(found, key=lambda trial: -trial.worth)
 
     def _to_the_end(self, trial: Trial) -> Trial:
-        """Fit until passes end by themselves, or gain no more: over a gap the way is long."""
+        """Fit until passes end by themselves, or gain no more: over a gap the way is long, beside noise it is not."""
         for _ in range(ROUNDS):
             before = trial.fitted
-            fitted = self.case.fit(before.hypothesis, self.progress, begin=before)
+            fitted = self.case.fit(
+                before.hypothesis, self.progress, begin=before, roughly=before.leaves_noise
+            )
             trial = self._of(fitted, trial.hit)
             if fitted.solution.converged or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:
                 break

@@ -69,11 +69,21 @@ def visible_sizes(
         Gain, of an effect at its place, and p-value that are needed.
     """
     found = []
+    known: dict[
+        tuple[str, str], Sequence[str]
+    ] = {}  # what a law is in proportion to somewhere, it is everywhere
+
+    def scaled_by(candidate: Candidate) -> Sequence[str]:
+        law = candidate.use, candidate.spot.side
+        if not known.get(law):
+            known[law] = scaled(candidate)
+        return known[law]
+
     for (use, on, side), own in powers.items():
         units = {row.name: row.unit for row in own[0].candidate.effect.parameters}
         gain = max(least(own[0].candidate), scipy.stats.chi2.isf(chance, 1))
         needed = float((np.sqrt(gain) + NINE_OF_TEN) ** 2)
-        for name, size in _sizes(own, scaled, needed):
+        for name, size in _sizes(own, scaled_by, needed):
             found.append(VisibleSize(use, on, side, name, units[name], size))
     return tuple(found)
 

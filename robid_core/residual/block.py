@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic, Self, TypeVar
+from typing import Generic, Literal, Self, TypeVar
 
 import numpy as np
 
@@ -67,8 +67,9 @@ class TorqueBlock(ABC, Generic[M]):
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
-    all_by_motion: bool = field(init=False, default=False)
-    """Whether derivatives for springs, dampers and bodies are those of prescribed motions, too."""
+    by_motion: Literal["least", "bent", "all"] = field(init=False, default="bent")
+    """Which derivatives are those of prescribed motions: only those that nothing else knows, those for springs and
+    dampers of a robot with nonlinear springs, too, or those for all springs, dampers and bodies."""
     signal_columns: tuple[SignalColumn, ...] = field(init=False, default=())
     signals_about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
@@ -255,13 +256,14 @@ class TorqueBlock(ABC, Generic[M]):
     def _needs_motion(self, kind: str, robot: Robot) -> bool:
         """Whether the linear model does not know the derivative for a parameter of that kind."""
         elastic = kind in ("stiffness", "damping")
-        linear_is_enough = kind in ("inertia", "friction") or (elastic and not robot.bending_forces)
-        asked = self.all_by_motion and (elastic or kind == "inertia")
+        bent = bool(robot.bending_forces) and self.by_motion != "least"
+        linear_is_enough = kind in ("inertia", "friction") or (elastic and not bent)
+        asked = self.by_motion == "all" and (elastic or kind == "inertia")
         return self.moves_far or not linear_is_enough or asked
 
     def _is_structure(self, name: str, kind: str, laws: Collection[str], robot: Robot) -> bool:
         """Whether a parameter belongs to an effect on the structure that the linear model knows well enough."""
-        plain = not (self.moves_far or self.all_by_motion or robot.bending_forces)
+        plain = not (self.moves_far or self.by_motion == "all" or robot.bending_forces)
         return plain and kind == "effect" and name.split(".")[1] not in laws
 
     def _moved(self, free: FreeParameters, coordinates: FloatArray, number: int) -> tuple[Robot, float]:

@@ -14,15 +14,16 @@ import numpy as np
 import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray
-from robid_core.effect import ForceEffect, SignalEffect
+from robid_core.effect import ForceEffect, Place, SignalEffect
 from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.mechanics import ForceTerm, SignalTerm
 from robid_core.mechanics.law_along import law_along
+from robid_core.mechanics.terms import CHANNELS
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.free_vibration import SLOW
 from robid_core.residual.impedance import impedance
-from robid_core.residual.signals import signal_change, torque_of_change
+from robid_core.residual.signals import channel_signals, signal_change, torque_of_change
 from robid_core.robot import Robot
 from robid_core.robot.effects import BoundEffect
 from robid_core.robot.forces_along import RobotMotion, forces_along
@@ -51,6 +52,8 @@ class EffectTorque:
         self.block, self.robot = block, robot
         self.motion = block.expected(residual, delay)
         self._seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+        self._loads: dict[bytes, FloatArray] = {}
+        self._channels: dict[tuple[int, str], tuple[FloatArray, FloatArray, FloatArray]] = {}
         self._transfers: dict[bytes, ComplexArray] = {}
         self._linear: ComplexArray | None = None
 
@@ -81,8 +84,33 @@ class EffectTorque:
 
     def load_of(self, row: FloatArray) -> FloatArray:
         """Load that a row over the transmissions weighs, (n_lane, n_time); zero where it weighs none."""
-        known: FloatArray = self.load[..., row != 0] @ row[row != 0]
-        return known
+        key = row.tobytes()
+        if key not in self._loads:
+            self._loads[key] = self.load[..., row != 0] @ row[row != 0]
+        return self._loads[key]
+
+    def change_since(self, other: EffectTorque, place: Place) -> float:
+        """Largest relative change, since another fit of the same record, of what laws at a place see and do.
+
+        Infinite where a robot has other coordinates.
+        """
+        if self.robot.mechanism.n_coordinate != other.robot.mechanism.n_coordinate:
+            return float("inf")
+        pairs: list[tuple[FloatArray | ComplexArray, FloatArray | ComplexArray]] = []
+        if place.side in CHANNELS:
+            pairs += zip(
+                self._channel(place.axis, place.side), other._channel(place.axis, place.side), strict=True
+            )
+            pairs.append((self.impedance, other.impedance))
+        else:
+            for row in (place.direction, place.motor, place.transmission):
+                pairs += zip(self.seen(row), other.seen(row), strict=True)
+                pairs.append((self._transfer(row), other._transfer(row)))
+            pairs += ((self.load_of(row), other.load_of(row)) for row in (place.load, place.motor_load))
+        return max(
+            float(np.linalg.norm(now - before) / max(float(np.linalg.norm(now)), 1e-300))
+            for now, before in pairs
+        )
 
     # Torques, (n_config, n_exp, n_bin, n_axis)
 
@@ -127,19 +155,8 @@ class EffectTorque:
             at = *self.seen(term.coordinate), self.load_of(term.load)
             unit = bound.effect.regressor(*at, bound.parameters, place)
             return {name: self.of_force(term.direction, force) for name, force in unit.items()}
-        motion, axis = self.motion, place.axis
-        finer = round(self.robot.sample_time_s / self.robot.step_s) if place.side == "torque" else 1
-        shift = 0.5 * self.robot.step_s if place.side == "torque" else 0.0
-        angle, speed = (motion.rate(order, finer, shift)[..., axis] for order in (0, 1))
-        torque = np.repeat(motion.torque[..., axis], finer, axis=2)
-        signal = angle if place.side == "position" else torque
-        unit = bound.effect.regressor(signal, angle, speed, bound.parameters, place)
-        found = {}
-        for name, values in unit.items():
-            change = np.zeros((*values.shape, self.robot.n_axis))
-            change[..., axis] = values
-            found[name] = self._of_signal(bound, change)
-        return found
+        unit = bound.effect.regressor(*self._channel(place.axis, place.side), bound.parameters, place)
+        return {name: self._of_signal(bound, change) for name, change in unit.items()}
 
     @functools.cached_property
     def impedance(self) -> ComplexArray:
@@ -147,8 +164,13 @@ class EffectTorque:
         return impedance(self.robot, self.block.angle, self.motion, "zero_order_hold")
 
     def _of_signal(self, bound: BoundEffect, change: FloatArray) -> ComplexArray:
-        with_law = (bound.label, bound.place.side, change, self.motion, self.impedance)
+        with_law = (bound.label, bound.place.axis, bound.place.side, change, self.motion, self.impedance)
         return torque_of_change(self.robot, *with_law)
+
+    def _channel(self, axis: int, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+        if (axis, side) not in self._channels:
+            self._channels[axis, side] = channel_signals(self.robot, self.motion, axis, side)
+        return self._channels[axis, side]
 
     @functools.cached_property
     def _passive(self) -> ComplexArray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -88,7 +89,8 @@ def solve(
     reweigh
         Whether a doubtful misfit changes the weights to what the model leaves.
     thorough
-        Whether passes that do not keep what they gain take better derivatives, which cost many motions.
+        Whether derivatives that cost many motions are taken: for springs beside nonlinear ones from the first pass on,
+        else where passes do not keep what they gain; for all springs and bodies, where they do not keep it then.
     tell
         Told what can be seen, before the first pass.
 
@@ -101,6 +103,8 @@ def solve(
         point, agree = best_start(problem, (np.zeros(problem.n_free), *starts), passes, progress)
     else:
         point, agree = begin, 1
+    for block in problem.blocks:
+        block.by_motion = "bent" if thorough else "least"
     watched = _watched(problem)
     changes: list[float] = []
     about: Linearisation | None = None
@@ -112,10 +116,9 @@ def solve(
         _renew(problem, point, model_error, improve=number < IMPROVED)
         if about is not None and changes[-1] > NEARLY:
             kept = before - problem.cost(point, problem.weighted(point, about.weights))
-            if thorough and kept < KEPT * gained * before:
-                fresh = True
-                for block in problem.blocks:
-                    block.all_by_motion = True
+            if kept < KEPT * gained * before:
+                better = _better_derivatives(problem, "all" if thorough else "bent")
+                fresh |= thorough or better
         if fresh or about is None:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
@@ -155,13 +158,21 @@ def linearise_at(
 ) -> Linearisation:
     """Prescribe the motions to the robots at a point and differentiate there: all that a question beside a fit needs.
 
-    Weights are the noise and a model error relative to the torque, never what the model leaves. `improve`: initial
-    states that nobody knows are those with which the residual is least.
+    Weights are the noise and a model error relative to the torque, never what the model leaves; derivatives those that
+    sufficed to a solution. `improve`: initial states that nobody knows are those with which the residual is least.
     """
     _renew_signals(problem, point)
     _renew(problem, point, model_error, improve=improve)
     _renew_derivatives(problem, point)
     return _linearised(problem, point, model_error, doubted=False)
+
+
+def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"]) -> bool:
+    """Take more derivatives by prescribed motions from now on; return whether fewer were taken before."""
+    fewer = [block for block in problem.blocks if block.by_motion not in (by_motion, "all")]
+    for block in fewer:
+        block.by_motion = by_motion
+    return bool(fewer)
 
 
 def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:

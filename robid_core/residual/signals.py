@@ -112,33 +112,56 @@ def signal_columns(
     impedance
         Motor torque per acceleration, shape (n_config, n_bin, n_axis, n_axis).
     """
-    of_signals = {b.label: b.place.side for b in robot.effects if issubclass(b.effect, SignalEffect)}
+    places = {b.label: b.place for b in robot.effects if issubclass(b.effect, SignalEffect)}
     slopes, found = free.slopes(coordinates), []
     for i, name in enumerate(free.names):
         label = name.split(".")[1] if name.startswith("effect.") else ""
-        if label in of_signals:
-            side = of_signals[label]
+        if label in places:
+            side = places[label].side
             along = np.stack([_along(robot, name, side, motion, c) for c in range(len(motion.angle))])
-            torque = torque_of_change(robot, label, side, slopes[i] * along, motion, impedance)
+            where = (label, places[label].axis, side)
+            torque = torque_of_change(robot, *where, slopes[i] * along, motion, impedance)
             found.append(SignalColumn(i, torque))
     return tuple(found)
 
 
 def signal_change(robot: Robot, term: SignalTerm, motion: MotionSpectra) -> FloatArray:
-    """What one law makes of its channel in a motion, less what it was given, as `torque_of_change` takes it."""
-    if term.channel == "torque":
-        angle, speed, signal = _within_steps(robot, motion)
-        step, settle = robot.step_s, _steps(robot) * motion.settling
-    else:
-        angle, speed, step, settle = motion.angle, motion.rate(1), motion.sample_time_s, motion.settling
-        signal = angle if term.channel == "position" else motion.torque
-    change = np.zeros_like(signal)
-    change[..., term.axis] = _of_term(term, signal, angle, speed, step, settle) - signal[..., term.axis]
+    """What one law makes of its channel in a motion, less what it was given, as `torque_of_change` takes it.
+
+    Shape (n_config, n_exp, n_time).
+    """
+    within = term.channel == "torque"
+    step = robot.step_s if within else motion.sample_time_s
+    settle = motion.settling * (_steps(robot) if within else 1)
+    given = channel_signals(robot, motion, term.axis, term.channel)
+    signal, angle, speed = (values.reshape(-1, values.shape[2]) for values in given)
+    heard = signal_along(term, signal, angle, speed, step, settle=settle)
+    change: FloatArray = heard.reshape(given[0].shape) - given[0]
     return change
 
 
+def channel_signals(
+    robot: Robot, motion: MotionSpectra, axis: int, side: str
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Signal of a channel, angle and speed of its motor, where its laws run, each (n_config, n_exp, n_time).
+
+    In the middle of the steps of integration for the motor torque, at the samples else.
+    """
+    finer = _steps(robot) if side == "torque" else 1
+    shift = 0.5 * robot.step_s if side == "torque" else 0.0
+    angle, speed = (np.ascontiguousarray(motion.rate(order, finer, shift)[..., axis]) for order in (0, 1))
+    signal = angle if side == "position" else np.repeat(motion.torque[..., axis], finer, axis=2)
+    return signal, angle, speed
+
+
 def torque_of_change(
-    robot: Robot, label: str, side: str, change: FloatArray, motion: MotionSpectra, impedance: ComplexArray
+    robot: Robot,
+    label: str,
+    axis: int,
+    side: str,
+    change: FloatArray,
+    motion: MotionSpectra,
+    impedance: ComplexArray,
 ) -> ComplexArray:
     """Derivative of the predicted torque where a law on a channel gives so much more, (n_config, n_exp, n_bin, n_axis).
 
@@ -146,17 +169,21 @@ def torque_of_change(
 
     Parameters
     ----------
-    robot, label, side
-        The robot with the law, what the law is called, and its channel.
+    robot, label, axis, side
+        The robot with the law, what the law is called, its axis, and its channel.
     change
-        Of the signal, (n_config, n_exp, n_time, n_axis): in the middle of the steps of integration where the law is on
-        the motor torque, at the samples else.
+        Of the signal, (n_config, n_exp, n_time): in the middle of the steps of integration where the law is on the
+        motor torque, at the samples else.
     motion, impedance
         From `true_motion`; motor torque per acceleration, shape (n_config, n_bin, n_axis, n_axis).
     """
     if side == "torque":
-        return -_of_steps(robot, motion, change)
-    change = SMALL * motion.divided(change, lambda omega: channel_gain(robot, side, omega, label))
+        torque: ComplexArray = np.zeros_like(motion.torque_spectrum)
+        torque[..., axis] = -_of_steps(robot, motion, change[..., None])[..., 0]
+        return torque
+    every = np.zeros_like(motion.angle)
+    every[..., axis] = change
+    change = SMALL * motion.divided(every, lambda omega: channel_gain(robot, side, omega, label))
     if side == "position":
         moved = motion.with_signals(motion.angle - change, motion.torque)
         acceleration = moved.acceleration_spectrum - motion.acceleration_spectrum
@@ -168,7 +195,7 @@ def torque_of_change(
 
 
 def _along(robot: Robot, name: str, side: str, motion: MotionSpectra, config: int) -> FloatArray:
-    """Change of a signal per unit of a parameter, of one configuration, (n_exp, n_time, n_axis)."""
+    """Change of a signal per unit of a parameter, of one configuration, (n_exp, n_time)."""
     one = motion.of_configuration(config)
     if side == "torque":
         angle, speed, torque = _within_steps(robot, one)
@@ -182,10 +209,8 @@ def _along(robot: Robot, name: str, side: str, motion: MotionSpectra, config: in
     along = RobotMotion(
         rows[0], rows[1], motion.sample_time_s / finer, settle=finer * motion.settling, torque=torque[0]
     )
-    change = np.zeros(torque.shape[1:])
-    for column in effect_columns(robot, (name,), along):
-        change += column.values[..., None] * column.direction[:n_axis]
-    return change
+    (column,) = effect_columns(robot, (name,), along)
+    return column.values
 
 
 def _taken_off(robot: Robot, channel: str, motion: MotionSpectra, measured: FloatArray) -> FloatArray:

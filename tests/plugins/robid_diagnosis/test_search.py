@@ -1,0 +1,76 @@
+"""The search: many candidates at once are what each is alone; what one search evaluated serves the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robid_core import FloatArray, Record, Robot
+from robid_diagnosis.columns import ALIKE, Motion
+from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.search import DRAWS, Search
+from robid_diagnosis.selection import projection_of
+
+USES = ("friction.load_dependent", "friction.dahl", "transmission.kinematic_error", "drive.cogging")
+
+
+def told_nothing(*_: object) -> None:
+    """Progress that nobody looks at."""
+
+
+@pytest.fixture(scope="module")
+def fitted(told: Robot, plant_of: Callable[[Robot, int], Robot], measured: Callable[..., Record]) -> Fitted:
+    case = Case((measured(plant_of(told, 5), 6),), told, {}, 100.0, 0, 12, 5e-4)
+    return case.fit(Hypothesis(), told_nothing)
+
+
+def search_at(fitted: Fitted, point: FloatArray, before: Motion | None = None) -> Search:
+    motion = Motion(fitted.problem, point, fitted.about.weights, before)
+    return Search(motion, projection_of(fitted)[0], np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("use", USES)
+def test_many_at_once_gain_what_each_gains_alone(fitted: Fitted, use: str) -> None:
+    """To rounding, and single precision of the torques that are kept."""
+    search = search_at(fitted, fitted.point)
+    found = search.run((use,), {}, told_nothing)
+    assert found.hits
+    for hit in found.hits:
+        alone = search.hit(hit.candidate, dict(hit.values))
+        assert hit.gain.total == pytest.approx(alone.gain.total, rel=1e-4, abs=1e-5)
+        assert hit.gain.size == pytest.approx(alone.gain.size, rel=1e-4, abs=1e-9)
+
+
+def test_noise_gives_chi_square_of_the_columns(fitted: Fitted) -> None:
+    """p-values of one column by chance are even: a mean of -log p of 1, within four of its standard errors."""
+    search = search_at(fitted, fitted.point)
+    (candidate, *_) = search.motion.candidates("friction.load_dependent")
+    ((hit, slopes),) = search._together([candidate], [])
+    matrix, _ = search.projection.normal(hit.sums)
+    chosen = np.array(hit.gain.chosen)
+    spread = (slopes[chosen] ** 2).mean(axis=1) / np.diag(matrix)[chosen]
+    assert np.abs(spread - 1).max() < 4 * np.sqrt(2 / DRAWS)
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("changed", [0.0, 0.3])
+def test_torques_serve_the_next_search_where_the_motion_is_the_same(
+    fitted: Fitted, use: str, changed: float
+) -> None:
+    """With a gear a third stiffer what the gear does is evaluated anew; all columns are what they are without memory,
+    up to what may stay."""
+    first = Motion(fitted.problem, fitted.point, fitted.about.weights)
+    for candidate in first.candidates(use):
+        first.columns(candidate)
+    point = fitted.point.copy()
+    point[fitted.problem.free.names.index("gear_stiffness.axis_1")] += changed
+    second = Motion(fitted.problem, point, fitted.about.weights, first)
+    fresh = Motion(fitted.problem, point, fitted.about.weights)
+    for candidate, anew in zip(second.candidates(use), fresh.candidates(use), strict=True):
+        assert candidate.key == anew.key
+        known, expected = (one.columns(anew).rows for one in (second, fresh))
+        assert np.linalg.norm(known - expected) <= 2 * ALIKE * np.linalg.norm(expected)
+        if not changed or candidate.spot.side == "gear":
+            assert (candidate in second._known) == (not changed)
