@@ -20,7 +20,7 @@ from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
-from robid_core.residual.columns import body_derivatives, parameter_columns, passive_motion
+from robid_core.residual.columns import BodyDerivatives, body_derivatives, parameter_columns, passive_motion
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
@@ -73,6 +73,8 @@ class TorqueBlock(ABC, Generic[M]):
     signal_columns: tuple[SignalColumn, ...] = field(init=False, default=())
     signals_about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
+    bodies: BodyDerivatives | None = field(init=False, default=None)
+    """Derivatives by inertial parameters where they were last taken."""
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.motion.torque_spectrum)
@@ -129,7 +131,8 @@ class TorqueBlock(ABC, Generic[M]):
         """Begin the next prescribed motion as residuals tell, (n_config, n_exp, n_bin, n_axis)."""
 
     def go_on_from(self, other: Self) -> None:
-        """Begin prescribed motions where those of another block of the same record ended; its robot differs little."""
+        """Begin where another block of the same record ended; its robot differs little."""
+        self.bodies = other.bodies
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
         """Evaluate the functions of speed anew with what is known by now; arguments as of `predicted`."""
@@ -313,7 +316,7 @@ class TorqueBlock(ABC, Generic[M]):
         """
         robot, motion, n_free = self.robot_at(free, coordinates), self.motion, len(free.names)
         n_law, n_config, n_exp, n_bin, n_axis = self.friction.shape
-        bodies = body_derivatives(free, self.robot, coordinates, self.angle)
+        bodies = self.bodies = body_derivatives(free, self.robot, coordinates, self.angle, self.bodies)
         passive = passive_motion(robot, self.angle, motion.omega[1:])
         passive = np.concatenate((np.zeros_like(passive[:, :1]), passive), axis=1)
 

@@ -8,7 +8,8 @@ factor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from robid_core.parameters import FreeParameters
 from robid_core.robot import Robot
 
 BODY_STEP = 1e-4  # in natural scales; matrices are nearly linear in them
+ALIKE = 3e-3  # in natural scales: bodies and springs that moved by less have the derivatives that they had
 
 
 def passive_motion(robot: Robot, angle: FloatArray, omega: FloatArray) -> ComplexArray:
@@ -43,6 +45,13 @@ class BodyDerivatives:
     """Of gravity, likewise."""
     weight: FloatArray
     """Of the motor torque that holds the arm, shape (n_config, n_axis, n)."""
+    about: Mapping[str, float]
+    """Where in natural scales bodies, springs and the structure were."""
+
+    def serves(self, about: Mapping[str, float], shape: tuple[int, ...]) -> bool:
+        """Whether they are those of a robot near by; `shape` is that of its mass matrices."""
+        same = about.keys() == self.about.keys() and self.mass.shape[:-1] == shape
+        return same and all(abs(about[name] - self.about[name]) < ALIKE for name in about)
 
     def groups(self) -> list[tuple[IntArray, IntArray]]:
         """Return (parameters, coordinates): which parameters move which coordinates, rotors apart from bodies."""
@@ -57,7 +66,11 @@ class BodyDerivatives:
 
 
 def body_derivatives(
-    free: FreeParameters, robot: Robot, point: FloatArray, angle: FloatArray
+    free: FreeParameters,
+    robot: Robot,
+    point: FloatArray,
+    angle: FloatArray,
+    known: BodyDerivatives | None = None,
 ) -> BodyDerivatives:
     """Differentiate by steps of BODY_STEP.
 
@@ -71,25 +84,33 @@ def body_derivatives(
         Their coordinates, shape (n_free,).
     angle
         Joint-side poses, shape (n_config, n_axis).
+    known
+        Of another point, which are returned where that is near.
     """
     here = free.set_on(robot, point)
+    kinds = [free.robot.parameter_kind(name) for name in free.names]
+    index = tuple(i for i, kind in enumerate(kinds) if kind == "inertia")
+    laws = {bound.label for bound in here.effects}
+    about = {
+        name: float(at)
+        for name, kind, at in zip(free.names, kinds, point, strict=True)
+        if kind in ("inertia", "stiffness") or (kind == "effect" and name.split(".")[1] not in laws)
+    }
+    n, n_config = here.mechanism.n_coordinate, len(angle)
+    if known is not None and known.serves(about, (n_config, n, n)):
+        return replace(known, index=index)
     base, weight = here.second_order(angle), here.gravity_torque(angle)
-    index = tuple(i for i, name in enumerate(free.names) if free.robot.parameter_kind(name) == "inertia")
-    columns = []
-    for i in index:
+    mass, stiffness = np.empty((2, n_config, n, n, len(index)))
+    hold = np.empty((n_config, here.n_axis, len(index)))
+    for k, i in enumerate(index):
         moved = point.copy()
         moved[i] += BODY_STEP
         other = free.set_on(robot, moved)
         model = other.second_order(angle)
-        columns.append(
-            (model.mass - base.mass, model.stiffness - base.stiffness, other.gravity_torque(angle) - weight)
-        )
-    shapes = (base.mass.shape, base.mass.shape, weight.shape)
-    mass, stiffness, hold = (
-        np.stack([c[k] for c in columns], axis=-1) / BODY_STEP if columns else np.zeros((*shape, 0))
-        for k, shape in enumerate(shapes)
-    )
-    return BodyDerivatives(index, mass, stiffness, hold)
+        mass[..., k] = (model.mass - base.mass) / BODY_STEP
+        stiffness[..., k] = (model.stiffness - base.stiffness) / BODY_STEP
+        hold[..., k] = (other.gravity_torque(angle) - weight) / BODY_STEP
+    return BodyDerivatives(index, mass, stiffness, hold, about)
 
 
 def parameter_columns(

@@ -107,6 +107,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
 
     def go_on_from(self, other: PeriodicBlock) -> None:
         """Begin where another block's motions ended; coordinates and laws that its robot lacks begin on their own."""
+        super().go_on_from(other)
         if other.state is not None:
             self.state = _transferred(other.state, other.robot, self.robot)
             self.periods = other.periods

@@ -121,6 +121,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
 
     def go_on_from(self, other: WindowedBlock) -> None:
         """Begin with the initial states that another block found, where its robot bends in the same places."""
+        super().go_on_from(other)
         if other.robot.mechanism.coordinate_names == self.robot.mechanism.coordinate_names:
             self.deviation = other.deviation
 

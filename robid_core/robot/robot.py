@@ -231,9 +231,22 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
         stiffness, _ = self.spring_arrays()
         motor = self.motor_angle(angle)
-        if self.bending_forces or partial:
+        if partial:
             return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces, partial)
-        return self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
+        key = (motor.shape, motor.tobytes())
+        if key not in self._rest:
+            self._rest.clear()
+            self._rest[key] = (
+                solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
+                if self.bending_forces
+                else self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
+            )
+        return self._rest[key]
+
+    @functools.cached_property
+    def _rest(self) -> dict[tuple[tuple[int, ...], bytes], Equilibrium]:
+        """The last rest by motor angles: linear model and weight ask for the same one after the other."""
+        return {}
 
     def second_order(
         self,
