@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from robid_core import FloatArray
 from robid_diagnosis.sums import SAME, Sums, solved
@@ -164,6 +165,39 @@ class Projection:
         unknown, size = whole.solved()
         parts = (some.over(group) for group in groups)
         return np.array([part.left(whole.told, none) - part.left(unknown, size) for part in parts])
+
+    def by_own_size(self, sums: Sums, gain: Gain, groups: Sequence[Sequence[int]]) -> FloatArray:
+        """What columns gain in each group by sizes of its own, beside sizes of their own in all others, (n_group,).
+
+        The fit's unknowns are those that suit all groups with these; nothing is gained where the columns do not act.
+        """
+        matrix, slope = self._own_sizes(sums, gain, groups)
+        n, found, every = gain.freedom, [], np.arange(len(slope))
+        for first in range(0, len(slope), n):
+            own, rest = every[first : first + n], np.delete(every, slice(first, first + n))
+            between, others = matrix[np.ix_(own, rest)], matrix[np.ix_(rest, rest)]
+            taken = np.stack([solved(others, one) for one in between], axis=1)
+            left = slope[own] - taken.T @ slope[rest]
+            found.append(left @ solved(matrix[np.ix_(own, own)] - between @ taken, left))
+        return np.array(found)
+
+    def disagreement(self, sums: Sums, gain: Gain, groups: Sequence[Sequence[int]]) -> tuple[float, int]:
+        """What sizes of its own in each group gain beyond common ones: chi-square by chance, of so many degrees."""
+        matrix, slope = self._own_sizes(sums, gain, groups)
+        acts = np.diag(matrix) > SAME * np.diag(matrix).max()
+        together, both = self.normal(sums.of_columns(gain.chosen))
+        beyond = slope @ solved(matrix, slope) - both @ solved(together, both)
+        return float(beyond), int(acts.sum()) - gain.freedom
+
+    def _own_sizes(
+        self, sums: Sums, gain: Gain, groups: Sequence[Sequence[int]]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Normal equations of the columns of each group, zero elsewhere, with the fit projected out."""
+        some = sums.of_columns(gain.chosen)
+        parts, whole = [some.over(group) for group in groups], self._whole(some)
+        cross = np.concatenate([part.cross for part in parts], axis=1)
+        matrix = scipy.linalg.block_diag(*(part.own for part in parts)) - cross.T @ cross
+        return matrix, np.concatenate([part.slope for part in parts]) - cross.T @ whole.told
 
     def _whole(self, sums: Sums) -> Sums:
         """Sums over all rows, with the priors: what the fit has is orthonormal with them."""

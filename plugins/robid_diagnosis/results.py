@@ -48,6 +48,7 @@ def finding_of(
         ties=tuple(place_text(*tie) for tie in step.ties),
         by_configuration=step.by_configuration,
         held_out=step.held_out,
+        by_own_size=step.by_own_size,
         variable=picture.variable if picture else "",
         abscissa=picture.abscissa if picture else None,
         residual=picture.residual if picture else None,
@@ -83,6 +84,7 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
             standard_error=none,
             by_configuration=none,
             held_out=none,
+            by_own_size=none,
         ),
     )
 

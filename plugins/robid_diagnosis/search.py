@@ -187,11 +187,15 @@ class Search:
 
     def refined(self, hit: Hit, *, as_it_is: bool = False) -> Hit:
         """Move the shape of a candidate to where it gains most; `as_it_is`: with the law neither grown nor shrunk."""
-        names = hit.candidate.shape
-        if not names:
+        if not hit.candidate.shape:
             return hit
-        if as_it_is:
-            hit = max((hit, *self._sized(hit)), key=lambda one: self._worth(one, as_it_is))
+        starts = (hit, *self._sized(hit)) if as_it_is else (hit,)
+        moved = (self._moved(one, as_it_is) for one in starts)
+        return max(moved, key=lambda one: self._worth(one, as_it_is))
+
+    def _moved(self, hit: Hit, as_it_is: bool) -> Hit:
+        """Where the shape gains most near by."""
+        names = hit.candidate.shape
         rows = {row.name: row for row in hit.candidate.effect.parameters}
         start = np.array([hit.values[name] for name in names])
         best, most = hit, self._worth(hit, as_it_is)

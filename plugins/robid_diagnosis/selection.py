@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from robid_core import FloatArray, RobidError, VisibleSize
 from robid_diagnosis.additions import is_fixed, scaled_parameters
@@ -37,6 +38,11 @@ WORSE = (
 )
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
+DIFFERENT = (
+    0.3  # of a gain: what sizes of their own in each configuration would gain beyond a common one, at most
+)
+MODEST = 300.0  # likewise, absolute: strong laws differ by what is wrong in their shape
+
 Progress = Callable[[float, float, str], None]
 
 
@@ -59,6 +65,8 @@ class Step:
     """Gain in each configuration with sizes that the others tell, (n_config,)."""
     by_configuration: FloatArray
     """Gain in each configuration, (n_config,)."""
+    by_own_size: FloatArray
+    """Likewise, by a size of its own in each."""
     ties: tuple[tuple[str, str | None, str | None], ...]
     """Effects and places that explain the data as well."""
     share: float
@@ -233,6 +241,7 @@ class Selection:
                 p_value,
                 nothing,
                 nothing,
+                nothing,
                 tuple(ties),
                 float("nan"),
                 tuple(near),
@@ -244,6 +253,11 @@ class Selection:
             single = [[i] for i in range(len(projection.folds))]
             if projection.held_out(whole.sums, whole.gain, single).sum() < LEAST / 2:
                 return None
+        beyond, freedom = projection.disagreement(whole.sums, whole.gain, groups)
+        if DIFFERENT * whole.gain.total < beyond < MODEST and scipy.stats.chi2.sf(beyond, freedom) < LEVEL:
+            reason = f"its size differs between configurations (chi-square {beyond:.3g} of {freedom} degrees)"
+            self.failures.append(Failure(*whole.candidate.key, reason))
+            return None
         return Step(
             "effect",
             trial.addition.use,
@@ -254,6 +268,7 @@ class Selection:
             found.p_value(whole),
             held,
             projection.by_group(whole.sums, whole.gain, groups),
+            projection.by_own_size(whole.sums, whole.gain, groups),
             tuple(ties),
             self._share(trial, search),
             tuple(near),

@@ -18,8 +18,9 @@ class Finding(Artifact):
     wrong). `effect` is the effect's plugin, or body, rotor or spring for values; `on` and `side` say where. `gain` is
     of twice the log-likelihood, `p_value` counts the search. `share` is the gain over that of the best free functions
     at the place, NaN where there are none. `by_configuration` is the gain in each configuration, `held_out` with sizes
-    that the other configurations tell. The picture shows mean residual torques over a variable, and what the effect
-    does there.
+    that the other configurations tell, `by_own_size` what a size of its own gains there beside such sizes in all
+    others: of that which acts in one configuration only, nothing elsewhere. The picture shows mean residual torques
+    over a variable, and what the effect does there.
     """
 
     kind: str
@@ -36,6 +37,7 @@ class Finding(Artifact):
     standard_error: FloatArray = array("n_parameter", finite=False)
     by_configuration: FloatArray = array("n_config", finite=False)
     held_out: FloatArray = array("n_config", finite=False)
+    by_own_size: FloatArray = array("n_config", finite=False)
     ties: tuple[str, ...] = ()
     variable: str = ""
     abscissa: FloatArray | None = array("n_point", optional=True)
@@ -51,7 +53,7 @@ class Finding(Artifact):
     @property
     def n_seen(self) -> int:
         """Configurations in which it is seen."""
-        return int((self.by_configuration > SEEN).sum())
+        return int((self.by_own_size > SEEN).sum())
 
 
 SEEN = 9.0  # of twice the log-likelihood: three standard errors

@@ -15,6 +15,7 @@ from robid_core.arrays import FloatArray
 
 # Weight of the common ratio, in degrees of freedom, against the n_group - 1 of a parameter's own ratio.
 PRIOR_DEGREES_OF_FREEDOM = 4.0
+ALONE = 16.0  # of a variance: a group without which it grows by more is all that tells the parameter
 
 
 def jackknife_shifts(gauss_newton: FloatArray, gradients: FloatArray, matrices: FloatArray) -> FloatArray:
@@ -31,14 +32,15 @@ def jackknife_shifts(gauss_newton: FloatArray, gradients: FloatArray, matrices: 
 
     Returns
     -------
-    Shift of the minimum without group g, shape (n_group, n); a group without which the rest is singular gets
-    the pseudo-inverse's answer.
+    Shift of the minimum without group g, shape (n_group, n). Of a parameter that this group alone tells it is zero:
+    what the others would say instead is no error of the model.
     """
-    rest = gauss_newton - matrices
     scale = np.sqrt(np.diag(gauss_newton))
-    scaled = rest / np.outer(scale, scale)
-    solved: FloatArray = np.einsum("gij,gj->gi", np.linalg.pinv(scaled, rcond=1e-10), gradients / scale)
-    return solved / scale
+    inverse = np.linalg.pinv((gauss_newton - matrices) / np.outer(scale, scale), rcond=1e-10)
+    shifts: FloatArray = np.einsum("gij,gj->gi", inverse, gradients / scale) / scale
+    whole = np.diag(np.linalg.pinv(gauss_newton / np.outer(scale, scale), rcond=1e-10))
+    without = np.diagonal(inverse, axis1=1, axis2=2)
+    return np.where(without > ALONE * whole, 0.0, shifts)
 
 
 def covariance_with_model_error(formal: FloatArray, shifts: FloatArray) -> FloatArray:

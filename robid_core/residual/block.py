@@ -15,6 +15,7 @@ from typing import Generic, Literal, Self, TypeVar
 import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
+from robid_core.effect import SignalEffect
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
@@ -203,13 +204,20 @@ class TorqueBlock(ABC, Generic[M]):
     ) -> None:
         """Evaluate laws on signals anew, and their derivatives.
 
-        Along the torque that is expected: a law in proportion to the measured one would fit its noise. `residual` and
-        `delay` are those at these coordinates.
+        Along the torque that is expected: a law in proportion to the measured one would fit its noise; where a law on
+        the motor torque cannot be undone, along the recorded one. `residual` and `delay` belong to these coordinates.
         """
         robot = self.robot_at(free, coordinates)
         if not robot.signals:
             return
         self.motion = true_motion(robot, self.recorded)
+        only_recorded = [
+            bound.place.axis
+            for bound in robot.effects
+            if issubclass(bound.effect, SignalEffect) and not bound.effect.undone
+        ]
+        residual = residual.copy()
+        residual[..., only_recorded] = 0.0
         expected = self.expected(residual, delay)
         self.added = added_torque(robot, expected)
         z = impedance(robot, self.angle, self.motion, "zero_order_hold")

@@ -16,6 +16,7 @@ import scipy
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.effect import ForceEffect, Place, SignalEffect
 from robid_core.estimation.torque.periodic import PeriodicMotion
+from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.mechanics import ForceTerm, SignalTerm
 from robid_core.mechanics.law_along import law_along
 from robid_core.mechanics.terms import CHANNELS
@@ -47,13 +48,15 @@ class EffectTorque:
             The block's robot as it was fitted.
         residual, delay
             What this robot leaves, (n_config, n_exp, n_bin, n_axis), and the delay of the torques, (1,) or (n_axis,):
-            laws on torques are asked about what is expected, whose noise is not that of the data.
+            laws on torques are asked about what is expected, whose noise is not that of the data; those that cannot be
+            undone about what was recorded.
         """
         self.block, self.robot = block, robot
         self.motion = block.expected(residual, delay)
+        self.delay = delay
         self._seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
         self._loads: dict[bytes, FloatArray] = {}
-        self._channels: dict[tuple[int, str], tuple[FloatArray, FloatArray, FloatArray]] = {}
+        self._channels: dict[tuple[int, str, bool], tuple[FloatArray, FloatArray, FloatArray]] = {}
         self._transfers: dict[bytes, ComplexArray] = {}
         self._linear: ComplexArray | None = None
 
@@ -127,7 +130,7 @@ class EffectTorque:
         if issubclass(bound.effect, SignalEffect):
             (term,) = terms
             assert isinstance(term, SignalTerm)
-            return self._of_signal(bound, signal_change(self.robot, term, self.motion))
+            return self._of_signal(bound, signal_change(self.robot, term, self._asked(bound.effect.undone)))
         total: ComplexArray = np.zeros_like(self.motion.torque_spectrum)
         for term in terms:
             assert isinstance(term, ForceTerm)
@@ -155,7 +158,8 @@ class EffectTorque:
             at = *self.seen(term.coordinate), self.load_of(term.load)
             unit = bound.effect.regressor(*at, bound.parameters, place)
             return {name: self.of_force(term.direction, force) for name, force in unit.items()}
-        unit = bound.effect.regressor(*self._channel(place.axis, place.side), bound.parameters, place)
+        channel = self._channel(place.axis, place.side, bound.effect.undone)
+        unit = bound.effect.regressor(*channel, bound.parameters, place)
         return {name: self._of_signal(bound, change) for name, change in unit.items()}
 
     @functools.cached_property
@@ -167,10 +171,22 @@ class EffectTorque:
         with_law = (bound.label, bound.place.axis, bound.place.side, change, self.motion, self.impedance)
         return torque_of_change(self.robot, *with_law)
 
-    def _channel(self, axis: int, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-        if (axis, side) not in self._channels:
-            self._channels[axis, side] = channel_signals(self.robot, self.motion, axis, side)
-        return self._channels[axis, side]
+    @functools.cached_property
+    def _recorded(self) -> MotionSpectra:
+        """With the torques that were recorded, their delay taken off."""
+        recorded: MotionSpectra = self.block.expected(np.zeros_like(self.motion.torque_spectrum), self.delay)
+        return recorded
+
+    def _asked(self, undone: bool) -> MotionSpectra:
+        return self.motion if undone else self._recorded
+
+    def _channel(
+        self, axis: int, side: str, undone: bool = True
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        key = (axis, side, undone)
+        if key not in self._channels:
+            self._channels[key] = channel_signals(self.robot, self._asked(undone), axis, side)
+        return self._channels[key]
 
     @functools.cached_property
     def _passive(self) -> ComplexArray:

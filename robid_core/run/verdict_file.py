@@ -104,6 +104,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "separation": None if finding.separation is None else _separation(finding.separation),
         "by_configuration": _numbers(finding.by_configuration),
         "held_out": _numbers(finding.held_out),
+        "by_own_size": _numbers(finding.by_own_size),
     }
 
 

@@ -63,7 +63,7 @@ def blind_case(wanted: Wanted) -> BlindCase:
         while things[1].on == things[0].on and wanted.n_axis > 1:
             things[1] = hidden(wanted.kinds[1], truth, generator)
     if wanted.single:
-        experiments = experiments.quiet_but(int(generator.integers(len(experiments.poses))))
+        experiments = experiments.quiet_but(_loudest(truth, experiments, late, things[0].on))
     found = [_sized(thing, wanted, truth, experiments, late, generator) for thing in things]
     plant = Plant(truth)
     for thing, (size, *_) in zip(things, found, strict=True):
@@ -83,6 +83,17 @@ def blind_case(wanted: Wanted) -> BlindCase:
         late,
         found[0][3] if found else np.full(wanted.n_axis, np.nan),
     )
+
+
+def _loudest(truth: Robot, experiments: Experiments, late: float, on: str) -> int:
+    """Pose in which large motions take most torque of an axis beyond what small ones take in any other."""
+    axis = truth.axis_names.index(on)
+    peaks = []
+    for few in (experiments.first(), experiments.quiet_but(-1).first()):
+        torque = _measured(Plant(truth), truth, few, late, None).run.values("motor_torque")
+        peaks.append(np.abs(torque[..., axis]).reshape(len(torque), -1).max(axis=1))
+    large, small = peaks
+    return int(np.argmax([top - np.delete(small, pose).max(initial=0.0) for pose, top in enumerate(large)]))
 
 
 def _sized(

@@ -60,7 +60,7 @@ class Experiments:
         return cls(poses, moves, each, told, None)
 
     def quiet_but(self, pose: int) -> Experiments:
-        """Return the same with small motions in all poses but one: there what grows fast with them is not seen."""
+        """Return the same with small motions in all poses but one (-1: in all)."""
         share = np.where(np.arange(len(self.references)) // self.each == pose, 1.0, QUIET)
         return replace(self, references=self.references * share[:, None, None])
 

@@ -46,6 +46,8 @@ LAWS = tuple(kind for kind in RIGHT if not kind.startswith(("value.", "structure
 STRUCTURES = tuple(kind for kind in RIGHT if kind.startswith("structure."))  # of six axes
 VALUES = tuple(kind for kind in RIGHT if kind.startswith("value."))
 
+SHIFT = 0.03  # m, of a centre of mass across its joint: along it no motor of a single axis feels it
+
 Numbers = Callable[[float], tuple[float, ...]]
 
 
@@ -162,7 +164,8 @@ def _value(kind: str, robot: Robot, axis: int, generator: np.random.Generator) -
     mass = robot.parameter(f"mass.{last}")
     centre = np.array([robot.parameter(f"centre_of_mass.{last}.{k}") for k in "xyz"])
     rotor, spring = (f"{noun}.{name}" for noun in ("rotor_inertia", "gear_stiffness"))
-    way = generator.standard_normal(3) * 0.02
+    way = np.cross(robot.description.bodies[-1].axis, generator.standard_normal(3))
+    way *= SHIFT / np.linalg.norm(way)
     offset = generator.uniform(-0.1, 0.1, 3)
 
     def loaded(size: float) -> dict[str, float]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from robid_core import ConfigurationError, Context, DataRejected, Diagnosis, Record, Robot
+from robid_core import Channel, ConfigurationError, Context, DataRejected, Diagnosis, Record, Robot
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_diagnosis.effects import Effects
@@ -54,6 +55,40 @@ def test_a_hidden_effect_is_named_and_sized(
     assert diagnosis.model is not None
     extended = Robot.of_model(diagnosis.model)
     assert [entry.use for entry in extended.description.effects.values()] == [use]
+
+
+def test_a_limit_that_one_configuration_reaches_is_named_and_said_to_be_seen_there(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """Between the largest torques of two poses; what the others lack is no error of it."""
+    plant = plant_of(told, 15)
+    torque = np.abs(measured(plant, 16).run.values("motor_torque"))
+    *_, second, first = np.sort(torque.max(axis=tuple(range(1, torque.ndim))))
+    limit = {"limit": 0.3 * first + 0.7 * second}
+    diagnosis = diagnosed(
+        measured(plant.with_effect("hidden", "drive.saturation", "axis_1", values=limit), 16), told
+    )
+    (finding,) = diagnosis.findings
+    assert (finding.kind, finding.effect, finding.names) == ("cause", "drive.saturation", ("limit",))
+    assert abs(finding.value[0] - limit["limit"]) < 4 * finding.standard_error[0] < 0.05 * limit["limit"]
+    assert finding.n_seen == 1
+    assert "seen in 1 of 4 configurations" in diagnosis.verdict
+
+
+def test_what_only_one_configuration_shows_though_all_move_is_no_cause(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """A weak ripple of the motor angle in one configuration: its size differs, and that is told as a failure."""
+    record = measured(plant_of(told, 17), 18)
+    (run,) = record.runs
+    torque = run.values("motor_torque").copy()
+    angle = run.values("motor_position")
+    torque[1] += 0.0045 * np.cos(7 * angle[1] + 0.4)
+    channels = dict(run.channels) | {"motor_torque": Channel("motor", "N m", torque)}
+    diagnosis = diagnosed(replace(record, runs=(replace(run, channels=channels),)), told)
+    assert {finding.kind for finding in diagnosis.findings} <= {"unknown"}
+    assert diagnosis.search is not None
+    assert any("differs between configurations" in reason for reason in diagnosis.search.failed)
 
 
 @pytest.mark.full

@@ -29,7 +29,7 @@ def finding(ratio: float, angle: float, length: int = 8, n_axis: int = 1) -> Fin
         line=np.array([3]),
     )
     return Finding(
-        "cause", "load.cable_spring", "axis_1", "arm", 50.0, 1e-9, 1.0, (), (), NONE, NONE, NONE, NONE, NONE,
+        "cause", "load.cable_spring", "axis_1", "arm", 50.0, 1e-9, 1.0, (), (), NONE, NONE, NONE, NONE, NONE, NONE,
         separation=separation,
     )  # fmt: skip
 

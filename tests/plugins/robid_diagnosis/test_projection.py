@@ -89,6 +89,46 @@ def test_gains_of_the_folds_are_the_gain_of_all_but_for_the_priors() -> None:
     assert projection.by_group(sums, gain, GROUPS).sum() == pytest.approx(gain.total + lost, rel=1e-6)
 
 
+def test_what_acts_in_one_group_gains_there_only() -> None:
+    """Against fits with a size for each group; a column that is zero elsewhere gains nothing there."""
+    problem = Problem(6)
+    projection = problem.projection()
+    each = np.zeros((N_FOLD, N_ROW))
+    for k, rows in enumerate(FOLDS):
+        each[k, rows] = problem.columns[0, rows]
+    sums = projection.sums(problem.columns[:1])
+    gain = projection.gain(sums, [False], blind=1e-6)
+    for k, found in enumerate(projection.by_own_size(sums, gain, GROUPS)):
+        _, without = problem.cost(np.delete(each, k, axis=0), np.zeros(N_FOLD - 1), ALL)
+        _, with_it = problem.cost(each, np.zeros(N_FOLD), ALL)
+        assert found == pytest.approx(without - with_it, rel=1e-6)
+    sums = projection.sums(each[2:3])
+    gain = projection.gain(sums, [False], blind=1e-6)
+    alone = projection.by_own_size(sums, gain, GROUPS)
+    assert alone[2] == pytest.approx(gain.total, rel=1e-6)
+    assert np.delete(alone, 2) == pytest.approx(0.0, abs=1e-9)
+    assert projection.by_group(sums, gain, GROUPS)[2] != pytest.approx(gain.total, rel=1e-3)
+
+
+def test_sizes_that_differ_between_groups_are_told_from_chance() -> None:
+    """By chance chi-square, its mean within four standard errors; a size in one group only is far beyond."""
+    found = []
+    for seed in range(200):
+        problem = Problem(300 + seed)
+        projection = problem.projection()
+        sums = projection.sums(problem.columns[:1])
+        beyond, freedom = projection.disagreement(sums, projection.gain(sums, [False], blind=1e-6), GROUPS)
+        assert freedom == N_FOLD - 1
+        found.append(beyond)
+    assert abs(np.mean(found) - freedom) < 4 * np.sqrt(2 * freedom / len(found))
+    problem = Problem(6, size=0.0)
+    problem.data[FOLDS[1]] += 2.0 * problem.columns[0, FOLDS[1]]
+    projection = problem.projection(np.linalg.solve(problem.precision, problem.rows.T @ problem.data))
+    sums = projection.sums(problem.columns[:1])
+    beyond, _ = projection.disagreement(sums, projection.gain(sums, [False], blind=1e-6), GROUPS)
+    assert scipy.stats.chi2.sf(beyond, freedom) < 1e-6
+
+
 def test_columns_that_are_not_worth_it_stay_out() -> None:
     """Of three columns one acts: the others gain what chance gains, and a column of the fit itself is not seen."""
     problem = Problem(4, size=1.0)

@@ -164,7 +164,7 @@ def test_a_rival_is_fitted_beside_what_was_found_after_it(waves: tuple[Case, Fit
     nothing = np.empty(0)
     names = cogging.hypothesis.additions[0].names
     step = Step(
-        "effect", "drive.cogging", "axis_1", "torque", names, 0.0, 0.0, nothing, nothing, (), float("nan")
+        "effect", "drive.cogging", "axis_1", "torque", names, 0.0, 0.0, *3 * [nothing], (), float("nan")
     )
     rival = Trial(ripple, 0.0, cast("Any", None), 0.0)
     assert beside(case, cogging, step, rival, lambda *_: None) is ripple

@@ -37,8 +37,9 @@ def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
         "kind": "cause", "effect": "drive.torque_constant", "on": "axis_1", "side": "torque", "p_value": 1e-9,
         "share": float("nan"), "names": ("error",), "units": ("1",), "told": np.array([np.nan]),
         "value": np.array([0.07]), "standard_error": np.array([0.006]), "held_out": np.zeros(8),
+        "by_own_size": np.array([10.0, *np.zeros(7)]),
     }  # fmt: skip
     spread = Finding(**one, gain=60.0, by_configuration=np.full(8, 7.5))
-    assert "seen in 0 of 8 configurations" in finding_line(spread, 8)
+    assert "seen in 1 of 8 configurations" in finding_line(spread, 8)
     pulled = Finding(**one, gain=60.0, by_configuration=np.full(8, 0.1))
     assert "without it told numbers would leave their tolerances" in finding_line(pulled, 8)

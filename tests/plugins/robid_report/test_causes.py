@@ -29,7 +29,7 @@ def test_the_next_experiment_stands_below_the_ties(ratio: float) -> None:
         repeat=np.array([0.1]),
     )
     finding = Finding(
-        "cause", "friction.dahl", "axis_1", "motor", 50.0, 1e-9, 1.0, (), (), NONE, NONE, NONE, NONE, NONE,
+        "cause", "friction.dahl", "axis_1", "motor", 50.0, 1e-9, 1.0, (), (), NONE, NONE, NONE, NONE, NONE, NONE,
         ties=experiment.rivals,
     )  # fmt: skip
     robot = Robot.load("one_axis")

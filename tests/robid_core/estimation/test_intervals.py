@@ -31,6 +31,24 @@ def test_shifts_are_the_exact_leave_one_out_estimates_of_a_linear_problem() -> N
         np.testing.assert_allclose(x + shifts[g], without, rtol=1e-9, atol=1e-12)
 
 
+def test_a_parameter_that_one_group_alone_tells_moves_with_no_other() -> None:
+    """Its error is the formal one, and it widens no other; without a limit it would, by thousands."""
+    rng = np.random.default_rng(7)
+    j, y, _ = linear_problem(rng, 0.0)
+    j[1:, :, 2] *= 1e-3
+    y[1:] -= j[1:, :, 2]
+    _, gradients, matrices = estimate(j, y)
+    total = matrices.sum(axis=0)
+    shifts = jackknife_shifts(total, gradients, matrices)
+    assert shifts[0, 2] == 0
+    assert (shifts[:, :2] != 0).all()
+    stated, formal = (
+        np.sqrt(np.diag(one))
+        for one in (covariance_with_model_error(np.linalg.inv(total), shifts), np.linalg.inv(total))
+    )
+    assert (stated < 2 * formal).all()
+
+
 def test_stated_errors_follow_the_scatter_with_and_without_common_errors() -> None:
     """400 draws: stated over real standard deviation stays within the jackknife's own bias."""
     for common in (0.0, 1.0):

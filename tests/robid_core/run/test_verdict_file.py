@@ -28,6 +28,7 @@ def finding(**changes: Any) -> Finding:
         "kind": "cause", "effect": "friction.stribeck", "on": "axis_2", "side": "motor", "gain": 43.0, "p_value": 1e-9,
         "share": float("nan"), "names": ("breakaway",), "units": ("N m",), "told": np.array([np.nan]),
         "value": np.array([0.3]), "standard_error": np.array([0.01]), "by_configuration": GAINS, "held_out": GAINS,
+        "by_own_size": GAINS,
         "ties": ("friction.lugre at axis_2 (motor)",),
     }  # fmt: skip
     return Finding(**{**fields, **changes})
