@@ -10,7 +10,7 @@ __version__ = "0.1.0"
 _HOME = {
     "robid_core.arrays": ("BoolArray", "ComplexArray", "FloatArray", "IntArray"),
     "robid_core.artifacts": (
-        "Artifact", "Channel", "Configurations", "DenseRun", "Design", "Diagnosis",
+        "Artifact", "Channel", "Configurations", "DenseRun", "Design", "DiagnosedData", "Diagnosis",
         "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
         "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "SeparatingExperiment",
         "TimeComparison", "Timing", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
@@ -61,6 +61,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Configurations as Configurations,
         DenseRun as DenseRun,
         Design as Design,
+        DiagnosedData as DiagnosedData,
         Diagnosis as Diagnosis,
         Doubt as Doubt,
         Excitation as Excitation,

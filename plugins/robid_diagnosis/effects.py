@@ -33,12 +33,21 @@ from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
-from robid_diagnosis.results import finding_of, model_of, timing_of, unknown_of, values_of, with_unknown
+from robid_diagnosis.results import (
+    data_of,
+    finding_of,
+    model_of,
+    timing_of,
+    unknown_of,
+    values_of,
+    with_unknown,
+)
 from robid_diagnosis.selection import Outcome, Selection, Step
 from robid_diagnosis.separation import separation
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
     asked_line,
+    data_line,
     errors_line,
     finding_line,
     separation_line,
@@ -167,16 +176,16 @@ class Effects(DiagnosisStage):
             for step in outcome.steps
         )
         findings = with_unknown(findings, unknown_of(outcome))
-        n_config = sum(len(block.motion.angle) for block in problem.blocks)
+        data = data_of(case, final, tests)
         lines = [
             line
             for finding in findings
-            for line in (finding_line(finding, n_config), separation_line(finding))
+            for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
         timing = timing_of(final)
         values = values_of(final)
         lines += [*timing_lines(timing), values_line(values)]
-        if n_config == 1:
+        if data.n_config == 1:
             lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
         if self.only:
@@ -190,6 +199,7 @@ class Effects(DiagnosisStage):
         lines.append(errors_line(errors, gain))
         if final.misfit > DOUBTFUL:
             lines.append(f"Left unexplained: misfit {final.misfit:.3g}.")
+        lines.append(data_line(data))
         failed = tuple(
             f"{one.use} at {one.on} ({one.side}): {one.reason}"
             for one in (*outcome.searches[-1].failures, *selection.failures)
@@ -212,6 +222,7 @@ class Effects(DiagnosisStage):
             ),
             timing=timing,
             left=misfit_table(problem, final.point),
+            data=data,
             model=model,
         )
 

@@ -226,12 +226,14 @@ class Case:
         delay: FloatArray | None = None,
         *,
         roughly: bool = False,
+        thorough: bool = True,
         others: Fitted | None = None,
     ) -> Fitted:
         """Fit a hypothesis, from the start or from where another one ended, its delays moved by some, (n_axis,).
 
-        `roughly`: in few passes, enough to compare it with others. `others`: a fit that has begun with the same values
-        and tells those that `begin` has not.
+        `roughly`: in few passes, enough to compare it with others. `thorough`: with better derivatives where passes do
+        not keep what they gain, which cost many motions; never where it is fitted roughly. `others`: a fit that has
+        begun with the same values and tells those that `begin` has not.
         """
         problem = self.problem(hypothesis, self.records)
         point = None if begin is None else _carried(begin, problem, others)
@@ -246,7 +248,7 @@ class Case:
             progress,
             begin=point,
             reweigh=False,
-            thorough=not roughly,
+            thorough=thorough and not roughly,
         )
         return Fitted(hypothesis, problem, solution, self.model_error)
 

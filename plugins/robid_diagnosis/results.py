@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
-from robid_core import Finding, Model, ParameterTable, Robot, SeparatingExperiment, Timing
-from robid_core.residual import estimated_robot
+from robid_core import (
+    DiagnosedData,
+    Finding,
+    Model,
+    ParameterTable,
+    Record,
+    Robot,
+    SeparatingExperiment,
+    Timing,
+)
+from robid_core.residual import estimated_robot, parts_by_variant
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.selection import Outcome, Step
@@ -117,6 +128,21 @@ def values_of(final: Fitted) -> ParameterTable:
         reported=np.array([kind in ("stiffness", "effect") for kind in kinds]),
         at_bound=np.zeros(len(names), dtype=bool),
         prior=prior,
+    )
+
+
+def data_of(case: Case, final: Fitted, tests: Sequence[Record]) -> DiagnosedData:
+    """What was looked at."""
+    blocks = final.problem.blocks
+    shapes = [block.motion.angle.shape for block in blocks]
+    variants = (variant for one in case.records for variant, _ in parts_by_variant(one))
+    return DiagnosedData(
+        n_config=sum(n_config for n_config, *_ in shapes),
+        n_experiment=sum(n_config * n_experiment for n_config, n_experiment, *_ in shapes),
+        n_test=sum(run.valid[..., 0, 0].size for one in tests for run in one.runs),
+        highest_hz=case.highest_hz,
+        noise=tuple(dict.fromkeys(block.noise_source for block in blocks)),
+        variants=tuple(dict.fromkeys(variant for variant in variants if variant)),
     )
 
 

@@ -137,7 +137,7 @@ class Trials:
         for _ in range(ROUNDS):
             before = trial.fitted
             fitted = self.case.fit(
-                before.hypothesis, self.progress, begin=before, roughly=before.leaves_noise
+                before.hypothesis, self.progress, begin=before, thorough=not before.leaves_noise
             )
             trial = self._of(fitted, trial.hit)
             if fitted.solution.converged or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import Finding, FloatArray, ParameterTable, PredictionErrors, Timing
+from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Timing
 from robid_diagnosis.intervals import over_axes
 
 LATE = 0.1  # of a sample: a delay that is told
@@ -121,6 +121,17 @@ def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful
         f"{', '.join(silent)}: nothing significant; what would have been seen: the table on the page."
         if silent
         else ""
+    )
+
+
+def data_line(data: DiagnosedData) -> str:
+    """Say what was looked at, and against what."""
+    apart = f"; {data.n_test} experiments kept apart" if data.n_test else ""
+    loads = f" with {', '.join(data.variants)}" if data.variants else ""
+    where = "1 configuration" if data.n_config == 1 else f"{data.n_config} configurations"
+    return (
+        f"Data: {data.n_experiment} experiments in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise from "
+        f"{' and '.join(data.noise)}{apart}."
     )
 
 

@@ -75,6 +75,22 @@ class VisibleSize(Artifact):
 
 
 @dataclass(frozen=True, eq=False)
+class DiagnosedData(Artifact):
+    """What a diagnosis stands on: experiments that it looked at, of which each was held out once, and against what.
+
+    `n_test` experiments of the role `test` were kept from it. `noise` says in words what weighs the bins up to
+    `highest_hz`; `variants` names the loads or tools that the robot carried, empty where it carried none.
+    """
+
+    n_config: int
+    n_experiment: int
+    n_test: int
+    highest_hz: float
+    noise: tuple[str, ...]
+    variants: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class SearchRecord(Artifact):
     """What a diagnosis tried: `trials` independent ones by their p-values; `failed` with the reason of each.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
-from robid_core.artifacts.finding import Finding, SearchRecord
+from robid_core.artifacts.finding import DiagnosedData, Finding, SearchRecord
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.timing import Timing
@@ -131,7 +131,8 @@ class Diagnosis(Artifact):
 
     `model` is the robot that was found, where the diagnosis changes the one that it was given. `findings` are causes,
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
-    `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it.
+    `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
+    `data` what was looked at.
     """
 
     method: str
@@ -145,3 +146,4 @@ class Diagnosis(Artifact):
     search: SearchRecord | None = None
     timing: Timing | None = None
     left: MisfitTable | None = None
+    data: DiagnosedData | None = None

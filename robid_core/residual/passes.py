@@ -111,8 +111,7 @@ def solve(
     fresh, settled, doubted, before, gained = True, False, False, 0.0, 0.0
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
-        if fresh:
-            _renew_signals(problem, point)
+        _renew_signals(problem, point)
         _renew(problem, point, model_error, improve=number < IMPROVED)
         if about is not None and changes[-1] > NEARLY:
             kept = before - problem.cost(point, problem.weighted(point, about.weights))

@@ -1,6 +1,7 @@
 """The verdict of a diagnosis as JSON, for programs: `verdict.<stage>.json` in the folder of a run.
 
-Fields: `verdict` (sentences), `robot` (name and hash of the one that was told), `findings` (kind, effect, axis, side,
+Fields: `verdict` (sentences), `robot` (name and hash of the one that was told), `data` (experiments in how many
+configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side,
 parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
 after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
 log-likelihood ratio for each rival, gain in each configuration and where held out), `values`
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from robid_core.arrays import FloatArray
-from robid_core.artifacts import Diagnosis, Finding, MisfitTable, SeparatingExperiment, Timing
+from robid_core.artifacts import DiagnosedData, Diagnosis, Finding, MisfitTable, SeparatingExperiment, Timing
 
 VERSION = 1
 SURE = 1.96  # standard errors to either side
@@ -34,6 +35,7 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
         "robot": {"name": robot, "sha256": sha256},
         "method": diagnosis.method,
         "verdict": diagnosis.verdict.split("\n"),
+        "data": None if diagnosis.data is None else _data(diagnosis.data),
         "findings": [_finding(one) for one in diagnosis.findings],
         "values": []
         if values is None
@@ -87,6 +89,17 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
         },
     }
     return json.dumps(told, indent=1, allow_nan=False) + "\n"
+
+
+def _data(data: DiagnosedData) -> dict[str, Any]:
+    return {
+        "configurations": data.n_config,
+        "experiments": data.n_experiment,
+        "kept_apart": data.n_test,
+        "variants": list(data.variants),
+        "highest_hz": data.highest_hz,
+        "noise": list(data.noise),
+    }
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

@@ -32,7 +32,7 @@ STEPS = 4  # of MuJoCo, a sample: what is left of a plant that hides nothing is 
 (N_AXIS, N_STEP, N_DOF, CALL) = range(4)
 (COULOMB, VISCOUS, ZERO_SPEED, SPEED_GAIN, INTEGRAL_GAIN, POSITION_GAIN, FEEDFORWARD, LIMIT, COUNTS_PER_RAD, STIFFNESS,
  DAMPING, LATE) = range(12)  # fmt: skip
-(WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS, TIME, FILTERED) = range(7)
+(WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS, TIME, FILTERED, MEAN) = range(8)
 (LAW, AXIS) = range(2)  # of LAWS, before the numbers
 ON_SIGNALS = (laws.NOTHING, laws.RESOLVER, laws.RIPPLE, laws.SATURATION, laws.LAG, laws.GAIN)
 
@@ -57,7 +57,7 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
     sample, part = step // n_step, step % n_step
     position, speed = table(POSITION, 1, n_dof)[0], table(SPEED, 1, n_dof)[0]
     applied, control = table(APPLIED, 1, n_dof)[0], table(CONTROL, 1, n_axis)[0]
-    motors, loop = table(MOTORS, 12, n_axis), table(LOOP, 7, n_axis)
+    motors, loop = table(MOTORS, 12, n_axis), table(LOOP, 8, n_axis)
     hidden, rows, gears = table(LAWS, 2, 10), table(SEEN, 2, n_dof), table(GEARS, n_axis, n_dof)
     memory, time = table(MEMORY, 2, 2), loop[TIME, 0]
     if stage == 0 and part == 0:
@@ -99,10 +99,12 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
             elif hidden[h, LAW] == laws.SATURATION:
                 torque = min(max(torque, -hidden[h, 2]), hidden[h, 2])
             elif hidden[h, LAW] == laws.LAG:
-                if stage == 0:
-                    share = np.exp(-time / n_step / hidden[h, 2])
-                    loop[FILTERED, a] = torque + (loop[FILTERED, a] - torque) * share
-                torque = loop[FILTERED, a]
+                if stage == 0:  # over a step the torque is the mean of what comes nearer to the command
+                    steps = time / n_step / hidden[h, 2]
+                    before, share = loop[FILTERED, a], np.exp(-steps)
+                    loop[FILTERED, a] = torque + (before - torque) * share
+                    loop[MEAN, a] = torque + (before - torque) * (1 - share) / steps
+                torque = loop[MEAN, a]
         control[a] = torque
         applied[a] -= motors[COULOMB, a] * np.tanh(v / motors[ZERO_SPEED, a]) + motors[VISCOUS, a] * v
     for h in range(2):
@@ -223,7 +225,7 @@ class ForeignPlant:
         mujoco.mj_forward(self.model, data)
         among = np.setdiff1d(np.arange(self.model.nv), self.own)  # the base sinks under what stands on it
         data.qpos[among] = -data.qfrc_bias[among] / self.model.jnt_stiffness[among]
-        loop = np.zeros((7, n_axis))
+        loop = np.zeros((8, n_axis))
         loop[WANTED] = loop[LAST] = rest[:n_axis]
         loop[INTEGRAL] = loop[TORQUE] = loop[PREVIOUS] = loop[FILTERED] = hold
         loop[TIME] = robot.sample_time_s

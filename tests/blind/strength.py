@@ -1,9 +1,10 @@
-"""How strongly data show what is hidden: the torque that it changes under the same motion, in standard deviations.
+"""How strongly data show what is hidden: the torque that it changes, in standard deviations.
 
-The plant's torque without noise, less what the true robot without the hidden thing would need for the same motor
-motion, and less what a plant that hides nothing leaves of itself (two simulators agree to 1e-4); what the unknowns of a
-fit can take of it (springs, dampers, friction of any width, inertia within its prior, delays) is projected out. The
-squared norm of the rest is what the hidden thing adds to twice the log-likelihood.
+The plant's torque without noise, less what a plant that hides nothing leaves of itself (two simulators agree to 1e-4),
+is fitted by the true robot without the hidden thing: springs, dampers, friction of any width, inertia within its prior
+and delays take what they can, as a diagnosis lets them. The squared norm of the rest is what the hidden thing adds to
+twice the log-likelihood. A projection at the truth would not do: a delay that is linear does all that a lag does, and a
+spring that is linear all that a soft base does.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from blind.kinds import RIGHT
 from robid_core import ComplexArray, FloatArray, Record, Robot, chosen_names
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE, SpeedFunctions
 from robid_core.residual import TorqueProblem, Weighting, default_patterns, linearise_at, torque_problem
+from robid_core.residual.steps import minimised
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import PRIORS
@@ -28,6 +30,7 @@ from robid_diagnosis.search import Search
 CLASS = 3.0  # of twice the log-likelihood: laws that come nearer to the truth are one class with it
 REFINED = 6  # candidates whose shape is looked at closer before they are compared with the truth
 NOISE_ALONE = 1e-6  # relative error of a model that counts for nothing
+PASSES = 2  # of the fit: more change strengths by less than a tenth (soft bases, lags, hysteresis)
 ANY = 1e-3  # likewise, where no weights are asked for
 
 
@@ -39,8 +42,8 @@ class Ruler:
     late: float
     """Samples after which torques act."""
     weights: tuple[Weighting, ...]
-    residual: FloatArray
-    """Of the plant that hides nothing, weighted, (n_row,)."""
+    off: ComplexArray
+    """Residual of the plant that hides nothing, N m, (n_config, n_exp, n_bin, n_axis)."""
     floor: FloatArray
     """What noise alone leaves of the torque, relative to it, all bins but the mean, (n_axis,)."""
 
@@ -49,47 +52,61 @@ class Ruler:
         """Prepare with two records of the plant that hides nothing; the noise of one weighs."""
         problem, point = _at_truth(robot, noisy, late)
         weights = linearise_at(problem, point, NOISE_ALONE).weights
-        ruler = cls(robot, late, weights, np.empty(0), np.empty(0))
-        nothing = ruler.strength(clean)
-        noise = _power(problem.residuals(point)[0] - nothing.problem.residuals(point)[0])
-        floor = np.sqrt(noise / _power(problem.blocks[0].motion.torque_spectrum))
-        return replace(ruler, residual=nothing.projection.residual, floor=floor)
+        nothing, _ = _at_truth(robot, clean, late)
+        linearise_at(nothing, point, ANY)
+        (off,), (measured,) = nothing.residuals(point), problem.residuals(point)
+        floor = np.sqrt(_power(measured - off) / _power(problem.blocks[0].motion.torque_spectrum))
+        return cls(robot, late, weights, off, floor)
 
     def strength(self, clean: Record) -> Strength:
-        """Hold the noise-free record of a plant that hides something against the true robot without it."""
+        """Fit the true robot, without what is hidden, to the noise-free record of a plant that hides something."""
         problem, point = _at_truth(self.robot, clean, self.late)
-        linearise_at(problem, point, ANY)
-        about = problem.linearise(point, self.weights)
-        weighted = problem.weighted(point, self.weights)
-        lengths = [own.shape[-1] for own in weighted for _ in range(own.shape[0] * own.shape[1])]
-        ends = np.cumsum([0, *lengths])
-        folds = [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
-        residual = np.concatenate([own.ravel() for own in weighted])
-        if len(self.residual):
-            residual = residual - self.residual
-        rows, none = np.concatenate(about.rows), np.zeros(problem.n_unknown)
-        return Strength(problem, point, self.weights, Projection(rows, residual, about.whole, none, folds))
+        (block,) = problem.blocks
+        turn = np.exp(1j * block.motion.omega[:, None] * problem.delay(point))
+        block.motion = replace(block.motion, torque_spectrum=block.motion.torque_spectrum - self.off / turn)
+        for _ in range(PASSES):
+            linearise_at(problem, point, ANY)
+            point = minimised(problem, point, problem.linearise(point, self.weights))
+        return Strength(problem, point, self.weights)
 
 
 @dataclass(frozen=True, eq=False)
 class Strength:
-    """What a hidden thing adds to the torque, in standard deviations, and what a fit could take of it."""
+    """A fit without what is hidden, and what it leaves, in standard deviations."""
 
     problem: TorqueProblem
     point: FloatArray
+    """Where the unknowns went."""
     weights: tuple[Weighting, ...]
-    projection: Projection
 
     @functools.cached_property
     def total(self) -> float:
-        """Squared norm of what no unknown of a fit can take."""
-        taken = self.projection.fitted.T @ self.projection.residual
-        return float(self.projection.residual @ self.projection.residual - taken @ taken)
+        """Squared norm of what no unknown of a fit can take, and of what priors ask for these."""
+        n = self.problem.n_free
+        pulls = (self.point / self.problem.prior)[:n]
+        return float(sum((own**2).sum() for own in self._weighted) + (pulls**2).sum())
+
+    @functools.cached_property
+    def projection(self) -> Projection:
+        """What it leaves, and what its unknowns can still do."""
+        linearise_at(self.problem, self.point, ANY)
+        about = self.problem.linearise(self.point, self.weights)
+        lengths = [own.shape[-1] for own in self._weighted for _ in range(own.shape[0] * own.shape[1])]
+        ends = np.cumsum([0, *lengths])
+        folds = [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+        residual = np.concatenate([own.ravel() for own in self._weighted])
+        pull = self.point / self.problem.prior**2
+        return Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
+
+    @functools.cached_property
+    def _weighted(self) -> list[FloatArray]:
+        return self.problem.weighted(self.point, self.weights)
 
     def alike(self, kind: str, on: str, generator: np.random.Generator) -> tuple[str, ...]:
         """Laws of the catalogue, `effect@place`, that explain the noise-free data as well as a kind's own laws do."""
+        projection = self.projection
         motion = Motion(self.problem, self.point, self.weights)
-        search = Search(motion, self.projection, generator)
+        search = Search(motion, projection, generator)
         found = search.run(catalogue(), {}, lambda *_: None)
         own = [hit for hit in found.hits if hit.candidate.use in RIGHT[kind] and hit.candidate.spot.on == on]
         rest = [hit for hit in found.hits if hit not in own][:REFINED]

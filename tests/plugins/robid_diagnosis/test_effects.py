@@ -29,6 +29,7 @@ PEDESTAL = {"stiffness_x": 2e6, "stiffness_y": 2e6, "damping_x": 1e3, "damping_y
 HIDDEN: dict[str, tuple[str, Values, str]] = {
     "load-dependent": ("friction.load_dependent", BY_LOAD, "load_coulomb"),
     "gear": ("transmission.kinematic_error", {"amplitude": 4e-5, "order": 2.0, "phase": 0.7}, "amplitude"),
+    "lag": ("drive.current_loop", {"time_constant": 1e-3, "delay": 0.0}, "time_constant"),
     "pedestal": ("structure.foundation_sway", PEDESTAL, "stiffness_x"),
 }  # fmt: skip
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robid_core import (
+    DiagnosedData,
     Diagnosis,
     Finding,
     MisfitTable,
@@ -39,11 +40,16 @@ def test_what_is_told_stands_in_the_file() -> None:
     search = SearchRecord(
         145, 61.0, ("friction.stribeck",), ("load.payload",), ("drive.saturation: no",), visible
     )
-    diagnosis = Diagnosis("effects", "First line.\nSecond.", findings=(finding(),), search=search)
+    data = DiagnosedData(4, 12, 2, 100.0, ("differences between periods",), ("loaded",))
+    diagnosis = Diagnosis("effects", "First line.\nSecond.", findings=(finding(),), search=search, data=data)
     told = json.loads(verdict_json(diagnosis, "arm.yaml", "abc"))
     assert told["robid_verdict"] == 1
     assert told["robot"] == {"name": "arm.yaml", "sha256": "abc"}
     assert told["verdict"] == ["First line.", "Second."]
+    assert told["data"] == {
+        "configurations": 4, "experiments": 12, "kept_apart": 2, "variants": ["loaded"], "highest_hz": 100.0,
+        "noise": ["differences between periods"],
+    }  # fmt: skip
     (found,) = told["findings"]
     assert found["by_configuration"] == [40.0, 3.0, None]
     assert found["share_of_ceiling"] is None
