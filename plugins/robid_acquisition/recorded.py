@@ -125,10 +125,13 @@ class RecordedAcquisition(Sources):
         refuse_others(super().external_files(root), self.sha256, name, self.origin)
         if not self.channels:
             record = _own_record(reader_of(name, self.format), root / name, robot)
-            return record.replace(variants=(self.variant,) * len(record.angle)) if self.variant else record
-        arrangement = arrange(self.recordings(root))
-        self._tell(arrangement, context)
-        return self._record(arrangement, robot, context)
+            if self.variant:
+                record = record.replace(variants=(self.variant,) * len(record.angle))
+        else:
+            arrangement = arrange(self.recordings(root))
+            self._tell(arrangement, context)
+            record = self._record(arrangement, robot, context)
+        return _of_role(record, self.role) if self.role else record
 
     def _tell(self, arrangement: Arrangement, context: Context) -> None:
         """Warn of what is missing, or refuse."""
@@ -252,6 +255,15 @@ def _dense_run(arrangement: Arrangement, channels: dict[str, Channel], sample_ti
         test=test if test.any() else None,
         constant_names=constants,
         constants=each(lambda one: [one.constants[name] for name in constants]) if constants else None,
+    )
+
+
+def _of_role(record: Record, role: str) -> Record:
+    """Return the record with one role for all its experiments."""
+    shapes = (run.valid.shape[:3] for run in record.runs)
+    tests = [np.ones(shape, dtype=bool) if role == "test" else None for shape in shapes]
+    return record.replace(
+        runs=tuple(run.replace(test=test) for run, test in zip(record.runs, tests, strict=True))
     )
 
 

@@ -181,6 +181,12 @@ class Projection:
             found.append(left @ solved(matrix[np.ix_(own, own)] - between @ taken, left))
         return np.array(found)
 
+    def concentration(self, sums: Sums, gain: Gain, groups: Sequence[Sequence[int]]) -> float:
+        """Share of the squared columns, with the sizes that all tell, in the group that has most of it."""
+        some = sums.of_columns(gain.chosen)
+        each = np.array([gain.size @ some.over(group).own @ gain.size for group in groups])
+        return float(each.max() / each.sum())
+
     def disagreement(self, sums: Sums, gain: Gain, groups: Sequence[Sequence[int]]) -> tuple[float, int]:
         """What sizes of its own in each group gain beyond common ones: chi-square by chance, of so many degrees."""
         matrix, slope = self._own_sizes(sums, gain, groups)

@@ -16,7 +16,7 @@ import scipy
 from robid_core import FloatArray, RobidError, VisibleSize
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.ceilings import Ceiling, ceilings
-from robid_diagnosis.columns import Motion
+from robid_diagnosis.columns import WHOLE, Motion
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.pictures import Picture, picture_of
@@ -41,6 +41,7 @@ PART = 0.5  # of the gain of free functions at its axis: a law that gains less i
 DIFFERENT = (
     0.3  # of a gain: what sizes of their own in each configuration would gain beyond a common one, at most
 )
+NOWHERE_ELSE = 0.99  # of a law's squared torque in one configuration: no other one can say anything of it
 MODEST = 300.0  # likewise, absolute: strong laws differ by what is wrong in their shape
 
 Progress = Callable[[float, float, str], None]
@@ -251,9 +252,14 @@ class Selection:
         held = projection.held_out(whole.sums, whole.gain, groups)
         if held.sum() < LEAST / 2 and trial.gain_of_tolerances < TOLERANCES * trial.gain:
             single = [[i] for i in range(len(projection.folds))]
-            if projection.held_out(whole.sums, whole.gain, single).sum() < LEAST / 2:
+            told = projection.held_out(whole.sums, whole.gain, single).sum() > LEAST / 2
+            if not told and projection.concentration(whole.sums, whole.gain, groups) < NOWHERE_ELSE:
                 return None
         beyond, freedom = projection.disagreement(whole.sums, whole.gain, groups)
+        if (
+            WHOLE in whole.columns.names
+        ):  # in proportion to nothing: sizes differ where the shape is a little off
+            beyond = 0.0
         if DIFFERENT * whole.gain.total < beyond < MODEST and scipy.stats.chi2.sf(beyond, freedom) < LEVEL:
             reason = f"its size differs between configurations (chi-square {beyond:.3g} of {freedom} degrees)"
             self.failures.append(Failure(*whole.candidate.key, reason))

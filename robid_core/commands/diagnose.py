@@ -27,6 +27,8 @@ class Asked:
     exclude: list[str] = field(default_factory=list)
     robots: dict[str, str] = field(default_factory=dict)
     """Robot files of records that have one of their own, by the record's name."""
+    apart: list[str] = field(default_factory=list)
+    """Names of records that are kept for the last judgement."""
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -64,6 +66,14 @@ def command(
             help="A record that was measured under another robot file: another payload, told as an effect.",
         ),
     ] = None,
+    keep_apart: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--keep-apart",
+            metavar="RECORD",
+            help="A further record that only the last judgement sees: how well the robot predicts it.",
+        ),
+    ] = None,
     continued: Annotated[
         Path | None,
         typer.Option(
@@ -88,8 +98,15 @@ def command(
 
     if test and (only or exclude):
         raise ConfigurationError("--test asks for one law; leave --only and --exclude away")
+    apart = keep_apart or []
+    records = [*records, *apart]
     root, names = below_one_folder(records, data)
-    asked = Asked([test] if test else only or [], exclude or [], robots_of(variant or [], records, names))
+    asked = Asked(
+        [test] if test else only or [],
+        exclude or [],
+        robots_of(variant or [], records, names),
+        names[len(names) - len(apart) :],
+    )
     drives = drives_of(continued) if continued is not None else None
 
     def run(experiment: SeparatingExperiment | None = None) -> Pipeline:
@@ -171,7 +188,9 @@ def pipeline_text(
     stages: dict[str, Any] = {
         f"record_{number + 1}": {
             "use": "acquisition.recorded",
-            "with": {"path": name} | ({"variant": name} if name in asked.robots else {}),
+            "with": {"path": name}
+            | ({"variant": name} if name in asked.robots else {})
+            | ({"role": "test"} if name in asked.apart else {}),
         }
         for number, name in enumerate(records)
     }

@@ -277,6 +277,18 @@ def test_where_no_variant_is_told_the_setting_names_it(tmp_path: Path, read: Rea
     assert read(path="c1.npz").variants == ()
 
 
+def test_one_role_for_all_experiments(tmp_path: Path, read: Read) -> None:
+    """Whatever names of files say."""
+    save(tmp_path, "c1_train.npz", 1.0)
+    save(tmp_path, "c2_test.npz", 2.0)
+    test = read(pattern="c{config}_{role}.npz", role="test").run.test
+    assert test is not None
+    assert test.all()
+    assert read(pattern="c{config}_{role}.npz", role="train").run.test is None
+    with pytest.raises(ValidationError, match="'train' or 'test'"):
+        read(path="c1_test.npz", role="judge")
+
+
 @pytest.mark.parametrize(
     ("pattern", "told"),
     [

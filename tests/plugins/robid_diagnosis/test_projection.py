@@ -107,6 +107,7 @@ def test_what_acts_in_one_group_gains_there_only() -> None:
     alone = projection.by_own_size(sums, gain, GROUPS)
     assert alone[2] == pytest.approx(gain.total, rel=1e-6)
     assert np.delete(alone, 2) == pytest.approx(0.0, abs=1e-9)
+    assert projection.concentration(sums, gain, GROUPS) == 1
     assert projection.by_group(sums, gain, GROUPS)[2] != pytest.approx(gain.total, rel=1e-3)
 
 

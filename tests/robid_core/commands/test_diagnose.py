@@ -49,6 +49,17 @@ def test_a_record_of_another_payload_has_its_robot(tmp_path: Path) -> None:
             robots_of([wrong], records, names)
 
 
+def test_a_record_that_is_kept_apart_has_the_role_test(tmp_path: Path) -> None:
+    """It is read last, and explained with the others, which then keep it for the last judgement."""
+    for name in ("a.mcap", "b.mcap"):
+        (tmp_path / name).write_bytes(b"")
+    text = pipeline_text("one_axis", ["a.mcap", "b.mcap"], Asked(apart=["b.mcap"]))
+    (tmp_path / FILE).write_text(text, encoding="utf-8")
+    pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
+    assert [pipeline.stage(f"record_{k}").stage.role for k in (1, 2)] == ["", "test"]  # type: ignore[attr-defined]
+    assert tuple(pipeline.stage("explain").inputs["record"]) == ("record_1", "record_2")
+
+
 def test_records_are_named_below_the_folder_that_holds_them_all(tmp_path: Path) -> None:
     for name in ("monday/a.mcap", "tuesday/b.mcap"):
         (tmp_path / name).parent.mkdir()
