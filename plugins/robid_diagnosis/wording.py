@@ -130,7 +130,7 @@ def data_line(data: DiagnosedData) -> str:
     loads = f" with {', '.join(data.variants)}" if data.variants else ""
     where = "1 configuration" if data.n_config == 1 else f"{data.n_config} configurations"
     return (
-        f"Data: {data.n_experiment} experiments in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise from "
+        f"Data: {data.n_experiment} experiments in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise: "
         f"{' and '.join(data.noise)}{apart}."
     )
 
