@@ -249,7 +249,7 @@ class SignalEffect(_LawEffect):
 
     channels: ClassVar[tuple[SignalChannel, ...]]
     """Where the effect may sit; the first is the default."""
-    undone: ClassVar[bool] = True
+    invertible: ClassVar[bool] = True
     """Whether the acting torque tells the commanded one. Of a limit it does not: fits ask such a law about the recorded
     torque of its axis, noise and all, and every other law about the torque that the model expects."""
 

@@ -11,12 +11,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from robid_core import FloatArray, RobidError, VisibleSize
 from robid_diagnosis.additions import is_fixed, scaled_parameters
+from robid_diagnosis.agreement import differs_between, holds_elsewhere
 from robid_diagnosis.ceilings import Ceiling, ceilings
-from robid_diagnosis.columns import WHOLE, Motion
+from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.pictures import Picture, picture_of
@@ -37,12 +37,6 @@ WORSE = (
     1.02  # of the misfit before: what fits data worse is no cause, however near numbers come to what was told
 )
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
-
-DIFFERENT = (
-    0.3  # of a gain: what sizes of their own in each configuration would gain beyond a common one, at most
-)
-NOWHERE_ELSE = 0.99  # of a law's squared torque in one configuration: no other one can say anything of it
-MODEST = 300.0  # likewise, absolute: strong laws differ by what is wrong in their shape
 
 Progress = Callable[[float, float, str], None]
 
@@ -250,19 +244,12 @@ class Selection:
         assert trial.addition is not None
         projection, whole = search.projection, trial.hit
         held = projection.held_out(whole.sums, whole.gain, groups)
-        if held.sum() < LEAST / 2 and trial.gain_of_tolerances < TOLERANCES * trial.gain:
-            single = [[i] for i in range(len(projection.folds))]
-            told = projection.held_out(whole.sums, whole.gain, single).sum() > LEAST / 2
-            if not told and projection.concentration(whole.sums, whole.gain, groups) < NOWHERE_ELSE:
-                return None
-        beyond, freedom = projection.disagreement(whole.sums, whole.gain, groups)
-        if (
-            WHOLE in whole.columns.names
-        ):  # in proportion to nothing: sizes differ where the shape is a little off
-            beyond = 0.0
-        if DIFFERENT * whole.gain.total < beyond < MODEST and scipy.stats.chi2.sf(beyond, freedom) < LEVEL:
-            reason = f"its size differs between configurations (chi-square {beyond:.3g} of {freedom} degrees)"
-            self.failures.append(Failure(*whole.candidate.key, reason))
+        by_tolerances = trial.gain_of_tolerances >= TOLERANCES * trial.gain
+        if not (by_tolerances or holds_elsewhere(projection, whole, groups)):
+            return None
+        differs = differs_between(projection, whole, groups)
+        if differs:
+            self.failures.append(Failure(*whole.candidate.key, differs))
             return None
         return Step(
             "effect",

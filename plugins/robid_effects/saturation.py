@@ -86,7 +86,7 @@ class Saturation(SignalEffect):
 
     source = "Booton 1954; Gelb and Vander Velde 1968, Multiple-Input Describing Functions"
     channels = ("torque",)
-    undone = False
+    invertible = False
     law = staticmethod(saturation_law)
     n_state = 2
     parameters = (

@@ -205,7 +205,7 @@ class TorqueBlock(ABC, Generic[M]):
         """Evaluate laws on signals anew, and their derivatives.
 
         Along the torque that is expected: a law in proportion to the measured one would fit its noise; where a law on
-        the motor torque cannot be undone, along the recorded one. `residual` and `delay` belong to these coordinates.
+        the motor torque is not invertible, along the recorded one. `residual` and `delay` belong to these coordinates.
         """
         robot = self.robot_at(free, coordinates)
         if not robot.signals:
@@ -214,7 +214,7 @@ class TorqueBlock(ABC, Generic[M]):
         only_recorded = [
             bound.place.axis
             for bound in robot.effects
-            if issubclass(bound.effect, SignalEffect) and not bound.effect.undone
+            if issubclass(bound.effect, SignalEffect) and not bound.effect.invertible
         ]
         residual = residual.copy()
         residual[..., only_recorded] = 0.0

@@ -48,8 +48,8 @@ class EffectTorque:
             The block's robot as it was fitted.
         residual, delay
             What this robot leaves, (n_config, n_exp, n_bin, n_axis), and the delay of the torques, (1,) or (n_axis,):
-            laws on torques are asked about what is expected, whose noise is not that of the data; those that cannot be
-            undone about what was recorded.
+            laws on torques are asked about what is expected, whose noise is not that of the data; those that are not
+            invertible about what was recorded.
         """
         self.block, self.robot = block, robot
         self.motion = block.expected(residual, delay)
@@ -130,7 +130,9 @@ class EffectTorque:
         if issubclass(bound.effect, SignalEffect):
             (term,) = terms
             assert isinstance(term, SignalTerm)
-            return self._of_signal(bound, signal_change(self.robot, term, self._asked(bound.effect.undone)))
+            return self._of_signal(
+                bound, signal_change(self.robot, term, self._asked(bound.effect.invertible))
+            )
         total: ComplexArray = np.zeros_like(self.motion.torque_spectrum)
         for term in terms:
             assert isinstance(term, ForceTerm)
@@ -158,7 +160,7 @@ class EffectTorque:
             at = *self.seen(term.coordinate), self.load_of(term.load)
             unit = bound.effect.regressor(*at, bound.parameters, place)
             return {name: self.of_force(term.direction, force) for name, force in unit.items()}
-        channel = self._channel(place.axis, place.side, bound.effect.undone)
+        channel = self._channel(place.axis, place.side, bound.effect.invertible)
         unit = bound.effect.regressor(*channel, bound.parameters, place)
         return {name: self._of_signal(bound, change) for name, change in unit.items()}
 
@@ -177,15 +179,15 @@ class EffectTorque:
         recorded: MotionSpectra = self.block.expected(np.zeros_like(self.motion.torque_spectrum), self.delay)
         return recorded
 
-    def _asked(self, undone: bool) -> MotionSpectra:
-        return self.motion if undone else self._recorded
+    def _asked(self, invertible: bool) -> MotionSpectra:
+        return self.motion if invertible else self._recorded
 
     def _channel(
-        self, axis: int, side: str, undone: bool = True
+        self, axis: int, side: str, invertible: bool = True
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        key = (axis, side, undone)
+        key = (axis, side, invertible)
         if key not in self._channels:
-            self._channels[key] = channel_signals(self.robot, self._asked(undone), axis, side)
+            self._channels[key] = channel_signals(self.robot, self._asked(invertible), axis, side)
         return self._channels[key]
 
     @functools.cached_property
