@@ -49,7 +49,7 @@ stages:
 def finding(separation: SeparatingExperiment | None) -> Finding:
     none = np.empty(0)
     return Finding(
-        "cause", "load.cable_spring", "axis_1", "arm", 50.0, 1e-9, 1.0, (), (), none, none, none, none, none,
+        "cause", "load.cable_spring", "axis_1", "arm", 50.0, 1e-9, 1.0, (), (), none, none, none, none, none, none,
         separation=separation,
     )  # fmt: skip
 
