@@ -123,7 +123,8 @@ class Search:
                 continue
             wanted = [one for one in candidates if use not in places or one.spot.on in places[use]]
             n_tried += len(wanted)
-            tried |= dict.fromkeys([use] if wanted else [])
+            if wanted:
+                tried[use] = None
             for first in range(0, len(wanted), TOGETHER):
                 for hit, by_chance in self._together(wanted[first : first + TOGETHER], failures):
                     candidate = hit.candidate

@@ -53,7 +53,7 @@ class EffectTorque:
         """
         self.block, self.robot = block, robot
         self.motion = block.expected(residual, delay)
-        self.delay = delay
+        self._delay = delay
         self._seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
         self._loads: dict[bytes, FloatArray] = {}
         self._channels: dict[tuple[int, str, bool], tuple[FloatArray, FloatArray, FloatArray]] = {}
@@ -176,7 +176,7 @@ class EffectTorque:
     @functools.cached_property
     def _recorded(self) -> MotionSpectra:
         """With the torques that were recorded, their delay taken off."""
-        recorded: MotionSpectra = self.block.expected(np.zeros_like(self.motion.torque_spectrum), self.delay)
+        recorded: MotionSpectra = self.block.expected(np.zeros_like(self.motion.torque_spectrum), self._delay)
         return recorded
 
     def _asked(self, invertible: bool) -> MotionSpectra:

@@ -279,7 +279,8 @@ def _within_steps(robot: Robot, motion: MotionSpectra) -> tuple[FloatArray, Floa
 def _of_steps(robot: Robot, motion: MotionSpectra, torque: FloatArray) -> ComplexArray:
     """Spectrum of a torque that is constant within each step, as that of one that is held for a sample.
 
-    What images of either do to the samples differs by 3e-4 at most (lag of a sample, bins to a tenth of the rate).
+    What images of either do to the samples differs by 3e-4 at most (lag of a sample, bins to a tenth of the rate; by
+    hand).
     """
     within = 0.5 * motion.omega * robot.step_s
     step = np.sinc(within / np.pi) * np.exp(-1j * within)

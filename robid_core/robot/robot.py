@@ -234,14 +234,17 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         if partial:
             return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces, partial)
         key = (motor.shape, motor.tobytes())
-        if key not in self._rest:
-            self._rest.clear()
-            self._rest[key] = (
-                solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
-                if self.bending_forces
-                else self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
-            )
-        return self._rest[key]
+        found = self._rest.get(key)
+        if found is None:
+            if self.bending_forces:
+                found = solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
+            else:
+                found = self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
+            for values in (found.position, found.joint, found.torque):
+                values.setflags(write=False)
+            self._rest.clear()  # threads may ask for others meanwhile: what is returned is not read from here
+            self._rest[key] = found
+        return found
 
     @functools.cached_property
     def _rest(self) -> dict[tuple[tuple[int, ...], bytes], Equilibrium]:

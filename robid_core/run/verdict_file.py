@@ -4,7 +4,7 @@ Fields: `verdict` (sentences), `robot` (name and hash of the one that was told),
 configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side,
 parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
 after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
-log-likelihood ratio for each rival, gain in each configuration and where held out), `values`
+log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values`
 (all that was estimated, with the tolerance that was told), `timing` (by how many samples the torque of each axis lags),
 `errors` (torque that each model leaves), `left` (misfit of each axis in each band, on the excited lines and in the bins
 between), `searched` (how many, which, excluded, failed,

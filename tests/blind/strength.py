@@ -30,7 +30,7 @@ from robid_diagnosis.search import Search
 CLASS = 3.0  # of twice the log-likelihood: laws that come nearer to the truth are one class with it
 REFINED = 6  # candidates whose shape is looked at closer before they are compared with the truth
 NOISE_ALONE = 1e-6  # relative error of a model that counts for nothing
-PASSES = 2  # of the fit: more change strengths by less than a tenth (soft bases, lags, hysteresis)
+PASSES = 2  # of the fit: more change strengths by less than a tenth (soft bases, lags, hysteresis; by hand)
 ANY = 1e-3  # likewise, where no weights are asked for
 
 

@@ -1,5 +1,6 @@
 """The robot: its file, its names, its equilibrium and its linear model against independent mechanics."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -139,3 +140,16 @@ def test_an_unknown_robot_names_the_packaged_ones() -> None:
 def test_a_robot_whose_name_is_misspelt_is_asked_after() -> None:
     with pytest.raises(ConfigurationError, match="did you mean 'six_axis_true'"):
         Robot.load("six_axes_true")
+
+
+def test_threads_that_ask_for_other_poses_get_their_own_rest() -> None:
+    """A robot keeps its last rest; who asks meanwhile for another one must not take it, and none may be changed."""
+    robot = Robot.load("six_axis")
+    poses = np.random.default_rng(1).uniform(-0.5, 0.5, (8, 1, 6))
+    alone = [Robot.load("six_axis").equilibrium(pose).torque for pose in poses]
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda k: robot.equilibrium(poses[k % 8]).torque, range(400)))
+    for k, torque in enumerate(found):
+        np.testing.assert_array_equal(torque, alone[k % 8])
+    with pytest.raises(ValueError, match="read-only"):
+        found[0][0, 0] = 0.0
