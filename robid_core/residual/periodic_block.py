@@ -133,9 +133,10 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
             motion = self.motion.of_configuration(c)
             speed = motion.fine_speed()
             torque = np.repeat(motion.torque, FINER, axis=2) - coefficient[-1]
-            for rubbing, size in zip(self.laws.along(speed), coefficient[:-1], strict=True):
-                rubbing *= size
-                torque -= rubbing
+            rubbing = np.zeros(speed.shape, dtype=np.float32)
+            for law, size in zip(self.laws.along(speed.astype(np.float32)), coefficient[:-1], strict=True):
+                rubbing += law * size.astype(np.float32)
+            torque -= rubbing
             speed = motion.fine_speed(np.matmul(torque, mobility[c]))
             friction[:, c] = friction_spectra(motion, self.laws, speed)[:, 0]
         self.friction = friction

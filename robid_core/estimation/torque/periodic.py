@@ -181,7 +181,7 @@ def friction_deviation(motion: PeriodicMotion, laws: SpeedFunctions) -> ComplexA
     found = np.zeros((len(laws.names) - 1, *motion.torque_deviation.shape), dtype=np.complex128)
     for period in range(n_period):
         speed = motion.speed_of_period(period)
-        for k, torque in enumerate(laws.along(speed)):
+        for k, torque in enumerate(laws.along(speed.astype(np.float32))):
             found[k, :, :, period] = motion.held_spectrum(torque)
     found -= found.mean(axis=3, keepdims=True)
     return found

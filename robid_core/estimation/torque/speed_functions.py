@@ -93,13 +93,13 @@ class SpeedFunctions:
         return SpeedFunctions(self.odd[:, axis : axis + 1], self.even[:, axis : axis + 1])
 
     def along(self, speed: FloatArray) -> Iterator[FloatArray]:
-        """Evaluate one after another at speeds, rad/s, shape (..., n_axis)."""
+        """Evaluate one after another at speeds, rad/s, shape (..., n_axis), in their precision."""
         squares: dict[int, FloatArray] = {}
         for width in self.odd:
-            value = speed / width
+            value = speed / width.astype(speed.dtype)
             np.tanh(value, out=value)
             for number in np.flatnonzero((self.even == width).all(axis=1)).tolist():
                 squares[number] = value * value
             yield value
         for number, width in enumerate(self.even):
-            yield squares[number] if number in squares else np.tanh(speed / width) ** 2
+            yield squares[number] if number in squares else np.tanh(speed / width.astype(speed.dtype)) ** 2

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robid_core import DataRejected
-from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.periodic import friction_deviation, periodic_motion_of
+from robid_core.estimation.torque.spectra import friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 
@@ -52,6 +53,25 @@ def test_a_sharp_law_is_what_a_grid_a_hundred_times_finer_says() -> None:
     fine = np.fft.rfft(np.tanh(0.1 * 2 * np.pi * 5 * np.cos(2 * np.pi * 5 * time) / 0.5))[:101] / len(time)
     # Harmonics above half the grid's 4 kHz fold back: those of tanh fall by exp(-pi w / 2 per unit of phase).
     np.testing.assert_allclose(found, fine, atol=1e-9)
+
+
+def test_functions_in_single_precision_are_those_of_double_precision() -> None:
+    """They have level 1 and 24 bits: a function errs by 2^-24 or two, and its spectrum, a mean, by less."""
+    motion = motion_of(swings(), swings() + 1e-3 * np.random.default_rng(3).standard_normal(swings().shape))
+    laws = SpeedFunctions.about(np.array([0.5, 0.3]), np.array([3.0, 2.0]))
+    speed = motion.fine_speed()
+    exact = np.stack([motion.held_spectrum(law) for law in laws.along(speed)])
+    found = friction_spectra(motion, laws, speed)
+    assert next(laws.along(speed)).dtype == np.float64
+    np.testing.assert_allclose(found[:-1], exact, rtol=0, atol=3 * 2**-24)
+    exact_periods = np.stack(
+        [[motion.held_spectrum(law) for law in laws.along(motion.speed_of_period(p))] for p in range(2)]
+    )
+    exact_periods = np.moveaxis(exact_periods, 0, 3)
+    deviation = friction_deviation(motion, laws)
+    np.testing.assert_allclose(
+        deviation, exact_periods - exact_periods.mean(axis=3, keepdims=True), rtol=0, atol=3 * 2**-24
+    )
 
 
 @pytest.mark.parametrize(
