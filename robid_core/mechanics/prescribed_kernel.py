@@ -40,7 +40,7 @@ def hold_motion(chain, plant, terms, chain_work, work, state, given, mean, step)
     middle, middle_speed, spring, right = work.middle, work.middle_speed, work.spring, work.right
     system, fill, torque = work.system, plant.fill, work.command
     n, n_axis, n_term = right.shape[0], torque.shape[0], terms.force.shape[0]
-    n_free, half = n - n_axis, 0.5 * step
+    n_free, half, share = n - n_axis, 0.5 * step, 1.0 / given.shape[0]
     for a in range(n_axis):
         mean[a] = 0.0
     for part in range(given.shape[0]):
@@ -49,7 +49,9 @@ def hold_motion(chain, plant, terms, chain_work, work, state, given, mean, step)
             middle_speed[i] = v
             middle[i] = position[i] + 0.5 * half * (speed[i] + v)
             spring[i], right[i] = position[i] + half * speed[i], speed[i]
-            work.start[i] = position[i]
+        if n_term > 0:
+            for i in range(n):
+                work.start[i] = position[i]
         force = row_of(work.stage, 0)
         for i in range(n):
             moment = 0.0 * middle[0]
@@ -99,7 +101,7 @@ def hold_motion(chain, plant, terms, chain_work, work, state, given, mean, step)
             speed[i] = speed[i] + step * right[i]
         advance_laws(terms, work, law_state, position, step)
         for a in range(n_axis):
-            mean[a] = mean[a] + torque[a] / given.shape[0]
+            mean[a] = mean[a] + share * torque[a]
 
 
 @kernel

@@ -168,10 +168,13 @@ def test_what_is_no_motion_is_refused() -> None:
     robot = Robot.load("six_axis")
     motor = robot.motor_angle(ANGLE)
     state = standing(robot, motor)
+    gap, endless = np.zeros((3, 80, 6)), np.zeros((3, 80, 6))
+    gap[2, -1, 5], endless[0, 0, 0] = np.nan, np.inf
     for acceleration, why in (
         (np.zeros((3, 81, 6)), "4 steps a sample"),
         (np.zeros((3, 80, 5)), "give"),
-        (np.full((3, 80, 6), np.nan), "NaN"),
+        (gap, "NaN or infinite"),
+        (endless, "NaN or infinite"),
     ):
         with pytest.raises(ConfigurationError, match=why):
             robot.prescribe(MotorMotion(motor, np.zeros((3, 6)), acceleration), state)
