@@ -21,7 +21,6 @@ from robid_core import (
     Diagnosis,
     DiagnosisStage,
     FloatArray,
-    PredictionErrors,
     Record,
     Robot,
     TimeComparison,
@@ -29,9 +28,8 @@ from robid_core import (
 from robid_core.estimation.rigid.regression import decimate, decimated_index
 from robid_core.residual import prescribe_record
 from robid_diagnosis.closed_loop import relative_error
+from robid_diagnosis.comparison import errors_of_models, still_axes
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
-from robid_diagnosis.intervals import intervals, relative_errors
-from robid_diagnosis.judgement import STILL
 from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.results import model_of
 from robid_diagnosis.wording import errors_line
@@ -139,30 +137,17 @@ class CrossValidation(DiagnosisStage):
         def sums(values: FloatArray) -> FloatArray:
             return np.stack([(values[piece] ** 2).sum(axis=0) for piece in pieces])
 
-        error, power = np.stack([sums(measured - one) for one in predicted.values()]), sums(measured)
-        found = intervals(error, power, context.generator)
-        relative = relative_errors(error.sum(axis=1), power.sum(axis=0))
         unit = record.run.channel("motor_torque").unit_symbol
-        travel = np.ptp(robot.joint_angle(record.run.lanes("motor_position")), axis=1).max(axis=0)
-        errors = tuple(
-            PredictionErrors(
-                model=name,
-                quantity=QUANTITY,
-                unit_symbol=unit,
-                axis_names=record.axis_names,
-                rms=np.sqrt(error[m].sum(axis=0) / len(measured)),
-                relative=relative[m],
-                low=found.relative[0, m],
-                high=found.relative[1, m],
-                still=travel < STILL,
-            )
-            for m, name in enumerate(predicted)
+        error = {name: sums(measured - one) for name, one in predicted.items()}
+        still = still_axes(robot, [record])
+        errors, gain = errors_of_models(
+            QUANTITY, unit, error, sums(measured), len(measured), record, still, context.generator
         )
         best = predicted["extended robot"]
         return Diagnosis(
             method=f"cross-validation over {self.blocks} blocks",
-            verdict=errors_line(errors, found.gain),
-            errors=errors,
+            verdict=errors_line(errors, gain),
+            errors=tuple(errors),
             time=(
                 TimeComparison(
                     axis_names=record.axis_names,

@@ -21,6 +21,7 @@ from robid_core import (
     Diagnosis,
     DiagnosisStage,
     Model,
+    PredictionErrors,
     Record,
     RobidError,
     Robot,
@@ -30,6 +31,7 @@ from robid_core import (
 )
 from robid_core.residual import check_variants, misfit_table
 from robid_diagnosis.candidates import catalogue
+from robid_diagnosis.free_motion import closed_loop_errors, has_references
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
@@ -99,7 +101,9 @@ class Effects(DiagnosisStage):
     """Left out at the beginning of each such experiment."""
     separate: bool = True
     """Whether the experiment that tells tied causes apart is looked for, by simulation."""
-
+    closed_loop: bool | None = None
+    """Whether the robot as told, refitted and extended is simulated under the recorded references, with the controllers
+    of its file; null: where references were recorded."""
     robots: dict[str, RobotName] = {}
     """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
 
@@ -111,7 +115,7 @@ class Effects(DiagnosisStage):
 
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
-        uses = self._known()
+        uses, whole = self._known(), record
         record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
         case, tests = self._case(record, robot)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
@@ -122,7 +126,7 @@ class Effects(DiagnosisStage):
                     f"diagnosis.effects: '{one}' could be tried nowhere: {robot.name} has the axes "
                     f"{', '.join(robot.axis_names)}; masses, rotors and springs are refitted in any case"
                 )
-        return self._told(robot, tests, selection, outcome, context)
+        return self._told(robot, whole, tests, selection, outcome, context)
 
     def _case(self, records: tuple[Record, ...], robot: Robot) -> tuple[Case, tuple[Record, ...]]:
         """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
@@ -162,6 +166,7 @@ class Effects(DiagnosisStage):
     def _told(
         self,
         robot: Robot,
+        records: tuple[Record, ...],
         tests: tuple[Record, ...],
         selection: Selection,
         outcome: Outcome,
@@ -196,7 +201,8 @@ class Effects(DiagnosisStage):
             + (f", {final.misfit:.3g} with what was found." if outcome.steps else ".")
         )
         errors, gain = errors_of(case, tests, robot, outcome, context.generator)
-        lines.append(errors_line(errors, gain))
+        moving, moving_line = self._moving(records, case, outcome, context)
+        lines += [errors_line(errors, gain), moving_line]
         if final.misfit > DOUBTFUL:
             lines.append(f"Left unexplained: misfit {final.misfit:.3g}.")
         lines.append(data_line(data))
@@ -210,7 +216,7 @@ class Effects(DiagnosisStage):
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),
             findings=findings,
-            errors=errors,
+            errors=(*errors, *moving),
             values=values,
             search=SearchRecord(
                 outcome.searches[0].n_tried,
@@ -225,6 +231,24 @@ class Effects(DiagnosisStage):
             data=data,
             model=model,
         )
+
+    def _moving(
+        self, records: tuple[Record, ...], case: Case, outcome: Outcome, context: Context
+    ) -> tuple[tuple[PredictionErrors, ...], str]:
+        """Errors in closed loop, and a line about them: nothing without references, unless they are asked for."""
+        asked = has_references(records) if self.closed_loop is None else self.closed_loop
+        if not asked:
+            return (), ""
+        training, tests = parted(records)
+        try:
+            errors, gain = closed_loop_errors(
+                case, tests or training, bool(tests), outcome, context.generator, context.progress
+            )
+        except RobidError as error:
+            if self.closed_loop:
+                raise
+            return (), f"The closed loop could not be simulated: {error}"
+        return errors, errors_line(errors, gain)
 
     def _separation(
         self, step: Step, case: Case, final: Fitted, model: Model, context: Context

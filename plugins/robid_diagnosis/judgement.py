@@ -12,12 +12,10 @@ import numpy as np
 
 from robid_core import ComplexArray, DataRejected, FloatArray, PredictionErrors, Record, Robot
 from robid_core.residual import linearise_at
+from robid_diagnosis.comparison import errors_of_models, still_axes
 from robid_diagnosis.held_out import held_out_residuals, unweighted
 from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.intervals import intervals, relative_errors
 from robid_diagnosis.selection import Outcome
-
-STILL = 1e-3  # of travel at the joint, rad or m
 
 
 def parted(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
@@ -55,26 +53,18 @@ def errors_of(
         models.popitem()
     where, power, left = _judged(case, tests, list(models.values()))
     runs = [run for record in tests or case.records for run in record.runs]
-    travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in runs]
-    still = np.concatenate(travels).max(axis=0) < STILL
-    errors = np.stack([_sums(one) for one in left])
-    found = intervals(errors, power, generator)
-    relative = relative_errors(errors.sum(axis=1), power.sum(axis=0))
-    rows = tuple(
-        PredictionErrors(
-            model=name,
-            quantity=f"torque that the model leaves in {where}, all bins but the mean",
-            unit_symbol=runs[0].channel("motor_torque").unit_symbol,
-            axis_names=robot.axis_names,
-            rms=np.sqrt(2 * errors[m].mean(axis=0)),
-            relative=relative[m],
-            low=found.relative[0, m],
-            high=found.relative[1, m],
-            still=still,
-        )
-        for m, name in enumerate(models)
+    error = {name: _sums(one) for name, one in zip(models, left, strict=True)}
+    rows, gain = errors_of_models(
+        f"torque that the model leaves in {where}, all bins but the mean",
+        runs[0].channel("motor_torque").unit_symbol,
+        error,
+        power,
+        len(power) / 2,  # a bin stands for its mirror image, too
+        case.records[0],
+        still_axes(robot, tests or case.records),
+        generator,
     )
-    return rows, found.gain
+    return tuple(rows), gain
 
 
 def _judged(

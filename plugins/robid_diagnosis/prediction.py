@@ -7,23 +7,18 @@ its error in its unit and as a share of what was measured, with an interval; of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-import scipy
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from robid_core import (
-    BoolArray,
     Context,
-    DataRejected,
-    DenseRun,
     Diagnosis,
     DiagnosisStage,
     Fit,
     FloatArray,
-    PredictionErrors,
     Record,
     Robot,
     TimeComparison,
@@ -31,12 +26,10 @@ from robid_core import (
 )
 from robid_core.residual import prescribe_record
 from robid_diagnosis.closed_loop import identified, relative_error
-from robid_diagnosis.intervals import intervals, relative_errors, sums_of_blocks
+from robid_diagnosis.comparison import Comparison, still_axes
 from robid_diagnosis.wording import errors_line
 
 REFERENCES = ("position_reference", "speed_reference")
-STILL = 1e-3  # of travel at the joint, rad or m: an axis that goes less hardly moves
-ORDER = 4  # of the low-pass, forwards and backwards
 TOLD, FITTED, EXTENDED = "robot file", "fit", "extended robot"
 OPEN, CLOSED = "torque in open loop", "speed in closed loop"
 
@@ -77,26 +70,27 @@ class Prediction(DiagnosisStage):
             models[EXTENDED] = Robot.of_model(explained.model)
         asked = any(name in run.channels for run in record.runs for name in REFERENCES)
         closed = asked if self.closed_loop is None else self.closed_loop
+        comparison = Comparison("diagnosis.prediction", self.highest_hz, self.skip_s, self.block_s)
         n_step, torques, speeds = len(models) * (1 + closed), [], []
         for number, (name, model) in enumerate(models.items()):
             context.progress(number, n_step, f"torque of the recorded motion, {name}")
-            torques.append(self._torque(prescribe_record(model, record)))
+            torques.append(comparison.torque(prescribe_record(model, record)))
         for number, (name, model) in enumerate(models.items() if closed else ()):
             context.progress(len(models) + number, n_step, f"closed loop, {name}")
-            speeds.append(self._speed(simulate_record(model, record, self.start)))
+            speeds.append(comparison.speed(simulate_record(model, record, self.start)))
         context.progress(n_step, n_step)
         force, unit = (record.runs[0].channel(c).unit_symbol for c in ("motor_torque", "motor_position"))
-        torque, speed = self._torque(record), self._speed(record)
-        travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in record.runs]
-        still = np.concatenate(travels).max(axis=0) < STILL
+        torque, still = comparison.torque(record), still_axes(robot, [record])
         errors, verdict = [], []
         for quantity, symbol, measured, predicted in (
             (OPEN, force, torque, torques),
-            (CLOSED, f"{unit}/s", speed, speeds),
+            (CLOSED, f"{unit}/s", comparison.speed(record), speeds),
         ):
             if predicted:
-                rows, gain = self._compared(quantity, symbol, measured, dict(zip(models, predicted, strict=True)),
-                                            still, record, context)  # fmt: skip
+                by_model = dict(zip(models, predicted, strict=True))
+                rows, gain = comparison.errors(
+                    quantity, symbol, [record], measured, by_model, still, context.generator
+                )
                 errors += rows
                 verdict.append(errors_line(rows, gain))
         if seen and len(models) > 1:
@@ -109,69 +103,6 @@ class Prediction(DiagnosisStage):
             time=(self._pictured(record, force, torque, torques[-1]),),
             errors=tuple(errors),
         )
-
-    # Signals of each run of a record, filtered, its ends cut off, (n_lane, n_sample, n_axis) each
-
-    def _torque(self, record: Record) -> list[FloatArray]:
-        return [self._filtered(run, run.lanes("motor_torque")) for run in record.runs]
-
-    def _speed(self, record: Record) -> list[FloatArray]:
-        return [
-            self._filtered(run, np.gradient(run.lanes("motor_position"), run.sample_time_s, axis=1))
-            for run in record.runs
-        ]
-
-    def _filtered(self, run: DenseRun, values: FloatArray) -> FloatArray:
-        highest, cut = min(self.highest_hz, 0.45 / run.sample_time_s), round(self.skip_s / run.sample_time_s)
-        n_sample = values.shape[1]
-        if n_sample - 2 * cut < 2:
-            raise DataRejected(
-                f"diagnosis.prediction: of an experiment of {n_sample * run.sample_time_s:g} s nothing is left when "
-                f"skip_s = {self.skip_s:g} s is cut off at both ends; choose less"
-            )
-        low_pass = scipy.signal.butter(ORDER, highest, fs=1 / run.sample_time_s, output="sos")
-        smooth: FloatArray = scipy.signal.sosfiltfilt(low_pass, values, axis=1)
-        return smooth[:, cut : n_sample - cut]
-
-    # Comparison
-
-    def _compared(
-        self,
-        quantity: str,
-        unit: str,
-        measured: Sequence[FloatArray],
-        predicted: Mapping[str, Sequence[FloatArray]],
-        still: BoolArray,
-        record: Record,
-        context: Context,
-    ) -> tuple[list[PredictionErrors], FloatArray]:
-        """Errors of each model in one quantity, and the interval of what the last gains on the first."""
-        lengths = [max(1, round(self.block_s / run.sample_time_s)) for run in record.runs]
-
-        def sums(parts: Iterable[FloatArray]) -> FloatArray:
-            return np.concatenate([sums_of_blocks(x, n) for x, n in zip(parts, lengths, strict=True)])
-
-        power, n_value = sums(measured), sum(part.shape[0] * part.shape[1] for part in measured)
-        error = np.stack(
-            [sums(p - m for p, m in zip(parts, measured, strict=True)) for parts in predicted.values()]
-        )
-        found = intervals(error, power, context.generator)
-        relative = relative_errors(error.sum(axis=1), power.sum(axis=0))
-        rows = [
-            PredictionErrors(
-                model=name,
-                quantity=quantity,
-                unit_symbol=unit,
-                axis_names=record.axis_names,
-                rms=np.sqrt(error[m].sum(axis=0) / n_value),
-                relative=relative[m],
-                low=found.relative[0, m],
-                high=found.relative[1, m],
-                still=still,
-            )
-            for m, name in enumerate(predicted)
-        ]
-        return rows, found.gain
 
     def _pictured(
         self, record: Record, unit: str, measured: list[FloatArray], predicted: list[FloatArray]

@@ -160,16 +160,17 @@ def timing_of(final: Fitted) -> Timing:
 
 
 def model_of(robot: Robot, case: Case, final: Fitted) -> Model:
-    """The nominal robot as it was found, effects and all; what other variants carry is no part of it."""
+    """A robot of the case as it was found, effects and all; what other variants carry is no part of it.
+
+    The zero-speed width of its friction is that of the functions of speed as the last fit has them.
+    """
     problem = final.problem
     extended = final.hypothesis.robot(robot)
-    if case.friction_speed is not None:
-        extended = extended.with_parameters(
-            {
-                f"friction.{axis}.speed": float(width)
-                for axis, width in zip(robot.axis_names, case.friction_speed, strict=True)
-            }
-        )
+    width = case.with_fitted_width(final).friction_speed
+    assert width is not None
+    extended = extended.with_parameters(
+        {f"friction.{axis}.speed": float(own) for axis, own in zip(robot.axis_names, width, strict=True)}
+    )
     free = problem.free.without(lambda name: name not in extended.layout)
     own = [name in free.names for name in problem.free.names]
     rows = np.flatnonzero(np.append(own, np.ones(problem.n_unknown - problem.n_free, dtype=bool)))

@@ -6,8 +6,8 @@ parameters with told value, estimate, standard error, 95 % interval and unit, ga
 after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
 log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values`
 (all that was estimated, with the tolerance that was told), `timing` (by how many samples the torque of each axis lags),
-`errors` (torque that each model leaves), `left` (misfit of each axis in each band, on the excited lines and in the bins
-between), `searched` (how many, which, excluded, failed,
+`errors` (torque that each model leaves; where references were recorded, speed in closed loop), `left` (misfit of each
+axis in each band, on the excited lines and in the bins between), `searched` (how many, which, excluded, failed,
 smallest sizes that would have been found).
 Numbers that do not exist are null.
 """

@@ -14,6 +14,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from robid_core import Context, Diagnosis, Fit, Record, Robot
+from robid_core.pipeline import Pipeline
 from robid_core.registry import STAGES, registry
 from robid_core.stage import map_in_process
 
@@ -132,6 +133,13 @@ def test_blocks_left_out_are_predicted_better_than_the_authors_fit_their_own_dat
     whole = checked.time[0]
     assert whole.relative_error == pytest.approx(after.relative[0], rel=1e-9)
     assert len(whole.time_s) == 2480
+
+
+def test_one_closed_loop_is_that_of_the_fit_and_one_that_of_the_extended_robot() -> None:
+    """A stage that takes any diagnosis is wired to all of them where the file does not say which."""
+    stages = {node.name: node for node in Pipeline.load(EXAMPLE / "pipeline.yaml").stages}
+    assert not stages["simulate"].inputs.get("explained")
+    assert stages["simulate_extended"].inputs["explained"] == ("explain",)
 
 
 def test_the_extended_robot_follows_the_recording_closer_in_closed_loop() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robid_core import Record, Robot, simulate_record
 from robid_core.artifacts import Diagnosis
 from robid_core.pipeline import Pipeline
 from robid_core.run import run_pipeline
@@ -52,6 +53,31 @@ def test_the_extended_robot_predicts_poses_that_the_diagnosis_did_not_see(folder
     assert len(quantities) == 2
     for quantity in quantities:
         assert errors["extended robot", quantity] < 0.01 * errors["robot file", quantity]
+
+
+def test_in_closed_loop_the_extended_robot_is_as_near_as_the_plant_itself(folder: Path) -> None:
+    """Under the recorded references the plant repeats its record but for the encoder; told values are far off."""
+    explain = Diagnosis.read(folder / "artifacts" / "explain.h5")
+    record = Record.read(folder / "artifacts" / "acquire.h5")
+    moving = {
+        one.model: float(one.relative[0])
+        for one in explain.errors
+        if one.quantity.startswith("speed in closed")
+    }
+    told, refitted, extended = moving.values()
+    assert list(moving) == ["robot file", "robot file, values refitted", "extended robot"]
+    again = simulate_record(Robot.load(str(folder.parents[1] / "plant.yaml")), record, "motion")
+    run = record.run
+
+    def below(measured: np.ndarray) -> np.ndarray:
+        spectrum = np.fft.rfft(np.gradient(measured, run.sample_time_s, axis=1), axis=1)
+        return spectrum[:, : int(100 * measured.shape[1] * run.sample_time_s)]
+
+    measured, simulated = (below(one.run.lanes("motor_position")) for one in (record, again))
+    floor = np.linalg.norm(measured - simulated) / np.linalg.norm(measured)
+    # The low-pass is softer than a cut at 100 Hz, and noise of a speed grows with frequency.
+    assert extended == pytest.approx(floor, rel=0.3)
+    assert told > 5 * refitted > 100 * extended
 
 
 def test_the_page_shows_the_cause_and_a_picture(folder: Path) -> None:

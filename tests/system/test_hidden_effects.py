@@ -114,7 +114,10 @@ def wired(configurations: str, excitation: str) -> dict[str, str]:
 def test_what_only_the_plant_has_is_named_and_the_extended_robot_predicts(
     name: str, tmp_path: Path, robid
 ) -> None:
-    """Alone, its size within four standard errors (or 2 %); torque in another pose five times nearer than told."""
+    """Alone, its size within four standard errors (or 2 %); torque in another pose five times nearer than told.
+
+    In closed loop values refitted bring the speed five times nearer, and the effect five times nearer again.
+    """
     case = CASES[name]
     (tmp_path / "two_axes.yaml").write_text(TWO_AXES, encoding="utf-8")
     hidden = {"hidden": {"use": case.effect, "on": case.on, "with": case.values}}
@@ -135,8 +138,11 @@ def test_what_only_the_plant_has_is_named_and_the_extended_robot_predicts(
     (size,) = [row for row in finding["parameters"] if row["name"] == case.told_by]
     off_by = abs(size["estimate"] - case.values[case.told_by])
     assert off_by < max(4 * size["standard_error"], 0.02 * case.values[case.told_by])
-    refitted, extended = ([axis["relative"] for axis in one["axes"].values()] for one in verdict["errors"])
-    assert sum(value**2 for value in extended) < 0.5 * sum(value**2 for value in refitted)
+    left = [[axis["relative"] for axis in one["axes"].values()] for one in verdict["errors"]]
+    refitted, extended, *moving = (sum(value**2 for value in own) for own in left)
+    assert extended < 0.5 * refitted
+    told_moving, refitted_moving, extended_moving = moving
+    assert extended_moving < 0.2**2 * refitted_moving < 0.2**4 * told_moving
 
     robot = Robot.load("robot.explain.yaml", run)
     (entry,) = robot.description.effects.values()

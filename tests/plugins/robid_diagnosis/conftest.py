@@ -42,7 +42,7 @@ def plant_of() -> Callable[[Robot, int], Robot]:
 def measured() -> Measured:
     """Two experiments of two periods in each of some poses: a multisine on a slow sine, after one period of rest."""
 
-    def simulated(plant: Robot, seed: int, n_config: int = 4) -> Record:
+    def simulated(plant: Robot, seed: int, n_config: int = 4, with_reference: bool = False) -> Record:
         generator, time = np.random.default_rng(seed), T * np.arange(PERIOD)
         poses = np.repeat(generator.uniform(-1.2, 1.2, (n_config, 1)), 2, axis=0)
         reference = np.zeros((len(poses), PERIOD, 1))
@@ -56,6 +56,9 @@ def measured() -> Measured:
             "motor_position": Channel("motor", "rad", run.position[:, PERIOD:].reshape(shape)),
             "motor_torque": Channel("motor", "N m", run.torque[:, PERIOD:].reshape(shape)),
         }
+        if with_reference:
+            values = np.tile(reference, (1, 2, 1)).reshape(shape)
+            channels["speed_reference"] = Channel("motor", "rad/s", values)
         dense = DenseRun(T, channels, time, np.ones(shape[:5], dtype=bool))
         return Record(plant.axis_names, "simulated", "zero_order_hold", (dense,), poses[::2], line=LINES)
 

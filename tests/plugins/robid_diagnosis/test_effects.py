@@ -9,7 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid_core import Channel, ConfigurationError, Context, DataRejected, Diagnosis, Record, Robot
+from robid_core import (
+    Channel,
+    ConfigurationError,
+    Context,
+    DataRejected,
+    Diagnosis,
+    Record,
+    RobidError,
+    Robot,
+)
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_diagnosis.effects import Effects
@@ -142,6 +151,30 @@ def test_a_heavier_arm_is_a_wrong_value(told: Robot, plant_of: Plants, measured:
     diagnosis = diagnosed(measured(plant, 10), told)
     (finding,) = diagnosis.findings
     assert (finding.kind, finding.effect, finding.on) == ("value", "body", "axis_1")
+
+
+def test_where_a_reference_was_recorded_the_closed_loop_is_judged_where_nothing_was_fitted(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """Springs and friction a third off are seen in the motion; refitted, only the encoder's noise is left of it."""
+    record = measured(plant_of(told, 3), 4, 6, with_reference=True)
+    test = np.zeros(record.run.valid.shape[:3], dtype=bool)
+    test[4:] = True
+    kept_apart = record.replace(runs=(record.run.replace(test=test),))
+    asked = {"only": ("friction.stribeck",), "most": 0}
+    diagnosis = diagnosed(kept_apart, told, **asked)
+    before, after = (one for one in diagnosis.errors if one.quantity.startswith("speed in closed loop"))
+    assert (before.model, after.model) == ("robot file", "robot file, values refitted")
+    assert before.quantity.endswith("experiments of the role test")
+    assert before.relative[0] > 30 * after.relative[0]
+    assert before.low[0] < before.relative[0] < before.high[0]
+    wild = told.with_parameters(
+        {"controller.axis_1.speed_gain": 1e3 * told.parameter("controller.axis_1.speed_gain")}
+    )
+    assert "The closed loop could not be simulated: " in diagnosed(kept_apart, wild, **asked).verdict
+    with pytest.raises(RobidError):
+        diagnosed(kept_apart, wild, closed_loop=True, **asked)
+    assert len(diagnosed(kept_apart, told, closed_loop=False, **asked).errors) == 1
 
 
 def test_wrong_input_is_one_sentence(told: Robot, plant_of: Plants, measured: Measured) -> None:

@@ -1,0 +1,89 @@
+"""How far models move from the recorded motion in closed loop: what a user of the simulation sees.
+
+Each moves by itself under the recorded reference, with the controllers of its file, as the robot was told, with its
+values refitted, and extended by what was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from robid_core import FloatArray, PredictionErrors, Record, Robot, simulate_record
+from robid_core.residual import parts_by_variant
+from robid_diagnosis.comparison import Comparison, still_axes
+from robid_diagnosis.hypothesis import Case
+from robid_diagnosis.results import model_of
+from robid_diagnosis.selection import Outcome
+
+REFERENCES = ("position_reference", "speed_reference")
+SHARE = 0.1  # of an experiment at each end that is not compared, at most
+TOLD, REFITTED, EXTENDED = "robot file", "robot file, values refitted", "extended robot"
+
+
+def has_references(records: Sequence[Record]) -> bool:
+    """Whether all that was measured tells what the controllers followed."""
+    return all(any(name in run.channels for name in REFERENCES) for one in records for run in one.runs)
+
+
+def closed_loop_errors(
+    case: Case,
+    records: Sequence[Record],
+    tests: bool,
+    outcome: Outcome,
+    generator: np.random.Generator,
+    progress: Callable[[int, int, str], None],
+) -> tuple[tuple[PredictionErrors, ...], FloatArray]:
+    """Speed errors of the robot as told, refitted and extended, and what the last gains on the first, interval (2,).
+
+    Parameters
+    ----------
+    case
+        What was diagnosed.
+    records
+        Experiments, whole, with references.
+    tests
+        Whether they were kept from the diagnosis.
+    outcome
+        Of the selection.
+    generator
+        Draws blocks for the intervals.
+    progress
+        Told (done, all, what).
+
+    Raises
+    ------
+    ConfigurationError
+        If record and drives are not sampled alike.
+    SimulationDiverged
+        Where a model leaves all bounds.
+    """
+    parts = [part for record in records for part in parts_by_variant(record)]
+    shortest = min(run.n_period * len(run.time_s) * run.sample_time_s for _, one in parts for run in one.runs)
+    comparison = Comparison("diagnosis.effects", case.highest_hz, min(Comparison.skip_s, SHARE * shortest))
+    fits = {REFITTED: outcome.base} | ({EXTENDED: outcome.final} if outcome.steps else {})
+
+    def robots_of(variant: str) -> Mapping[str, Robot]:
+        told = case.variants.robot_of(variant)
+        return {TOLD: told} | {name: Robot.of_model(model_of(told, case, fit)) for name, fit in fits.items()}
+
+    robots = {variant: robots_of(variant) for variant in dict.fromkeys(variant for variant, _ in parts)}
+    speeds: dict[str, list[FloatArray]] = {name: [] for name in (TOLD, *fits)}
+    for number, (name, speed) in enumerate(speeds.items()):
+        progress(number, len(speeds), f"closed loop, {name}")
+        for variant, part in parts:
+            speed += comparison.speed(simulate_record(robots[variant][name], part, "motion"))
+    progress(len(speeds), len(speeds), "")
+    whole = [part for _, part in parts]
+    where = "experiments of the role test" if tests else "the data of the fit"
+    rows, gain = comparison.errors(
+        f"speed in closed loop in {where}",
+        f"{whole[0].runs[0].channel('motor_position').unit_symbol}/s",
+        whole,
+        [values for one in whole for values in comparison.speed(one)],
+        speeds,
+        still_axes(case.told, whole),
+        generator,
+    )
+    return tuple(rows), gain
