@@ -184,7 +184,10 @@ class Selection:
         wrong = [
             hit
             for hit in values
-            if np.exp(hit.log_p) < chance and hit.gain > least.of(hit) and not named & set(hit.names)
+            if np.exp(hit.log_p) < chance
+            and hit.gain > least.of(hit)
+            and not named & set(hit.names)
+            and _stands_out(hit, hits, least)
         ]
         rivals: list[Rival] = [
             search.refined(hit, as_it_is=is_fixed(hit, search)) for hit in _varied(significant)
@@ -292,6 +295,15 @@ def projection_of(fitted: Fitted) -> tuple[Projection, list[list[int]]]:
     pull = fitted.point / fitted.problem.prior**2
     projection = Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
     return projection, groups
+
+
+def _stands_out(value: ValueHit, hits: Sequence[Hit], least: LeastGains) -> bool:
+    """Whether a wrong value gains what an effect has to, or no effect explains as much.
+
+    Less is asked of a value. A law that is too weak to be named must not come back as a value that does the same.
+    """
+    most = max((hit.worth for hit in hits), default=0.0)
+    return value.gain > least.beside_chance or most < value.worth - TIE
 
 
 def _varied(hits: Sequence[Hit]) -> list[Hit]:
