@@ -12,8 +12,8 @@ _HOME = {
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "DiagnosedData", "Diagnosis",
         "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
-        "PredictionErrors", "Record", "Report", "ResponseComparison", "SearchRecord", "SeparatingExperiment",
-        "TimeComparison", "Timing", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
+        "PredictionErrors", "Record", "Report", "ResidualCurve", "ResponseComparison", "SearchRecord",
+        "SeparatingExperiment", "TimeComparison", "Timing", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -74,6 +74,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         PredictionErrors as PredictionErrors,
         Record as Record,
         Report as Report,
+        ResidualCurve as ResidualCurve,
         ResponseComparison as ResponseComparison,
         SearchRecord as SearchRecord,
         SeparatingExperiment as SeparatingExperiment,

@@ -35,6 +35,7 @@ from robid_diagnosis.free_motion import closed_loop_errors, has_references
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
+from robid_diagnosis.residual_curves import residual_curves
 from robid_diagnosis.results import (
     data_of,
     finding_of,
@@ -229,6 +230,7 @@ class Effects(DiagnosisStage):
             timing=timing,
             left=misfit_table(problem, final.point),
             data=data,
+            residuals=residual_curves(outcome.base, final, outcome.motion),
             model=model,
         )
 

@@ -18,7 +18,8 @@ from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Fitted
 
 PARTS = 48
-BY_DEFLECTION, BY_POSITION = "transmission.", "load."
+BY_DEFLECTION, BY_POSITION = "transmission.", "load."  # effects
+BY_LOAD = "load_"  # parameters of laws that grow with the load
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,10 @@ def picture_of(fitted: Fitted, addition: Addition) -> Picture:
     axis = bound.place.axis
     abscissa, left, done = [], [], []
     for one, residual in zip(motion.along, residuals, strict=True):
-        name, values = _variable(one, addition, bound)
+        name, values, way = _variable(one, addition, bound)
         abscissa.append(values.ravel())
-        left.append(one.motion.over_time(residual)[..., axis].ravel())
-        done.append(one.motion.over_time(one.of_effect(bound))[..., axis].ravel())
+        left.append((way * one.motion.over_time(residual)[..., axis]).ravel())
+        done.append((way * one.motion.over_time(one.of_effect(bound))[..., axis]).ravel())
     x, law = np.concatenate(abscissa), np.concatenate(done)
     order = np.array_split(np.argsort(x), PARTS)
     means = (
@@ -75,21 +76,31 @@ def _over_frequency(motion: Motion, residuals: Sequence[ComplexArray], addition:
     )
 
 
-def _variable(along: EffectTorque, addition: Addition, bound: BoundEffect) -> tuple[str, FloatArray]:
-    """What a law is drawn over, at the samples: its name with the unit, and its values."""
+def _variable(
+    along: EffectTorque, addition: Addition, bound: BoundEffect
+) -> tuple[str, FloatArray, FloatArray | float]:
+    """What a law is drawn over, at the samples: its name with the unit, its values, and the way that counts as up."""
     shape = along.motion.angle.shape[:3]
     finer = along.along.position.shape[1] // shape[2]
     place = bound.place
     motor, speed = along.seen(place.motor)
-    if any(row.name == "order" for row in bound.effect.parameters):
+    names = [row.name for row in bound.effect.parameters]
+    if "order" in names:
         turn = np.mod(motor[:, ::finer], 2 * np.pi)
-        return "angle of the motor within a turn, rad", turn.reshape(shape)
+        return "angle of the motor within a turn, rad", turn.reshape(shape), 1.0
+    if any(name.startswith(BY_LOAD) for name in names):
+        load = np.abs(along.load_of(place.load)[:, ::finer]).reshape(shape)
+        return (
+            "size of the load, N m (torque along the motion)",
+            load,
+            np.sign(speed[:, ::finer]).reshape(shape),
+        )
     if addition.use.startswith(BY_DEFLECTION):
         bent, _ = along.seen(place.direction)
-        return "deflection, rad", bent[:, ::finer].reshape(shape)
+        return "deflection, rad", bent[:, ::finer].reshape(shape), 1.0
     if addition.use.startswith(BY_POSITION):
         where, _ = along.seen(place.direction)
-        return "joint angle, rad", where[:, ::finer].reshape(shape)
+        return "joint angle, rad", where[:, ::finer].reshape(shape), 1.0
     if issubclass(bound.effect, SignalEffect):
-        return "motor torque, N m", along.motion.torque[..., place.axis]
-    return "motor speed, rad/s", speed[:, ::finer].reshape(shape)
+        return "motor torque, N m", along.motion.torque[..., place.axis], 1.0
+    return "motor speed, rad/s", speed[:, ::finer].reshape(shape), 1.0

@@ -84,6 +84,8 @@ class Outcome:
     """The free functions that would still gain most, where the misfit is doubtful."""
     visible: tuple[VisibleSize, ...]
     """What the last search would have found."""
+    motion: Motion
+    """About the final fit."""
 
 
 class Selection:
@@ -131,7 +133,7 @@ class Selection:
             LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
             LEVEL / found.trials,
         )
-        return Outcome(base, current, tuple(steps), tuple(searches), left, visible)
+        return Outcome(base, current, tuple(steps), tuple(searches), left, visible, motion)
 
     def _refitted(self) -> Fitted:
         """Fit all that the told robot has; not to the end where that cannot be the answer."""

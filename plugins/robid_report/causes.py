@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
-from robid_core import Diagnosis, Finding, FloatArray
+from robid_core import Diagnosis, Finding
+from robid_report.chart import chart
 from robid_report.numbers import significant
 
-WIDTH, HEIGHT, LEFT, BOTTOM = 560.0, 240.0, 64.0, 34.0
 HEADINGS = {
     "cause": "Cause",
     "partial": "Part of a cause",
@@ -52,49 +52,10 @@ def _section(finding: Finding) -> dict[str, Any]:
 
 
 def _picture(finding: Finding) -> Markup | None:
-    """Dots of the residual and the law's line, as SVG; none where the finding has no picture."""
+    """Dots of the residual and the law's line; none where the finding has no picture."""
     x, dots, line = finding.abscissa, finding.residual, finding.explained
     if x is None or dots is None or line is None:
         return None
-    across = _scale(x, LEFT, WIDTH - 12)
-    up = _scale(np.concatenate((dots, line)), HEIGHT - BOTTOM, 12)
-    points = "".join(
-        f'<circle cx="{across(a):.1f}" cy="{up(b):.1f}" r="3"/>' for a, b in zip(x, dots, strict=True)
+    return chart(
+        finding.variable, "N m", x, dots, {"law": line}, spoken=f"residual torque over {finding.variable}"
     )
-    path = "L".join(f"{across(a):.1f} {up(b):.1f}" for a, b in zip(x, line, strict=True))
-    ticks = "".join(
-        f'<path class="tick" d="M{across(v):.1f} {HEIGHT - BOTTOM:.1f}v5"/>'
-        f'<text x="{across(v):.1f}" y="{HEIGHT - BOTTOM + 17:.1f}" text-anchor="middle">{_plain(v)}</text>'
-        for v in _ticks(x)
-    ) + "".join(
-        f'<path class="grid" d="M{LEFT} {up(v):.1f}H{WIDTH - 12}"/>'
-        f'<text x="{LEFT - 6}" y="{up(v) + 4:.1f}" text-anchor="end">{_plain(v)}</text>'
-        for v in _ticks(np.concatenate((dots, line)))
-    )
-    label = escape(finding.variable)
-    return Markup(
-        f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT + 14:g}" class="cause" role="img" aria-label="residual torque over '
-        f'{label}">{ticks}<g class="dots">{points}</g><path class="law" d="M{path}"/>'
-        f'<text x="{(LEFT + WIDTH) / 2:g}" y="{HEIGHT + 10:g}" text-anchor="middle">{label}</text>'
-        f'<text x="12" y="{HEIGHT / 2:g}" transform="rotate(-90 12 {HEIGHT / 2:g})" text-anchor="middle">torque, N m'
-        "</text></svg>"
-    )
-
-
-def _scale(values: FloatArray, first: float, last: float) -> Any:
-    low, high = float(values.min()), float(values.max())
-    span = (high - low) or 1.0
-    return lambda value: first + (last - first) * (value - low) / span
-
-
-def _ticks(values: FloatArray) -> list[float]:
-    """About five round numbers within a range."""
-    low, high = float(values.min()), float(values.max())
-    raw = ((high - low) or 1.0) / 5
-    power = 10.0 ** np.floor(np.log10(raw))
-    step = power * min((1.0, 2.0, 5.0, 10.0), key=lambda one: abs(one * power - raw))
-    return [float(k * step) for k in range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1)]
-
-
-def _plain(value: float) -> str:
-    return f"{0.0 if abs(value) < 1e-12 else value:.3g}".replace("-", "−")

@@ -37,6 +37,7 @@ from robid_report.findings import facts, findings, steps
 from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
 from robid_report.prediction import error_sections
+from robid_report.residuals import residual_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 from robid_report.visible import visible_table
 
@@ -220,6 +221,7 @@ class HtmlReport(ReportStage):
             "facts": facts(frf, fit, record, design, diagnosis, truth),
             "verdict": diagnosis.verdict.split("\n") if diagnosis is not None else [],
             "causes": cause_sections(diagnosis),
+            "residuals": residual_sections(diagnosis),
             "rows": [row for row in table if row.reported],
             "nuisances": [row for row in table if not row.reported],
             "plant": truth.plant if truth is not None else "",

@@ -9,7 +9,7 @@ from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.excitation import Excitation, mean_travel
-from robid_core.artifacts.finding import DiagnosedData, Finding, SearchRecord, VisibleSize
+from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, SearchRecord, VisibleSize
 from robid_core.artifacts.fit import (
     Diagnosis,
     Fit,
@@ -46,6 +46,7 @@ __all__ = [
     "PredictionErrors",
     "Record",
     "Report",
+    "ResidualCurve",
     "ResponseComparison",
     "SearchRecord",
     "SeparatingExperiment",

@@ -75,6 +75,28 @@ class VisibleSize(Artifact):
 
 
 @dataclass(frozen=True, eq=False)
+class ResidualCurve(Artifact):
+    """Torque that models leave at one motor over a variable: mean over parts that hold equally many samples.
+
+    `refitted` is left by the told robot with its values fitted, `extended` by the robot that was found. Over time and
+    frequency they are root mean squares, beside that of the measured torque. `share` is the part of the squared
+    residual of the refitted robot that a function of the variable does beyond chance, `odd` and `even` what functions
+    of such symmetry do; NaN where that has no meaning.
+    """
+
+    axis: str
+    variable: str
+    unit_symbol: str
+    abscissa: FloatArray = array("n_point")
+    refitted: FloatArray = array("n_point")
+    extended: FloatArray = array("n_point")
+    measured: FloatArray | None = array("n_point", optional=True)
+    share: float = float("nan")
+    odd: float = float("nan")
+    even: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
 class DiagnosedData(Artifact):
     """What a diagnosis stands on: experiments that it looked at, of which each was held out once, and against what.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
-from robid_core.artifacts.finding import DiagnosedData, Finding, SearchRecord
+from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, SearchRecord
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.timing import Timing
@@ -132,7 +132,7 @@ class Diagnosis(Artifact):
     `model` is the robot that was found, where the diagnosis changes the one that it was given. `findings` are causes,
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
     `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
-    `data` what was looked at.
+    `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency.
     """
 
     method: str
@@ -147,3 +147,4 @@ class Diagnosis(Artifact):
     timing: Timing | None = None
     left: MisfitTable | None = None
     data: DiagnosedData | None = None
+    residuals: tuple[ResidualCurve, ...] = ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,20 @@ from robid_core.stage import map_in_process
 
 STAGES = "robid.stages"
 TRIES = 20
+SIGNALS: dict[str, tuple[str, dict[str, Any]]] = {
+    "multisine": ("excitation.multisine", {"band_hz": (4, 80), "lines": 100, "slow_sine_rad_s": 9}),
+    "slow_sweep": ("excitation.chirp", {"band_hz": (1, 8), "sweep": "logarithmic", "torque_share": 0.25}),
+    "fast_sweep": ("excitation.chirp", {"band_hz": (8, 80), "sweep": "logarithmic", "torque_share": 0.25}),
+}
+"""Stages of excitations and their settings, the first as in the worked example."""
 
 
 @dataclass(frozen=True)
 class Experiments:
     """How a plant is excited."""
 
+    signal: str = "multisine"
+    """Of `SIGNALS`."""
     poses: int = 4
     each: int = 6
     """Experiments a pose."""
@@ -47,15 +56,11 @@ def context(seed: int) -> Context:
 
 
 def excitation_of(nominal: Robot, experiments: Experiments, seed: int) -> tuple[Configurations, Excitation]:
-    """Draw poses as `design.candidates` does, and multisines as `excitation.multisine` does."""
+    """Draw poses as `design.candidates` does, and signals as their stage does."""
     candidates = load_plugin(STAGES, "design.candidates")(count=experiments.poses)
-    stage = load_plugin(STAGES, "excitation.multisine")(
-        band_hz=(4, 80),
-        lines=100,
-        period_s=experiments.period_s,
-        blocks=math.ceil(experiments.each / nominal.n_axis),
-        slow_sine_rad_s=9,
-    )
+    name, settings = SIGNALS[experiments.signal]
+    blocks = math.ceil(experiments.each / nominal.n_axis)
+    stage = load_plugin(STAGES, name)(period_s=experiments.period_s, blocks=blocks, **settings)
     for other in range(TRIES):  # in some poses gravity leaves too little torque: others are drawn
         where = candidates.run(nominal, context(seed + 1000 * other))
         try:
