@@ -7,8 +7,9 @@ after the search, share of the gain of free functions, ties, the experiment that
 log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values`
 (all that was estimated, with the tolerance that was told), `timing` (by how many samples the torque of each axis lags),
 `errors` (torque that each model leaves; where references were recorded, speed in closed loop), `left` (misfit of each
-axis in each band, on the excited lines and in the bins between), `searched` (how many, which, excluded, failed,
-smallest sizes that would have been found).
+axis in each band, on the excited lines and in the bins between), `residuals` (which part of what the refitted robot
+leaves, squared, functions of speed, angle, load and acceleration would do, odd and even ones), `searched` (how many,
+which, excluded, failed, smallest sizes that would have been found).
 Numbers that do not exist are null.
 """
 
@@ -67,6 +68,17 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
             for one in diagnosis.errors
         ],
         "left": None if diagnosis.left is None else _left(diagnosis.left),
+        "residuals": [
+            {
+                "axis": one.axis,
+                "variable": one.variable,
+                "share": _number(one.share),
+                "odd": _number(one.odd),
+                "even": _number(one.even),
+            }
+            for one in diagnosis.residuals
+            if math.isfinite(one.share)
+        ],
         "searched": None
         if search is None
         else {

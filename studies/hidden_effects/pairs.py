@@ -20,6 +20,7 @@ from studies.hidden_effects.excitations import EXCITATIONS, NOISES, seen
 STRENGTH = 1000.0
 TOLD_APART = 9.0
 WRITTEN = 0.1  # of the law: what leaves more is far from being confused
+ROUNDING = 1e-3  # of a strength
 
 
 def rows(robot: str, seed: int, told: Sequence[str]) -> Iterator[Row]:
@@ -92,9 +93,14 @@ def report(told: Sequence[Row]) -> list[str]:
         for pair, own in shares.items()
         if any(np.median(values) < TOLD_APART for values in own.values())
     }
-    lines = [f"{'law':44}{'taken for':44}" + "".join(f"{name:>12}" for name in excitations)]
+    lines = [f"{'law':46}{'taken for':46}" + "".join(f"{name:>12}" for name in excitations)]
     for (law, rival), own in sorted(confused.items()):
-        values = (np.median(own[name]) if name in own else np.nan for name in excitations)
-        cells = "".join("     > 100  " if np.isnan(value) else f"{value:12.2g}" for value in values)
-        lines.append(f"{law:44}{rival:44}{cells}")
+        medians = (float(np.median(own[name])) if name in own else np.nan for name in excitations)
+        lines.append(f"{law:46}{rival:46}" + "".join(_cell(value) for value in medians))
     return lines
+
+
+def _cell(value: float) -> str:
+    """A strength; shares that were not written are larger, and rounding is nothing."""
+    text = f"> {STRENGTH * WRITTEN:.0f}" if np.isnan(value) else f"{value:.2g}" if value > ROUNDING else "0"
+    return f"{text:>12}"

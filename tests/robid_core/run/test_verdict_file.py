@@ -14,6 +14,7 @@ from robid_core import (
     Finding,
     MisfitTable,
     ParameterTable,
+    ResidualCurve,
     SearchRecord,
     SeparatingExperiment,
     Timing,
@@ -86,6 +87,25 @@ def test_timing_tolerances_and_what_is_left_stand_in_the_file() -> None:
     (lag,) = told["timing"]["lag"]
     assert (lag["name"], lag["unit"], lag["estimate"]) == ("axis_1", "sample", 1.03)
     assert told["left"]["axes"]["axis_1"] == {"lines": [1.0, 4.0], "other_bins": [None, 2.0]}
+
+
+def test_of_what_the_residual_is_a_function_stands_in_the_file_where_that_has_a_meaning() -> None:
+    none = np.zeros(2)
+    curves = (
+        ResidualCurve("axis_1", "motor speed, rad/s", "N m", none, none, none, None, 0.4, 0.3, 0.1),
+        ResidualCurve("axis_1", "joint angle, rad", "N m", none, none, none, None, 0.2),
+        ResidualCurve("axis_1", "frequency, Hz", "N m", none, none, none, none),
+    )
+    told = json.loads(verdict_json(Diagnosis("effects", "", residuals=curves), "arm", ""))
+    speed, angle = told["residuals"]
+    assert speed == {
+        "axis": "axis_1",
+        "variable": "motor speed, rad/s",
+        "share": 0.4,
+        "odd": 0.3,
+        "even": 0.1,
+    }
+    assert (angle["share"], angle["odd"], angle["even"]) == (0.2, None, None)
 
 
 def test_configurations_in_which_a_finding_is_seen_gain_three_standard_errors() -> None:
