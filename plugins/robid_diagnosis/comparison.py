@@ -13,6 +13,8 @@ from robid_diagnosis.intervals import intervals, relative_errors, sums_of_blocks
 
 STILL = 1e-3  # of travel at the joint, rad or m: an axis that goes less hardly moves
 ORDER = 4  # of the low-pass, forwards and backwards
+REFERENCES = ("position_reference", "speed_reference")
+TOLD, REFITTED, EXTENDED = "robot file", "robot file, values refitted", "extended robot"
 
 Signals = Sequence[FloatArray]
 """Of each run of a record, filtered, its ends cut off, (n_lane, n_sample, n_axis)."""
@@ -42,30 +44,17 @@ class Comparison:
             for run in record.runs
         ]
 
-    def errors(
-        self,
-        quantity: str,
-        unit: str,
-        records: Sequence[Record],
-        measured: Signals,
-        predicted: Mapping[str, Signals],
-        still: BoolArray,
-        generator: np.random.Generator,
-    ) -> tuple[list[PredictionErrors], FloatArray]:
-        """How far each model is off in one quantity, and the interval of what the last gains on the first, (2,).
+    def sums(
+        self, records: Sequence[Record], measured: Signals, predicted: Mapping[str, Signals]
+    ) -> tuple[dict[str, FloatArray], FloatArray, int]:
+        """Sums of squares of each model's errors and of what was measured, (n_block, n_axis), and how many values.
 
         Parameters
         ----------
-        quantity, unit
-            In words.
         records
             That were predicted.
         measured, predicted
             Signals of all their runs, one after another, and those of each model by its name.
-        still
-            Axes that hardly moved, (n_axis,).
-        generator
-            Draws blocks.
         """
         runs = [run for record in records for run in record.runs]
         lengths = [max(1, round(self.block_s / run.sample_time_s)) for run in runs]
@@ -73,12 +62,11 @@ class Comparison:
         def sums(parts: Iterable[FloatArray]) -> FloatArray:
             return np.concatenate([sums_of_blocks(x, n) for x, n in zip(parts, lengths, strict=True)])
 
-        n_value = sum(part.shape[0] * part.shape[1] for part in measured)
         error = {
             name: sums(p - m for p, m in zip(parts, measured, strict=True))
             for name, parts in predicted.items()
         }
-        return errors_of_models(quantity, unit, error, sums(measured), n_value, records[0], still, generator)
+        return error, sums(measured), sum(part.shape[0] * part.shape[1] for part in measured)
 
     def _filtered(self, run: DenseRun, values: FloatArray) -> FloatArray:
         highest, cut = min(self.highest_hz, 0.45 / run.sample_time_s), round(self.skip_s / run.sample_time_s)
@@ -148,3 +136,8 @@ def still_axes(robot: Robot, records: Sequence[Record]) -> BoolArray:
     travels = [np.ptp(robot.joint_angle(run.lanes("motor_position")), axis=1) for run in runs]
     still: BoolArray = np.concatenate(travels).max(axis=0) < STILL
     return still
+
+
+def has_references(records: Sequence[Record]) -> bool:
+    """Whether all that was measured tells what the controllers followed."""
+    return all(any(name in run.channels for name in REFERENCES) for one in records for run in one.runs)

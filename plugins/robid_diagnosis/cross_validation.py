@@ -28,7 +28,7 @@ from robid_core import (
 from robid_core.estimation.rigid.regression import decimate, decimated_index
 from robid_core.residual import prescribe_record
 from robid_diagnosis.closed_loop import relative_error
-from robid_diagnosis.comparison import errors_of_models, still_axes
+from robid_diagnosis.comparison import EXTENDED, REFITTED, errors_of_models, still_axes
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
 from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.results import model_of
@@ -74,8 +74,8 @@ class CrossValidation(DiagnosisStage):
         additions = _additions(robot, extended, explained)
         bare = extended.without_effect(*(one.label for one in additions))
         models = {
-            "robot file, values refitted": (bare, Hypothesis()),
-            "extended robot": (bare, Hypothesis(additions)),
+            REFITTED: (bare, Hypothesis()),
+            EXTENDED: (bare, Hypothesis(additions)),
         }
         measured, predicted = self._decimated(record, record.run.lanes("motor_torque")[0]), []
         for number, (told, hypothesis) in enumerate(models.values()):
@@ -143,7 +143,7 @@ class CrossValidation(DiagnosisStage):
         errors, gain = errors_of_models(
             QUANTITY, unit, error, sums(measured), len(measured), record, still, context.generator
         )
-        best = predicted["extended robot"]
+        best = predicted[EXTENDED]
         return Diagnosis(
             method=f"cross-validation over {self.blocks} blocks",
             verdict=errors_line(errors, gain),

@@ -31,7 +31,8 @@ from robid_core import (
 )
 from robid_core.residual import check_variants, misfit_table
 from robid_diagnosis.candidates import catalogue
-from robid_diagnosis.free_motion import closed_loop_errors, has_references
+from robid_diagnosis.comparison import has_references
+from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts

@@ -12,19 +12,12 @@ import numpy as np
 
 from robid_core import FloatArray, PredictionErrors, Record, Robot, simulate_record
 from robid_core.residual import parts_by_variant
-from robid_diagnosis.comparison import Comparison, still_axes
+from robid_diagnosis.comparison import EXTENDED, REFITTED, TOLD, Comparison, errors_of_models, still_axes
 from robid_diagnosis.hypothesis import Case
 from robid_diagnosis.results import model_of
 from robid_diagnosis.selection import Outcome
 
-REFERENCES = ("position_reference", "speed_reference")
 SHARE = 0.1  # of an experiment at each end that is not compared, at most
-TOLD, REFITTED, EXTENDED = "robot file", "robot file, values refitted", "extended robot"
-
-
-def has_references(records: Sequence[Record]) -> bool:
-    """Whether all that was measured tells what the controllers followed."""
-    return all(any(name in run.channels for name in REFERENCES) for one in records for run in one.runs)
 
 
 def closed_loop_errors(
@@ -77,12 +70,12 @@ def closed_loop_errors(
     progress(len(speeds), len(speeds), "")
     whole = [part for _, part in parts]
     where = "experiments of the role test" if tests else "the data of the fit"
-    rows, gain = comparison.errors(
+    measured = [values for one in whole for values in comparison.speed(one)]
+    rows, gain = errors_of_models(
         f"speed in closed loop in {where}",
         f"{whole[0].runs[0].channel('motor_position').unit_symbol}/s",
-        whole,
-        [values for one in whole for values in comparison.speed(one)],
-        speeds,
+        *comparison.sums(whole, measured, speeds),
+        whole[0],
         still_axes(case.told, whole),
         generator,
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from robid_core import ComplexArray, DataRejected, FloatArray, PredictionErrors, Record, Robot
 from robid_core.residual import linearise_at
-from robid_diagnosis.comparison import errors_of_models, still_axes
+from robid_diagnosis.comparison import EXTENDED, REFITTED, errors_of_models, still_axes
 from robid_diagnosis.held_out import held_out_residuals, unweighted
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.selection import Outcome
@@ -48,7 +48,7 @@ def errors_of(
 
     Experiments are drawn again for the intervals.
     """
-    models = {"robot file, values refitted": outcome.base, "extended robot": outcome.final}
+    models = {REFITTED: outcome.base, EXTENDED: outcome.final}
     if not outcome.steps:
         models.popitem()
     where, power, left = _judged(case, tests, list(models.values()))

@@ -26,11 +26,17 @@ from robid_core import (
 )
 from robid_core.residual import prescribe_record
 from robid_diagnosis.closed_loop import identified, relative_error
-from robid_diagnosis.comparison import Comparison, still_axes
+from robid_diagnosis.comparison import (
+    EXTENDED,
+    TOLD,
+    Comparison,
+    errors_of_models,
+    has_references,
+    still_axes,
+)
 from robid_diagnosis.wording import errors_line
 
-REFERENCES = ("position_reference", "speed_reference")
-TOLD, FITTED, EXTENDED = "robot file", "fit", "extended robot"
+FITTED = "fit"
 OPEN, CLOSED = "torque in open loop", "speed in closed loop"
 
 
@@ -68,8 +74,7 @@ class Prediction(DiagnosisStage):
         models = {TOLD: robot} | ({FITTED: identified(robot, fit)} if fit is not None else {})
         if explained is not None and explained.model is not None:
             models[EXTENDED] = Robot.of_model(explained.model)
-        asked = any(name in run.channels for run in record.runs for name in REFERENCES)
-        closed = asked if self.closed_loop is None else self.closed_loop
+        closed = has_references([record]) if self.closed_loop is None else self.closed_loop
         comparison = Comparison("diagnosis.prediction", self.highest_hz, self.skip_s, self.block_s)
         n_step, torques, speeds = len(models) * (1 + closed), [], []
         for number, (name, model) in enumerate(models.items()):
@@ -88,9 +93,8 @@ class Prediction(DiagnosisStage):
         ):
             if predicted:
                 by_model = dict(zip(models, predicted, strict=True))
-                rows, gain = comparison.errors(
-                    quantity, symbol, [record], measured, by_model, still, context.generator
-                )
+                sums = comparison.sums([record], measured, by_model)
+                rows, gain = errors_of_models(quantity, symbol, *sums, record, still, context.generator)
                 errors += rows
                 verdict.append(errors_line(rows, gain))
         if seen and len(models) > 1:

@@ -86,6 +86,7 @@ def test_the_page_shows_the_cause_and_a_picture(folder: Path) -> None:
     assert "Cause: friction.load_dependent, axis_1 (motor)" in page
     assert '<svg viewBox="0 0 560 254" class="cause"' in page
     (finding,) = Diagnosis.read(folder / "artifacts" / "explain.h5").findings
+    assert finding.variable.startswith("size of the load")
     assert finding.residual is not None
     assert finding.explained is not None
     off = np.abs(finding.residual - finding.explained).max()
