@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 
 from robid_core import FloatArray
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 560.0, 240.0, 64.0, 12.0, 12.0, 34.0
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 560.0, 240.0, 80.0, 12.0, 12.0, 34.0
 DECADES = 4.0  # below the largest value, where an axis is logarithmic: less is drawn at the edge
 Scale = Callable[[float], float]
 
@@ -102,4 +102,5 @@ def _ticks(values: FloatArray, logarithmic: bool) -> list[float]:
 
 def _text(value: float, logarithmic: bool) -> str:
     shown = 10.0**value if logarithmic else value
-    return f"{0.0 if abs(shown) < 1e-12 else shown:.3g}".replace("-", "−")
+    text = f"{shown:.0f}" if 1e3 <= abs(shown) < 1e5 else f"{0.0 if abs(shown) < 1e-12 else shown:.3g}"
+    return text.replace("-", "−")
