@@ -21,6 +21,7 @@ from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
+from robid_core.residual.between_samples import friction_between_samples
 from robid_core.residual.columns import BodyDerivatives, body_derivatives, parameter_columns, passive_motion
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
@@ -65,6 +66,8 @@ class TorqueBlock(ABC, Generic[M]):
     """Joint-side angles about which the model is linear, rad, shape (n_config, n_axis)."""
     remainder: ComplexArray = field(init=False)
     """Shape (n_config, n_exp, n_bin, n_axis)."""
+    unresolved: ComplexArray = field(init=False)
+    """Covariance of what samples do not resolve of friction, (n_bin, n_axis, n_axis)."""
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
@@ -79,6 +82,8 @@ class TorqueBlock(ABC, Generic[M]):
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.motion.torque_spectrum)
+        _, _, n_bin, n_axis = self.remainder.shape
+        self.unresolved = np.zeros((n_bin, n_axis, n_axis), dtype=np.complex128)
 
     # What kinds of records differ in
 
@@ -98,8 +103,8 @@ class TorqueBlock(ABC, Generic[M]):
         """
 
     @abstractmethod
-    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance of the residual, shape (n_bin, n_axis, n_axis); arguments as of `predicted`."""
+    def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+        """Covariance that sensors leave in the residual, (n_bin, n_axis, n_axis); arguments as of `predicted`."""
 
     @property
     @abstractmethod
@@ -135,8 +140,18 @@ class TorqueBlock(ABC, Generic[M]):
         """Begin where another block of the same record ended; its robot differs little."""
         self.bodies = other.bodies
 
+    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+        """Covariance of the residual where the model is right, (n_bin, n_axis, n_axis); arguments as of `predicted`."""
+        return self.measured_noise(robot, coefficient) + self.unresolved
+
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
-        """Evaluate the functions of speed anew with what is known by now; arguments as of `predicted`."""
+        """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.
+
+        Arguments as of `predicted`.
+        """
+        self.friction, self.unresolved = friction_between_samples(
+            robot, self.motion, self.laws, self.angle, coefficient
+        )
 
     def thinned(self, keep: IntArray) -> Self:
         """Return the block with some of its bins, before any motion was prescribed."""

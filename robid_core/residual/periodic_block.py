@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
-from robid_core.estimation.torque.spectra import FINER, MOTION_BAND_HZ, friction_spectra
+from robid_core.estimation.torque.spectra import MOTION_BAND_HZ, friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
 from robid_core.mechanics import MotorMotion, Simulation, SimulationState, periodic_motion
@@ -120,28 +120,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
             self.smooth = motion, periodic_motion(angle, motion.sample_time_s, step, MOTION_BAND_HZ)
         return self.smooth[1]
 
-    def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
-        """Evaluate the functions of speed anew, with what friction and held torque do to the speed between samples.
-
-        Arguments as of `predicted`. Above half the sampling rate motors move alone: there their acceleration is torque
-        over inertia.
-        """
-        n = robot.n_axis
-        mobility = np.linalg.inv(robot.second_order(self.angle).mass)[:, :n, :n]
-        friction = np.empty_like(self.friction)
-        for c in range(len(self.angle)):
-            motion = self.motion.of_configuration(c)
-            speed = motion.fine_speed()
-            torque = np.repeat(motion.torque, FINER, axis=2) - coefficient[-1]
-            rubbing = np.zeros(speed.shape, dtype=np.float32)
-            for law, size in zip(self.laws.along(speed.astype(np.float32)), coefficient[:-1], strict=True):
-                rubbing += law * size.astype(np.float32)
-            torque -= rubbing
-            speed = motion.fine_speed(np.matmul(torque, mobility[c]))
-            friction[:, c] = friction_spectra(motion, self.laws, speed)[:, 0]
-        self.friction = friction
-
-    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+    def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis).
 
         Noise of the angles is in it as it comes through inertia, springs and friction.

@@ -125,7 +125,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         if other.robot.mechanism.coordinate_names == self.robot.mechanism.coordinate_names:
             self.deviation = other.deviation
 
-    def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
+    def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from the noise that the robot file tells, shape (n_bin, n_axis, n_axis)."""
         motion, drives = self.motion, robot.drives
         z = impedance(robot, self.angle, motion, "zero_order_hold") * (motion.omega**2)[:, None, None]

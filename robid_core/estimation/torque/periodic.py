@@ -12,13 +12,14 @@ import scipy
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
-    FINER,
     SPEED_BAND,
     MotionSpectra,
     divided_period,
     periodic_derivative,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
+
+ENDS = 100  # of a period's samples: over one such part its beginning is compared with that of the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,8 @@ class PeriodicMotion(MotionSpectra):
     """Likewise of the accelerations."""
     angle_deviation: FloatArray
     """Each period's angles less their mean, rad, shape (n_config, n_exp, n_period, n_sample, n_axis)."""
+    drift: FloatArray
+    """Mean speed of each period, rad/s, shape (n_config, n_exp, n_period, 1, n_axis): what angles are told without."""
     _rates: dict[tuple[int, int, float], FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -40,39 +43,15 @@ class PeriodicMotion(MotionSpectra):
         one[0] = 1.0
         return one
 
-    def fine_speed(self, acceleration: FloatArray | None = None) -> FloatArray:
-        """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis).
-
-        A held torque jumps between samples, and friction where the speed turns: what that does to the speed is no part
-        of the band-limited motion through the samples, but reaches them by aliasing. Where the acceleration of the
-        motors is known, its part above half the sampling rate is taken off the samples and put on between them.
-
-        Parameters
-        ----------
-        acceleration
-            Of the motors by what acts on them, rad/s^2, shape of the result; only what lies above half the sampling
-            rate counts. None: the band-limited motion.
-        """
-        n, period_s = self.n_sample, self.n_sample * self.sample_time_s
-        omega = 2 * np.pi * np.arange(FINER * n // 2 + 1) / period_s
-        between = np.zeros((*self.angle.shape[:2], len(omega), self.angle.shape[3]), dtype=np.complex128)
-        samples = scipy.fft.rfft(self.angle, axis=2)
-        if acceleration is not None:
-            above = omega > np.pi / self.sample_time_s
-            between[:, :, above] = scipy.fft.rfft(acceleration, axis=2)[:, :, above] / -(
-                omega[above, None] ** 2
-            )
-            samples -= _sampled(between, n)
-        below = np.flatnonzero(omega <= 2 * np.pi * SPEED_BAND / self.sample_time_s)
-        between[:, :, below] = FINER * samples[:, :, below]
-        between *= 1j * omega[:, None]
-        result: FloatArray = scipy.fft.irfft(between, n=FINER * n, axis=2)
-        return result
+    def of_configuration(self, config: int) -> PeriodicMotion:
+        """Likewise, with the drift of that configuration."""
+        return replace(super().of_configuration(config), drift=self.drift[config : config + 1])
 
     def speed_of_period(self, period: int) -> FloatArray:
         """Motor speeds of one period as they are measured, at the samples, rad/s, shape of `angle`."""
         angle = self.angle + self.angle_deviation[:, :, period]
-        return periodic_derivative(angle, self.sample_time_s, 1, SPEED_BAND / self.sample_time_s)
+        speed = periodic_derivative(angle, self.sample_time_s, 1, SPEED_BAND / self.sample_time_s)
+        return speed + self.drift[:, :, period]
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of one period on any even grid, (n_config, n_exp, n_bin, n_axis)."""
@@ -84,9 +63,8 @@ class PeriodicMotion(MotionSpectra):
         key = (order, finer, shift_s)
         if key not in self._rates:
             highest = SPEED_BAND / self.sample_time_s
-            self._rates[key] = periodic_derivative(
-                self.angle, self.sample_time_s, order, highest, finer, shift_s
-            )
+            rate = periodic_derivative(self.angle, self.sample_time_s, order, highest, finer, shift_s)
+            self._rates[key] = rate + self.drift.mean(axis=2) if order == 1 else rate
             self._rates[key].setflags(write=False)
         return self._rates[key]
 
@@ -109,14 +87,6 @@ class PeriodicMotion(MotionSpectra):
     def settling(self) -> int:
         """A whole period."""
         return self.n_sample
-
-
-def _sampled(fine: ComplexArray, n: int) -> ComplexArray:
-    """Spectrum of every FINER-th value, n in all, from that of all of them; frequencies stand on the third axis."""
-    both = np.concatenate((fine, fine[:, :, -2:0:-1].conj()), axis=2)
-    aliases = both.reshape(*both.shape[:2], FINER, n, both.shape[3])
-    folded: ComplexArray = aliases.sum(axis=2)[:, :, : n // 2 + 1] / FINER
-    return folded
 
 
 def periodic_motion_of(
@@ -153,6 +123,9 @@ def periodic_motion_of(
         )
     rows = (n_config, -1, n_period, n_sample, n_axis)
     angle, pull = position.reshape(rows), torque.reshape(rows)
+    drift = drift_of(angle)
+    # The jump between the ends of a period would be read as an acceleration, which the line between them has not.
+    angle = angle - drift * ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
     bins = np.arange(n_bin)
     omega = 2 * np.pi * bins / (n_sample * sample_time_s)
     angles, torques = (scipy.fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
@@ -169,7 +142,21 @@ def periodic_motion_of(
         torques - torques.mean(axis=2, keepdims=True),
         accelerations - accelerations.mean(axis=2, keepdims=True),
         angle - angle.mean(axis=2, keepdims=True),
+        drift / (n_sample * sample_time_s),
     )
+
+
+def drift_of(angle: FloatArray) -> FloatArray:
+    """Return by how much angles change from the beginning of each period to its end, rad, (..., n_period, 1, n_axis).
+
+    Under speed control alone a pose is approached over many periods, or wanders. `angle` has shape (..., n_period,
+    n_sample, n_axis), two periods at least.
+    """
+    few = max(1, angle.shape[-2] // ENDS)
+    change = np.diff(angle, axis=-3)
+    first = change[..., :1, :few, :].mean(axis=-2, keepdims=True)
+    drift: FloatArray = np.concatenate((first, change[..., -few:, :].mean(axis=-2, keepdims=True)), axis=-3)
+    return drift
 
 
 def friction_deviation(motion: PeriodicMotion, laws: SpeedFunctions) -> ComplexArray:

@@ -85,6 +85,10 @@ class MotionSpectra(ABC):
         held: ComplexArray = self.spectrum_of(torque) / self.hold[:, None]
         return held
 
+    def fine_speed(self) -> FloatArray:
+        """Band-limited motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_time, n_axis)."""
+        return self.rate(1, FINER)
+
     @abstractmethod
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of values on any even grid, time on the third of four axes, (n_config, n_exp, n_bin, n_axis)."""
@@ -170,6 +174,40 @@ def periodic_derivative(
     turned = ((1j * omega) ** order * np.exp(1j * omega * shift_s))[:, None] * spectrum
     result: FloatArray = scipy.fft.irfft(turned, n=finer * n, axis=2) * finer
     return result
+
+
+def held_between(values: FloatArray) -> FloatArray:
+    """Return held values, time on the third of four axes, on the finer grid; where they jump, the mean of both."""
+    fine = np.repeat(values, FINER, axis=2)
+    fine[:, :, ::FINER] += 0.5 * (np.roll(values, 1, axis=2) - values)
+    return fine
+
+
+def speed_between_samples(acceleration: FloatArray, n_sample: int, sample_time_s: float) -> FloatArray:
+    """What accelerations above half the sampling rate add to the band-limited speed through samples of the angle.
+
+    They move the angle at the samples, too, by aliasing: what the samples would show of them is taken off again.
+    `acceleration`, rad/s^2, is one period or a cut whose ends do not count, and so is the result, rad/s, of shape
+    (n_config, n_exp, FINER * n_sample, n_axis) both.
+    """
+    omega = 2 * np.pi * np.arange(FINER * n_sample // 2 + 1) / (n_sample * sample_time_s)
+    above = omega > np.pi / sample_time_s
+    below = np.flatnonzero(omega <= 2 * np.pi * SPEED_BAND / sample_time_s)
+    angle = scipy.fft.rfft(acceleration, axis=2)
+    angle[:, :, ~above] = 0.0
+    angle[:, :, above] /= -(omega[above, None] ** 2)
+    angle[:, :, below] = -FINER * _sampled(angle, n_sample)[:, :, below]
+    angle *= 1j * omega[:, None]
+    speed: FloatArray = scipy.fft.irfft(angle, n=FINER * n_sample, axis=2)
+    return speed
+
+
+def _sampled(fine: ComplexArray, n: int) -> ComplexArray:
+    """Spectrum of every FINER-th value, n in all, from that of all of them; frequencies stand on the third axis."""
+    both = np.concatenate((fine, fine[:, :, -2:0:-1].conj()), axis=2)
+    aliases = both.reshape(*both.shape[:2], FINER, n, both.shape[3])
+    folded: ComplexArray = aliases.sum(axis=2)[:, :, : n // 2 + 1] / FINER
+    return folded
 
 
 def divided_period(

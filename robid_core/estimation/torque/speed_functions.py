@@ -103,3 +103,21 @@ class SpeedFunctions:
             yield value
         for number, width in enumerate(self.even):
             yield squares[number] if number in squares else np.tanh(speed / width.astype(speed.dtype)) ** 2
+
+    def total(self, speed: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sum of the functions at speeds, and its derivative by the speed, shape of `speed`, in its precision.
+
+        `size` of each function, N m, (n_odd + n_even, n_axis).
+        """
+        size = size.astype(speed.dtype)
+        torque, slope = np.zeros_like(speed), np.zeros_like(speed)
+        odd, even = size[: len(self.odd)], size[len(self.odd) :]
+        for width, own in zip(self.odd.astype(speed.dtype), odd, strict=True):
+            value = np.tanh(speed / width)
+            torque += own * value
+            slope += own / width * (1 - value * value)
+        for width, own in zip(self.even.astype(speed.dtype), even, strict=True):
+            value = np.tanh(speed / width)
+            torque += own * value * value
+            slope += 2 * own / width * value * (1 - value * value)
+        return torque, slope

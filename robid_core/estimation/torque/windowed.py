@@ -17,7 +17,6 @@ import scipy
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
-    FINER,
     MOTION_BAND_HZ,
     SPEED_BAND,
     MotionSpectra,
@@ -52,10 +51,6 @@ class WindowedMotion(MotionSpectra):
         values, window = super().over_time(spectrum), _window(self.n_sample)[:, None]
         shown: FloatArray = np.divide(values, window, out=np.zeros_like(values), where=window > VISIBLE)
         return shown
-
-    def fine_speed(self) -> FloatArray:
-        """Motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_sample, n_axis)."""
-        return self.rate(1, FINER)
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
         """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robid_core import DataRejected
-from robid_core.estimation.torque.periodic import friction_deviation, periodic_motion_of
-from robid_core.estimation.torque.spectra import friction_spectra
+from robid_core.estimation.torque.periodic import drift_of, friction_deviation, periodic_motion_of
+from robid_core.estimation.torque.spectra import FINER, friction_spectra, held_between, speed_between_samples
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 
@@ -53,6 +53,64 @@ def test_a_sharp_law_is_what_a_grid_a_hundred_times_finer_says() -> None:
     fine = np.fft.rfft(np.tanh(0.1 * 2 * np.pi * 5 * np.cos(2 * np.pi * 5 * time) / 0.5))[:101] / len(time)
     # Harmonics above half the grid's 4 kHz fold back: those of tanh fall by exp(-pi w / 2 per unit of phase).
     np.testing.assert_allclose(found, fine, atol=1e-9)
+
+
+def test_a_held_torque_moves_a_free_motor_between_the_samples_as_by_hand() -> None:
+    """Speeds are straight lines between samples. Waves above 4 kHz, half the finer rate, are folded back or left out.
+
+    The n-th alias of a speed falls with 1/n^2; those beyond the fourth, twice, are sqrt(2 sum n^-4) = 0.12 of all.
+    """
+    generator, time = np.random.default_rng(2), T * np.arange(N)
+    torque = sum(
+        np.sin(2 * np.pi * f * time + generator.uniform(0, 6)) for f in generator.uniform(20, 400, 30).round()
+    )
+    start = np.concatenate(([0.0], T * np.cumsum(torque)[:-1]))
+    speed = (start[:, None] + torque[:, None] * T / FINER * np.arange(FINER)).ravel()
+    mean_of_pieces = (start + 0.5 * T * torque).mean()
+    angle = np.concatenate(([0.0], np.cumsum(T * start + 0.5 * T**2 * torque)[:-1])) - mean_of_pieces * time
+    motion = motion_of(np.tile(angle[:, None], (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, N, 1)))
+    smooth = motion.fine_speed()
+    between = speed_between_samples(held_between(torque[None, None, :, None]), N, T)
+    exact = speed - mean_of_pieces
+    left, before = (np.std(exact - one[0, 0, :, 0]) for one in (smooth + between, smooth))
+    assert left < 0.15 * before
+
+
+def test_what_drifts_has_the_acceleration_of_what_does_not() -> None:
+    """A line has none; its speed is told. Three periods that go on by 0.02, 0.03 and 0.03 rad."""
+    still, line = swings(3), np.arange(N) / N
+    drifting = still.copy()
+    drifting[0, 0, 0, :, :, 1] += np.array([0.0, 0.02, 0.05])[:, None] + np.multiply.outer(
+        [0.02, 0.03, 0.03], line
+    )
+    found, expected = (motion_of(one, np.zeros_like(one)) for one in (drifting, still))
+    np.testing.assert_allclose(
+        drift_of(drifting)[0, 0, 0, :, 0], [[0, 0.02], [0, 0.03], [0, 0.03]], atol=2e-4
+    )
+    # A hundredth of a period tells the change: of the second and third period it is told by half of that too early.
+    large = np.abs(expected.acceleration_spectrum).max()
+    np.testing.assert_allclose(found.acceleration_spectrum, expected.acceleration_spectrum, atol=1e-4 * large)
+    np.testing.assert_allclose(
+        found.rate(1)[..., 10:-10, :] - expected.rate(1)[..., 10:-10, :],
+        np.full((1, 1, N - 20, 2), [0, 0.08 / 3]),
+        atol=2e-3,
+    )
+
+
+def test_the_sum_of_functions_and_its_slope() -> None:
+    laws = SpeedFunctions.about(np.array([0.5, 0.3]), np.array([3.0, 2.0]))
+    generator = np.random.default_rng(6)
+    speed, size = generator.normal(size=(50, 2)), generator.normal(size=(len(laws.names) - 1, 2))
+
+    def by_hand(speed: np.ndarray) -> np.ndarray:
+        return sum(law * own for law, own in zip(laws.along(speed), size, strict=True))
+
+    torque, slope = laws.total(speed, size)
+    np.testing.assert_allclose(torque, by_hand(speed), rtol=1e-13)
+    step = (
+        1e-5  # errs by step^2 times a third derivative of 50 / 0.15^3 at most, and by rounding over the step
+    )
+    np.testing.assert_allclose(slope, (by_hand(speed + step) - by_hand(speed - step)) / (2 * step), atol=1e-5)
 
 
 def test_functions_in_single_precision_are_those_of_double_precision() -> None:

@@ -1,0 +1,65 @@
+"""Friction between the samples: what a held torque does to the speed there, and what samples do not resolve of it.
+
+Motion through the samples is band-limited. Torque that jumps at them, and friction that jumps where the speed turns,
+put on it what lies above half the sampling rate. Motors move alone there: acceleration is torque over inertia. One step
+of that from the band-limited speed is enough where a motor follows its friction slowly, over samples (``J / F'``).
+Where friction is sharp and the motor light, it follows within one: an explicit step then overshoots, an implicit one
+hardly moves, and by how much their friction torques differ is what these samples do not resolve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid_core.arrays import ComplexArray, FloatArray
+from robid_core.estimation.torque.spectra import (
+    MotionSpectra,
+    friction_spectra,
+    held_between,
+    speed_between_samples,
+)
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.estimation.torque.weights import covariance_of
+from robid_core.robot import Robot
+
+FOLLOWED = (
+    0.5  # of a sample: friction is followed over J / F', and a step is implicit by the ratio of the two
+)
+
+
+def friction_between_samples(
+    robot: Robot, motion: MotionSpectra, laws: SpeedFunctions, angle: FloatArray, coefficient: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Spectra of the functions of speed, and the covariance of what samples do not resolve of friction.
+
+    Shapes (n_law + 1, n_config, n_exp, n_bin, n_axis) and (n_bin, n_axis, n_axis).
+
+    Parameters
+    ----------
+    robot
+        Whose motors move alone above half the sampling rate.
+    motion, laws
+        The measured motion and functions of its speed.
+    angle
+        Of the joints, about which motors weigh what they do, rad, (n_config, n_axis).
+    coefficient
+        Of the functions and of a constant, N m, (n_law + 1, n_axis).
+    """
+    n = robot.n_axis
+    mobility = np.linalg.inv(robot.second_order(angle).mass)[:, :n, :n]
+    size = coefficient[:-1]
+    friction, unresolved = [], []
+    for c in range(len(angle)):
+        own = motion.of_configuration(c)
+        speed = own.fine_speed()
+        rubbing, slope = laws.total(speed.astype(np.float32), size)
+        held = held_between(own.torque) - coefficient[-1]
+        change = speed_between_samples(
+            np.matmul(held - rubbing, mobility[c]), own.torque.shape[2], own.sample_time_s
+        )
+        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * np.maximum(slope, 0.0)
+        explicit, implicit = speed + change, speed + change / (1.0 + follows)
+        friction.append(friction_spectra(own, laws, implicit))
+        ends = (laws.total(one.astype(np.float32), size)[0] for one in (explicit, implicit))
+        unresolved.append(own.held_spectrum(next(ends) - next(ends)))
+    return np.concatenate(friction, axis=1), covariance_of(np.concatenate(unresolved))
