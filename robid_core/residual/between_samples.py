@@ -54,11 +54,10 @@ def friction_between_samples(
         speed = own.fine_speed()
         rubbing, slope = laws.total(speed.astype(np.float32), size)
         held = held_between(own.torque) - coefficient[-1]
-        change = speed_between_samples(
-            np.matmul(held - rubbing, mobility[c]), own.torque.shape[2], own.sample_time_s
-        )
+        acceleration = np.matmul(held - rubbing, mobility[c])
+        explicit = speed_between_samples(speed, acceleration, own.shown(), own.sample_time_s)
         follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * np.maximum(slope, 0.0)
-        explicit, implicit = speed + change, speed + change / (1.0 + follows)
+        implicit = speed + (explicit - speed) / (1.0 + follows)
         friction.append(friction_spectra(own, laws, implicit))
         ends = (laws.total(one.astype(np.float32), size)[0] for one in (explicit, implicit))
         unresolved.append(own.held_spectrum(next(ends) - next(ends)))

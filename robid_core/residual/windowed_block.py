@@ -28,6 +28,7 @@ from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
 
 LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model gives no start values
+UNIFORM = 12  # step squared over the variance of what is rounded
 FEW = 2  # experiments of each configuration in a first pass of prescribed motions
 
 
@@ -51,6 +52,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
                 f"{robot.name}: what does not repeat shows no noise, and the robot file tells none; give "
                 "sensors: {torque_noise: ...} for every axis"
             )
+        motion = replace(motion, angle_noise=angle_noise(robot))
         recorded, motion = motion, true_motion(robot, motion)
         middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
@@ -142,6 +144,14 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     def noise_freedom(self) -> float:
         """Complex degrees of freedom of the noise at each bin: it is told."""
         return float("inf")
+
+
+def angle_noise(robot: Robot) -> FloatArray:
+    """Variance of measured motor angles, with that of the encoder's steps, rad^2, (n_axis,)."""
+    counts = robot.drives.encoder_counts
+    step = np.divide(2 * np.pi, counts, out=np.zeros_like(counts), where=counts > 0)
+    variance: FloatArray = robot.drives.position_noise**2 + step**2 / UNIFORM
+    return variance
 
 
 def _first(motion: WindowedMotion, n: int) -> WindowedMotion:

@@ -11,7 +11,9 @@ from oracles.drives import of_axes
 from robid_core import Channel, DenseRun, FloatArray, Record, Robot
 
 PERIOD, SETTLE, KEPT = 3000, 1, 2  # samples; periods
-EXPERIMENTS = {1: (6, 2), 2: (6, 2), 6: (6, 3)}  # poses and experiments of each, by axes
+POSES = 6
+EACH = {6: 3}  # experiments of a pose, by axes; else
+FEW = 2
 BAND_HZ, LINES = (3.0, 80.0), 60
 FAST, SLOW = 4.0, 10.0  # rad/s at the motor: rms of the multisine, amplitude of the slow sine
 MOVE, STANDING = (0.3, 0.6), 0.2  # rad at the joint; s in which a multisine begins
@@ -39,7 +41,7 @@ class Experiments:
         cls, robot: Robot, motion: Literal["multisine", "moves"], generator: np.random.Generator
     ) -> Experiments:
         """Draw poses within the limits, and multisines on a slow sine, or on a move forth and back."""
-        n_pose, each = EXPERIMENTS[robot.n_axis]
+        n_pose, each = POSES, EACH.get(robot.n_axis, FEW)
         limits = (np.maximum(robot.drives.lower, -2.0) * 0.6, np.minimum(robot.drives.upper, 2.0) * 0.6)
         poses = generator.uniform(*limits, (n_pose, robot.n_axis))
         low, high = BAND_HZ

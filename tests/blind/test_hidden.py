@@ -10,11 +10,13 @@ import scipy
 from blind.judging import judged
 from blind.kinds import LAWS
 from blind.plan import Wanted, asked, plan
+from blind.strangers import diagnosed, measured
 from blind.table import late_by, wilson
 
 FIRST = 910_000
 SAMPLE = (Wanted("nothing", FIRST), Wanted("strong", FIRST + 1, 1, ("friction.load_dependent",)))
 RIGHT = 0.85  # of strong laws on one axis: what is claimed
+STRANGE = 0.03  # of robots that nobody met: alarms, as is claimed
 RARE = 0.01  # probability of a count as low, were the claim true
 
 
@@ -29,6 +31,19 @@ def test_a_hidden_law_is_named_first_and_none_where_there_is_none(wanted: Wanted
         assert low <= float(row["strengths"]) <= high
     if row["found_late"]:
         assert late_by(row) < 0.02
+
+
+@pytest.mark.parametrize("seed", [FIRST, FIRST + 1])
+def test_nothing_is_found_on_a_robot_that_nobody_met(seed: int) -> None:
+    told, record = measured(seed)
+    assert not diagnosed(told, record).findings
+
+
+@pytest.mark.full
+def test_on_robots_that_nobody_met_alarms_are_rare() -> None:
+    """Forty of them: as many alarms as chance leaves of a share of three percent."""
+    alarms = sum(bool(diagnosed(*measured(seed)).findings) for seed in range(FIRST + 2, FIRST + 42))
+    assert scipy.stats.binom.sf(alarms - 1, 40, STRANGE) > RARE
 
 
 @pytest.mark.full

@@ -16,9 +16,11 @@ from robid_core.estimation.torque.spectra import (
     MotionSpectra,
     divided_period,
     periodic_derivative,
+    wiener_gain,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 
+NOISY = 0.25  # of the sampling rate: by how much periods differ above is noise of the angles
 ENDS = 100  # of a period's samples: over one such part its beginning is compared with that of the next
 
 
@@ -47,11 +49,17 @@ class PeriodicMotion(MotionSpectra):
         """Likewise, with the drift of that configuration."""
         return replace(super().of_configuration(config), drift=self.drift[config : config + 1])
 
+    def shown(self) -> FloatArray:
+        """Likewise."""
+        return wiener_gain(self.angle, self.angle_noise)
+
     def speed_of_period(self, period: int) -> FloatArray:
-        """Motor speeds of one period as they are measured, at the samples, rad/s, shape of `angle`."""
-        angle = self.angle + self.angle_deviation[:, :, period]
+        """Motor speeds of one period, at the samples, as far as the mean shows them, rad/s, shape of `angle`."""
+        spectrum = scipy.fft.rfft(self.angle + self.angle_deviation[:, :, period], axis=2)
+        angle = scipy.fft.irfft(self.shown() * spectrum, n=self.n_sample, axis=2)
         speed = periodic_derivative(angle, self.sample_time_s, 1, SPEED_BAND / self.sample_time_s)
-        return speed + self.drift[:, :, period]
+        result: FloatArray = speed + self.drift[:, :, period]
+        return result
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of one period on any even grid, (n_config, n_exp, n_bin, n_axis)."""
@@ -128,7 +136,11 @@ def periodic_motion_of(
     angle = angle - drift * ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
     bins = np.arange(n_bin)
     omega = 2 * np.pi * bins / (n_sample * sample_time_s)
-    angles, torques = (scipy.fft.rfft(x, axis=3)[:, :, :, :n_bin] / n_sample for x in (angle, pull))
+    angles, torques = (scipy.fft.rfft(x, axis=3) / n_sample for x in (angle, pull))
+    differ = angles[:, :, :, int(NOISY * n_sample) :]
+    differ = differ - differ.mean(axis=2, keepdims=True)
+    power = (np.abs(differ) ** 2).sum(axis=2).mean(axis=(0, 1, 2)) / (n_period * (n_period - 1))
+    angles, torques = angles[:, :, :, :n_bin], torques[:, :, :, :n_bin]
     accelerations = -(omega[:, None] ** 2) * angles
     return PeriodicMotion(
         sample_time_s,
@@ -139,6 +151,7 @@ def periodic_motion_of(
         pull.mean(axis=2),
         torques.mean(axis=2),
         accelerations.mean(axis=2),
+        power * n_sample,
         torques - torques.mean(axis=2, keepdims=True),
         accelerations - accelerations.mean(axis=2, keepdims=True),
         angle - angle.mean(axis=2, keepdims=True),

@@ -17,10 +17,12 @@ import scipy
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.estimation.torque.weights import running_mean
 from robid_core.mechanics.response import hold_factor
 
 EVERY = 5  # of the bins that are no lines stands for the others
 FINER = 8  # points a sample on which laws are evaluated
+SMALLEST = 1e-300  # power
 SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle is noise
 MOTION_BAND_HZ = 250.0  # of the motion that is prescribed: second derivatives blow up noise
 
@@ -48,6 +50,8 @@ class MotionSpectra(ABC):
     """Of the motor torques, N m, shape (n_config, n_exp, n_bin, n_axis)."""
     acceleration_spectrum: ComplexArray
     """Of the motor accelerations, likewise, rad/s^2."""
+    angle_noise: FloatArray
+    """Variance of `angle` at each sample, white, rad^2, shape (n_axis,)."""
 
     def of_configuration(self, config: int) -> Self:
         """Return angles and mean spectra of one configuration; by how much periods differ stays that of all."""
@@ -88,6 +92,10 @@ class MotionSpectra(ABC):
     def fine_speed(self) -> FloatArray:
         """Band-limited motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_time, n_axis)."""
         return self.rate(1, FINER)
+
+    @abstractmethod
+    def shown(self) -> FloatArray:
+        """Share of the waves of angles that is no noise, up to half the sampling rate, (n_time // 2 + 1, n_axis)."""
 
     @abstractmethod
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
@@ -176,6 +184,18 @@ def periodic_derivative(
     return result
 
 
+def wiener_gain(values: FloatArray, variance: FloatArray) -> FloatArray:
+    """Share of each bin of one period that is no noise, shape (n // 2 + 1, n_axis).
+
+    By the power of `values`, (n_config, n_exp, n, n_axis), in a few bins on either side; `variance` of white noise at
+    each sample, (n_axis,).
+    """
+    n = values.shape[2]
+    power = (np.abs(scipy.fft.rfft(values, axis=2) / n) ** 2).mean(axis=(0, 1))
+    gain: FloatArray = np.maximum(0.0, 1.0 - variance / n / np.maximum(running_mean(power), SMALLEST))
+    return gain
+
+
 def held_between(values: FloatArray) -> FloatArray:
     """Return held values, time on the third of four axes, on the finer grid; where they jump, the mean of both."""
     fine = np.repeat(values, FINER, axis=2)
@@ -183,23 +203,37 @@ def held_between(values: FloatArray) -> FloatArray:
     return fine
 
 
-def speed_between_samples(acceleration: FloatArray, n_sample: int, sample_time_s: float) -> FloatArray:
-    """What accelerations above half the sampling rate add to the band-limited speed through samples of the angle.
+def speed_between_samples(
+    speed: FloatArray, acceleration: FloatArray, shown: FloatArray, sample_time_s: float
+) -> FloatArray:
+    """Speed on the finer grid where both are known, a band-limited one through noisy samples and an acceleration.
 
-    They move the angle at the samples, too, by aliasing: what the samples would show of them is taken off again.
-    `acceleration`, rad/s^2, is one period or a cut whose ends do not count, and so is the result, rad/s, of shape
-    (n_config, n_exp, FINER * n_sample, n_axis) both.
+    Below half the sampling rate the samples tell as much as is no noise (Wiener's filter), the acceleration the rest;
+    above it all. What is above moves the angle at the samples, too, by aliasing: what they show of it is taken off.
+
+    Parameters
+    ----------
+    speed, acceleration
+        rad/s and rad/s^2, one period or a cut whose ends do not count, (n_config, n_exp, FINER * n_sample, n_axis).
+    shown
+        Share of the samples' waves that is no noise, (n_sample // 2 + 1, n_axis).
     """
-    omega = 2 * np.pi * np.arange(FINER * n_sample // 2 + 1) / (n_sample * sample_time_s)
-    above = omega > np.pi / sample_time_s
-    below = np.flatnonzero(omega <= 2 * np.pi * SPEED_BAND / sample_time_s)
-    angle = scipy.fft.rfft(acceleration, axis=2)
-    angle[:, :, ~above] = 0.0
-    angle[:, :, above] /= -(omega[above, None] ** 2)
-    angle[:, :, below] = -FINER * _sampled(angle, n_sample)[:, :, below]
-    angle *= 1j * omega[:, None]
-    speed: FloatArray = scipy.fft.irfft(angle, n=FINER * n_sample, axis=2)
-    return speed
+    n = speed.shape[2] // FINER
+    omega = 2 * np.pi * np.arange(FINER * n // 2 + 1)[1:, None] / (n * sample_time_s)
+    moved = scipy.fft.rfft(acceleration, axis=2)
+    moved[:, :, 0] = 0.0
+    moved[:, :, 1:] /= -(omega**2)
+    below = np.flatnonzero(omega[:, 0] <= 2 * np.pi * SPEED_BAND / sample_time_s) + 1
+    above = moved.copy()
+    above[:, :, 1:][:, :, omega[:, 0] <= np.pi / sample_time_s] = 0.0
+    sampled = FINER * _sampled(above, n)
+    spectrum = scipy.fft.rfft(speed, axis=2)
+    measured = spectrum[:, :, below] - 1j * omega[below - 1] * sampled[:, :, below]
+    known = shown[below]
+    spectrum[:, :, 1:] = 1j * omega * above[:, :, 1:]
+    spectrum[:, :, below] = known * measured + (1.0 - known) * 1j * omega[below - 1] * moved[:, :, below]
+    result: FloatArray = scipy.fft.irfft(spectrum, n=FINER * n, axis=2)
+    return result
 
 
 def _sampled(fine: ComplexArray, n: int) -> ComplexArray:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
-from robid_core.arrays import BoolArray, ComplexArray
+from robid_core.arrays import BoolArray, ComplexArray, FloatArray
+
+T = TypeVar("T", FloatArray, ComplexArray)
 
 HALF_WINDOW = 8  # bins on either side
 SMALLEST = 1e-12  # of the largest variance; keeps a bin without noise from being singular
@@ -25,7 +29,7 @@ def covariance_of(residual: ComplexArray, freedom: float | None = None) -> Compl
     rows = residual.reshape(-1, *residual.shape[-2:])
     total = np.einsum("xfa,xfb->fab", rows, rows.conj()) / (len(rows) if freedom is None else freedom)
     smooth: ComplexArray = np.empty_like(total)
-    smooth[1:] = _running_mean(total[1:])
+    smooth[1:] = running_mean(total[1:])
     smooth[0] = smooth[1 : 2 + HALF_WINDOW].mean(axis=0).real
     return smooth
 
@@ -43,13 +47,13 @@ def covariance_apart(residual: ComplexArray, excited: BoolArray) -> ComplexArray
     return found
 
 
-def _running_mean(values: ComplexArray) -> ComplexArray:
-    """Mean over HALF_WINDOW bins on either side, fewer at the ends."""
+def running_mean(values: T) -> T:
+    """Mean over HALF_WINDOW bins on either side, fewer at the ends; bins are the first axis."""
     n = len(values)
     first = np.maximum(np.arange(n) - HALF_WINDOW, 0)
     last = np.minimum(np.arange(n) + HALF_WINDOW + 1, n)
     sums = np.concatenate((np.zeros((1, *values.shape[1:]), dtype=values.dtype), np.cumsum(values, axis=0)))
-    mean: ComplexArray = (sums[last] - sums[first]) / (last - first)[:, None, None]
+    mean: T = (sums[last] - sums[first]) / (last - first).reshape(-1, *(1 for _ in values.shape[1:]))
     return mean
 
 

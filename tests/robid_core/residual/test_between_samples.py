@@ -67,10 +67,10 @@ def left_and_unresolved(width: float, rotor: float, periodic: bool) -> tuple[flo
 def test_sharp_friction_of_a_light_motor_is_not_resolved_and_that_is_said(
     width: float, periodic: bool
 ) -> None:
-    """It is followed within a twentieth of a sample: by up to four times too much, not too little."""
+    """It is followed within a twentieth of a sample: by up to six times too much, not too little."""
     left, unresolved = left_and_unresolved(width, 5e-5, periodic)
     assert left > 2e-3
-    assert 0.9 < unresolved / left < 4
+    assert 0.9 < unresolved / left < 6
 
 
 @pytest.mark.parametrize(("periodic", "most"), [(True, 4e-4), (False, 3e-3)])

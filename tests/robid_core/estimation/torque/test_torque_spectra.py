@@ -70,9 +70,11 @@ def test_a_held_torque_moves_a_free_motor_between_the_samples_as_by_hand() -> No
     angle = np.concatenate(([0.0], np.cumsum(T * start + 0.5 * T**2 * torque)[:-1])) - mean_of_pieces * time
     motion = motion_of(np.tile(angle[:, None], (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, N, 1)))
     smooth = motion.fine_speed()
-    between = speed_between_samples(held_between(torque[None, None, :, None]), N, T)
+    found = speed_between_samples(
+        smooth, held_between(torque[None, None, :, None]), np.ones((N // 2 + 1, 1)), T
+    )
     exact = speed - mean_of_pieces
-    left, before = (np.std(exact - one[0, 0, :, 0]) for one in (smooth + between, smooth))
+    left, before = (np.std(exact - one[0, 0, :, 0]) for one in (found, smooth))
     assert left < 0.15 * before
 
 
