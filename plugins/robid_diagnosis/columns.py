@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid_core import ComplexArray, Effect, FloatArray, Place, Robot, SignalEffect, StructureEffect
+from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.residual import EffectTorque, TorqueProblem, Weighting, effect_class
 from robid_diagnosis.candidates import (
     ORDERS,
@@ -220,7 +221,7 @@ class Motion:
                 if not units:
                     whole = one.of_effect(bound)
                     if bound.place.side in TORQUES:
-                        delay, whole = without_delay(whole, predicted, one.motion.omega)
+                        delay, whole = without_delay(whole, predicted, one.motion)
                     units = {WHOLE: whole}
                 for name, torque in units.items():
                     spectra.setdefault((name, phase), []).append(torque.astype(np.complex64))
@@ -228,7 +229,7 @@ class Motion:
 
 
 def without_delay(
-    added: ComplexArray, predicted: ComplexArray, omega: FloatArray
+    added: ComplexArray, predicted: ComplexArray, motion: MotionSpectra
 ) -> tuple[FloatArray, ComplexArray]:
     """Take the delay off what a law adds to torques: a fit has delays of its own, exact ones, and a column only slopes.
 
@@ -236,8 +237,8 @@ def without_delay(
     ----------
     added, predicted
         Spectra, (n_config, n_exp, n_bin, n_axis).
-    omega
-        Of the bins, rad/s, (n_bin,).
+    motion
+        In which they were measured.
 
     Returns
     -------
@@ -245,12 +246,13 @@ def without_delay(
     is then left.
     """
     delay = np.zeros(predicted.shape[-1])
-    slope = 1j * omega[:, None] * predicted
+    omega, slope = motion.omega[:, None], motion.advancing(predicted)
+    at_window = 1j * omega * predicted - slope  # a window does not come earlier with the torque
     size = np.maximum((np.abs(slope) ** 2).sum(axis=(0, 1, 2)), 1e-300)
     left = added
     for _ in range(ALIGNING):
         delay -= (slope.conj() * left).real.sum(axis=(0, 1, 2)) / size
-        left = np.exp(1j * omega[:, None] * delay) * (predicted + added) - predicted
+        left = np.exp(1j * omega * delay) * (predicted + added) - delay * at_window - predicted
     power, remains = ((np.abs(values) ** 2).sum() for values in (added, left))
     return delay, left if remains > MERE_DELAY * power else np.zeros_like(left)
 

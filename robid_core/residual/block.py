@@ -206,8 +206,7 @@ class TorqueBlock(ABC, Generic[M]):
 
         `delay` has shape (1,), or (n_axis,).
         """
-        turn = np.exp(1j * self.motion.omega[:, None] * delay)
-        difference: ComplexArray = turn * self.motion.torque_spectrum - predicted
+        difference: ComplexArray = self.motion.advanced_torque(delay) - predicted
         return difference
 
     def expected(self, residual: ComplexArray, delay: FloatArray) -> M:
@@ -343,6 +342,8 @@ class TorqueBlock(ABC, Generic[M]):
         passive = passive_motion(robot, self.angle, motion.omega[1:])
         passive = np.concatenate((np.zeros_like(passive[:, :1]), passive), axis=1)
 
+        late = -motion.advancing(predicted)
+
         def of_configuration(c: int) -> Iterator[ComplexArray]:
             swing = motion.angle_spectrum[c].transpose(1, 0, 2)
             for first in range(0, n_bin, BINS_AT_ONCE):
@@ -361,12 +362,12 @@ class TorqueBlock(ABC, Generic[M]):
                 for a in range(n_axis):
                     laws = self.friction[:, c, :, bins, a].transpose(2, 1, 0)
                     found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws
-                late = (-1j * omega[:, None] * predicted[c][:, bins]).transpose(1, 0, 2)
+                later = late[c][:, bins].transpose(1, 0, 2)
                 if each_delay:
                     for a in range(n_axis):
-                        found[:, :, a, a - n_axis] = late[:, :, a]
+                        found[:, :, a, a - n_axis] = later[:, :, a]
                 else:
-                    found[..., -1] = late
+                    found[..., -1] = later
                 yield found
 
         return (of_configuration(c) for c in range(n_config))

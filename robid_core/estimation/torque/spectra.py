@@ -116,6 +116,16 @@ class MotionSpectra(ABC):
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> Self:
         """Return the same with other angles and torques, shape of `angle`."""
 
+    def advanced_torque(self, delay: FloatArray) -> ComplexArray:
+        """Spectra of the torques without a delay, s, (1,) or (n_axis,), shape of `torque_spectrum`."""
+        advanced: ComplexArray = np.exp(1j * self.omega[:, None] * delay) * self.torque_spectrum
+        return advanced
+
+    def advancing(self, torque: ComplexArray) -> ComplexArray:
+        """Derivative, by the time by which they come earlier, of torques like the measured ones, N m/s, their shape."""
+        slope: ComplexArray = 1j * self.omega[:, None] * torque
+        return slope
+
     def less(self, residual: ComplexArray, delay: FloatArray) -> Self:
         """Return the same with torques over time without a delay and less a residual; spectra stay.
 

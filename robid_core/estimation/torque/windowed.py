@@ -80,6 +80,23 @@ class WindowedMotion(MotionSpectra):
         result: FloatArray = waves + line / gain(np.zeros(1)).real
         return result
 
+    def advanced_torque(self, delay: FloatArray) -> ComplexArray:
+        """Likewise; what moves is the torque, not the window."""
+
+        def late(omega: FloatArray) -> ComplexArray:
+            turn: ComplexArray = np.exp(-1j * omega[:, None] * delay)
+            return turn
+
+        return self.spectrum_of(self.divided(self.torque, late)) if np.any(delay) else self.torque_spectrum
+
+    def advancing(self, torque: ComplexArray) -> ComplexArray:
+        """Likewise, less what a window that moves with them would add."""
+        n = self.n_sample
+        slope = np.gradient(_window(n), self.sample_time_s)
+        moved = scipy.fft.rfft(self.torque * slope[:, None], axis=2)[:, :, self.bin] / n
+        result: ComplexArray = super().advancing(torque) - moved
+        return result
+
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> WindowedMotion:
         """Return the same with other angles and torques."""
         odd, _, _ = _odd_continuation(angle, self.sample_time_s)

@@ -48,6 +48,29 @@ def test_acceleration_of_a_cut_is_that_of_the_motion() -> None:
     assert abs(error).max() < 1e-3 * abs(motion.torque_spectrum).max()
 
 
+def test_what_comes_earlier_is_the_torque_and_not_the_window() -> None:
+    """Half a sample, and three: a weight of 10 N m under the window has no delay, and a wave on it has.
+
+    Turning the windowed spectrum instead moves the weight's taper, by 10 N m times its slope: 30 times the tolerance.
+    """
+    time = T * np.arange(N)
+
+    def torque(late: float) -> np.ndarray:
+        return 10.0 + 0.5 * np.sin(2 * np.pi * 7.3 * (time - late) + 0.4)[None, None, :, None]
+
+    for late in (0.5 * T, 3 * T):
+        motion, exact = (windowed_motion_of(torque(0.0), torque(by), T, 80.0) for by in (late, 0.0))
+        found = motion.advanced_torque(np.array([late]))
+        wrong = np.exp(1j * motion.omega[:, None] * late) * motion.torque_spectrum
+        tolerance = 10.0 * late * 1e-2  # the continuation of a wave has a corner at the ends
+        assert abs(found - exact.torque_spectrum).max() < tolerance
+        assert abs(wrong - exact.torque_spectrum).max() > 30 * tolerance
+        step = 1e-3 * T
+        ends = [exact.advanced_torque(np.array([by])) for by in (-step, step)]
+        slope = exact.advancing(exact.torque_spectrum)
+        assert abs(slope - (ends[1] - ends[0]) / (2 * step)).max() < 1e-2 * abs(slope).max()
+
+
 def test_free_vibration_is_that_of_the_simulator(robot: Robot) -> None:
     """Motors held, deflections deviate by what bends torques by a tenth of a N m: the difference of two runs."""
     angle = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2]])
