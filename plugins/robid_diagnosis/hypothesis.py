@@ -158,6 +158,8 @@ class Case:
     model_error: float
     friction_speed: FloatArray | None = None
     """Zero-speed width of the motors' friction, rad/s, (n_axis,); null: as it is told."""
+    doubt: float = 1.0
+    """Misfit of the first fit, one at least."""
     robots: Mapping[str, Robot] = field(default_factory=dict)
     """Those that were told for variants that are not the nominal one."""
 
@@ -183,7 +185,7 @@ class Case:
         )
         laws = problem.blocks[0].laws
         size = problem.friction_size(fitted.point)[: len(laws.odd)]
-        return replace(self, friction_speed=laws.width_of(size, speed))
+        return replace(self, friction_speed=laws.width_of(size, speed), doubt=max(1.0, fitted.misfit))
 
     def problem(self, hypothesis: Hypothesis, records: tuple[Record, ...]) -> TorqueProblem:
         """What a hypothesis has to explain in some records, its unknowns as they are for any others."""
@@ -205,7 +207,7 @@ class Case:
             for one in records
             for variant, _ in parts_by_variant(one)
         }
-        return torque_problem(
+        problem = torque_problem(
             records,
             robot,
             names,
@@ -217,6 +219,7 @@ class Case:
             highest_hz=self.highest_hz,
             each_delay=True,
         )
+        return replace(problem, doubt=self.doubt)
 
     def fit(
         self,

@@ -13,6 +13,8 @@ import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.spectra import (
+    SMALLEST,
+    SPEED_BAND,
     MotionSpectra,
     friction_spectra,
     held_between,
@@ -22,9 +24,9 @@ from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of
 from robid_core.robot import Robot
 
-FOLLOWED = (
-    0.5  # of a sample: friction is followed over J / F', and a step is implicit by the ratio of the two
-)
+SPARSE = 25  # every so many speeds tell what friction brakes
+HARMFUL = 0.2  # of the speed within which friction turns: noise of a speed that widens it
+FOLLOWED = 0.5  # of a sample, over J / F': below one a step is nearly explicit, above nearly implicit
 
 
 def friction_between_samples(
@@ -47,7 +49,9 @@ def friction_between_samples(
     """
     n = robot.n_axis
     mobility = np.linalg.inv(robot.second_order(angle).mass)[:, :n, :n]
-    size = coefficient[:-1]
+    few = motion.rate(1)[:, :, ::SPARSE].reshape(-1, n)
+    size = laws.braking(coefficient[: len(laws.odd)], few)
+    noise = _harmful(motion, laws, size)
     friction, unresolved = [], []
     for c in range(len(angle)):
         own = motion.of_configuration(c)
@@ -55,10 +59,25 @@ def friction_between_samples(
         rubbing, slope = laws.total(speed.astype(np.float32), size)
         held = held_between(own.torque) - coefficient[-1]
         acceleration = np.matmul(held - rubbing, mobility[c])
-        explicit = speed_between_samples(speed, acceleration, own.shown(), own.sample_time_s)
-        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * np.maximum(slope, 0.0)
-        implicit = speed + (explicit - speed) / (1.0 + follows)
+        explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s)
+        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * slope
+        implicit = speed + (explicit - speed) / (1.0 + follows**2 / (1.0 + follows))
         friction.append(friction_spectra(own, laws, implicit))
         ends = (laws.total(one.astype(np.float32), size)[0] for one in (explicit, implicit))
         unresolved.append(own.held_spectrum(next(ends) - next(ends)))
     return np.concatenate(friction, axis=1), covariance_of(np.concatenate(unresolved))
+
+
+def _harmful(motion: MotionSpectra, laws: SpeedFunctions, size: FloatArray) -> FloatArray:
+    """Variance of the angles, rad^2, (n_axis,), as far as it matters: less where friction turns slowly.
+
+    What replaces a noisy speed errs where friction does; noise alone widens what is sharp, with the square of their
+    ratio, and else errs by chance.
+    """
+    _, steepest = laws.total(np.zeros((1, size.shape[1])), size)
+    level = np.maximum(size.sum(axis=0), SMALLEST)
+    band = 2 * np.pi * SPEED_BAND / motion.sample_time_s
+    speed_noise = motion.angle_noise * band**2 * 2 * SPEED_BAND / 3
+    ratio = speed_noise * (steepest[0] / level) ** 2
+    harmful: FloatArray = motion.angle_noise * ratio / (ratio + HARMFUL**2)
+    return harmful

@@ -46,6 +46,8 @@ class TorqueProblem:
     mean_counts: bool = True
     """Whether the mean torque is among the data."""
     each_delay: bool = False
+    doubt: float = 1.0
+    """Misfit by which weights are too large, where that is known: functions of speed are believed as much less."""
     """Whether each axis has a delay of its own."""
 
     # Unknowns
@@ -68,7 +70,7 @@ class TorqueProblem:
     @property
     def prior(self) -> FloatArray:
         """Standard deviation of each unknown about zero, shape (n_unknown,)."""
-        limit = FRICTION_PRIOR * self.free.robot.drives.torque_limit
+        limit = FRICTION_PRIOR * self.free.robot.drives.torque_limit / np.sqrt(self.doubt)
         delay = np.full(self.n_delay, self.blocks[0].motion.sample_time_s)
         return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), delay))
 

@@ -16,7 +16,6 @@ from robid_core.estimation.torque.spectra import (
     MotionSpectra,
     divided_period,
     periodic_derivative,
-    wiener_gain,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 
@@ -49,14 +48,9 @@ class PeriodicMotion(MotionSpectra):
         """Likewise, with the drift of that configuration."""
         return replace(super().of_configuration(config), drift=self.drift[config : config + 1])
 
-    def shown(self) -> FloatArray:
-        """Likewise."""
-        return wiener_gain(self.angle, self.angle_noise)
-
     def speed_of_period(self, period: int) -> FloatArray:
-        """Motor speeds of one period, at the samples, as far as the mean shows them, rad/s, shape of `angle`."""
-        spectrum = scipy.fft.rfft(self.angle + self.angle_deviation[:, :, period], axis=2)
-        angle = scipy.fft.irfft(self.shown() * spectrum, n=self.n_sample, axis=2)
+        """Motor speeds of one period as they are measured, at the samples, rad/s, shape of `angle`."""
+        angle = self.angle + self.angle_deviation[:, :, period]
         speed = periodic_derivative(angle, self.sample_time_s, 1, SPEED_BAND / self.sample_time_s)
         result: FloatArray = speed + self.drift[:, :, period]
         return result
@@ -139,7 +133,7 @@ def periodic_motion_of(
     angles, torques = (scipy.fft.rfft(x, axis=3) / n_sample for x in (angle, pull))
     differ = angles[:, :, :, int(NOISY * n_sample) :]
     differ = differ - differ.mean(axis=2, keepdims=True)
-    power = (np.abs(differ) ** 2).sum(axis=2).mean(axis=(0, 1, 2)) / (n_period * (n_period - 1))
+    power = (np.abs(differ) ** 2).sum(axis=2).mean(axis=(0, 1, 2)) / (n_period * max(n_period - 1, 1))
     angles, torques = angles[:, :, :, :n_bin], torques[:, :, :, :n_bin]
     accelerations = -(omega[:, None] ** 2) * angles
     return PeriodicMotion(
@@ -163,8 +157,10 @@ def drift_of(angle: FloatArray) -> FloatArray:
     """Return by how much angles change from the beginning of each period to its end, rad, (..., n_period, 1, n_axis).
 
     Under speed control alone a pose is approached over many periods, or wanders. `angle` has shape (..., n_period,
-    n_sample, n_axis), two periods at least.
+    n_sample, n_axis); one period alone shows none.
     """
+    if angle.shape[-3] == 1:
+        return np.zeros((*angle.shape[:-2], 1, angle.shape[-1]))
     few = max(1, angle.shape[-2] // ENDS)
     change = np.diff(angle, axis=-3)
     first = change[..., :1, :few, :].mean(axis=-2, keepdims=True)

@@ -23,6 +23,7 @@ from robid_core.mechanics.response import hold_factor
 EVERY = 5  # of the bins that are no lines stands for the others
 FINER = 8  # points a sample on which laws are evaluated
 SMALLEST = 1e-300  # power
+HANN = 1.5  # mean square of the window 1 - cos
 SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle is noise
 MOTION_BAND_HZ = 250.0  # of the motion that is prescribed: second derivatives blow up noise
 
@@ -92,10 +93,6 @@ class MotionSpectra(ABC):
     def fine_speed(self) -> FloatArray:
         """Band-limited motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_time, n_axis)."""
         return self.rate(1, FINER)
-
-    @abstractmethod
-    def shown(self) -> FloatArray:
-        """Share of the waves of angles that is no noise, up to half the sampling rate, (n_time // 2 + 1, n_axis)."""
 
     @abstractmethod
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
@@ -194,18 +191,6 @@ def periodic_derivative(
     return result
 
 
-def wiener_gain(values: FloatArray, variance: FloatArray) -> FloatArray:
-    """Share of each bin of one period that is no noise, shape (n // 2 + 1, n_axis).
-
-    By the power of `values`, (n_config, n_exp, n, n_axis), in a few bins on either side; `variance` of white noise at
-    each sample, (n_axis,).
-    """
-    n = values.shape[2]
-    power = (np.abs(scipy.fft.rfft(values, axis=2) / n) ** 2).mean(axis=(0, 1))
-    gain: FloatArray = np.maximum(0.0, 1.0 - variance / n / np.maximum(running_mean(power), SMALLEST))
-    return gain
-
-
 def held_between(values: FloatArray) -> FloatArray:
     """Return held values, time on the third of four axes, on the finer grid; where they jump, the mean of both."""
     fine = np.repeat(values, FINER, axis=2)
@@ -214,36 +199,46 @@ def held_between(values: FloatArray) -> FloatArray:
 
 
 def speed_between_samples(
-    speed: FloatArray, acceleration: FloatArray, shown: FloatArray, sample_time_s: float
+    speed: FloatArray, acceleration: FloatArray, noise: FloatArray, sample_time_s: float
 ) -> FloatArray:
     """Speed on the finer grid where both are known, a band-limited one through noisy samples and an acceleration.
 
-    Below half the sampling rate the samples tell as much as is no noise (Wiener's filter), the acceleration the rest;
-    above it all. What is above moves the angle at the samples, too, by aliasing: what they show of it is taken off.
+    Above half the sampling rate the acceleration tells all. What it says there moves the angle at the samples, too, by
+    aliasing, and is taken off. Below, samples count as far as the two differ by more than the samples' noise (Wiener's
+    filter of their difference).
 
     Parameters
     ----------
     speed, acceleration
         rad/s and rad/s^2, one period or a cut whose ends do not count, (n_config, n_exp, FINER * n_sample, n_axis).
-    shown
-        Share of the samples' waves that is no noise, (n_sample // 2 + 1, n_axis).
+    noise
+        Variance of the angle at each sample, rad^2, (n_axis,).
     """
     n = speed.shape[2] // FINER
     omega = 2 * np.pi * np.arange(FINER * n // 2 + 1)[1:, None] / (n * sample_time_s)
     moved = scipy.fft.rfft(acceleration, axis=2)
     moved[:, :, 0] = 0.0
     moved[:, :, 1:] /= -(omega**2)
-    below = np.flatnonzero(omega[:, 0] <= 2 * np.pi * SPEED_BAND / sample_time_s) + 1
-    above = moved.copy()
-    above[:, :, 1:][:, :, omega[:, 0] <= np.pi / sample_time_s] = 0.0
-    sampled = FINER * _sampled(above, n)
+    below = np.arange(1, np.searchsorted(omega[:, 0], 2 * np.pi * SPEED_BAND / sample_time_s) + 1)
+    beyond = moved.copy()
+    beyond[:, :, 1:][:, :, omega[:, 0] <= np.pi / sample_time_s] = 0.0
     spectrum = scipy.fft.rfft(speed, axis=2)
-    measured = spectrum[:, :, below] - 1j * omega[below - 1] * sampled[:, :, below]
-    known = shown[below]
-    spectrum[:, :, 1:] = 1j * omega * above[:, :, 1:]
-    spectrum[:, :, below] = known * measured + (1.0 - known) * 1j * omega[below - 1] * moved[:, :, below]
+    rate = 1j * omega[below - 1]
+    angle = spectrum[:, :, below] / rate - FINER * _sampled(beyond, n)[:, :, below]
+    differ = angle - moved[:, :, below]
+    least = noise / np.maximum(running_mean(_power(differ / (FINER * n))), SMALLEST) / n
+    spectrum[:, :, 1:] = 1j * omega * beyond[:, :, 1:]
+    spectrum[:, :, below] = rate * (moved[:, :, below] + np.maximum(0.0, 1.0 - least) * differ)
     result: FloatArray = scipy.fft.irfft(spectrum, n=FINER * n, axis=2)
     return result
+
+
+def _power(spectrum: ComplexArray) -> FloatArray:
+    """Mean power of each bin, under Hann's window, which ends that do not meet need, (n_bin, n_axis)."""
+    seen = spectrum.copy()
+    seen[:, :, 1:-1] -= 0.5 * (spectrum[:, :, :-2] + spectrum[:, :, 2:])
+    power: FloatArray = (np.abs(seen) ** 2).mean(axis=(0, 1)) / HANN
+    return power
 
 
 def _sampled(fine: ComplexArray, n: int) -> ComplexArray:

@@ -104,20 +104,32 @@ class SpeedFunctions:
         for number, width in enumerate(self.even):
             yield squares[number] if number in squares else np.tanh(speed / width.astype(speed.dtype)) ** 2
 
-    def total(self, speed: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sum of the functions at speeds, and its derivative by the speed, shape of `speed`, in its precision.
+    def braking(self, size: FloatArray, speed: FloatArray) -> FloatArray:
+        """Return sizes of the odd functions, none below zero, with which their sum is nearest to that of others.
 
-        `size` of each function, N m, (n_odd + n_even, n_axis).
+        Fits of what no friction does make them large against one another; what brakes a motor has no such slopes.
+
+        Parameters
+        ----------
+        size
+            Of the odd functions, N m, (n_odd, n_axis), whose sum is to be met.
+        speed
+            Where it is to be met, rad/s, (n_sample, n_axis).
         """
-        size = size.astype(speed.dtype)
+        found = np.empty_like(size)
+        for a, own in enumerate(size.T):
+            values = np.tanh(np.divide.outer(speed[:, a], self.odd[:, a]))
+            found[:, a] = own if (own >= 0).all() else scipy.optimize.nnls(values, values @ own)[0]
+        return found
+
+    def total(self, speed: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sum of the odd functions at speeds, and its derivative by the speed, shape of `speed`, in its precision.
+
+        `size` of each, N m, (n_odd, n_axis).
+        """
         torque, slope = np.zeros_like(speed), np.zeros_like(speed)
-        odd, even = size[: len(self.odd)], size[len(self.odd) :]
-        for width, own in zip(self.odd.astype(speed.dtype), odd, strict=True):
+        for width, own in zip(self.odd.astype(speed.dtype), size.astype(speed.dtype), strict=True):
             value = np.tanh(speed / width)
             torque += own * value
             slope += own / width * (1 - value * value)
-        for width, own in zip(self.even.astype(speed.dtype), even, strict=True):
-            value = np.tanh(speed / width)
-            torque += own * value * value
-            slope += 2 * own / width * value * (1 - value * value)
         return torque, slope

@@ -22,7 +22,6 @@ from robid_core.estimation.torque.spectra import (
     MotionSpectra,
     divided_period,
     periodic_derivative,
-    wiener_gain,
 )
 from robid_core.mechanics import MotorMotion, periodic_motion
 
@@ -52,13 +51,6 @@ class WindowedMotion(MotionSpectra):
         values, window = super().over_time(spectrum), _window(self.n_sample)[:, None]
         shown: FloatArray = np.divide(values, window, out=np.zeros_like(values), where=window > VISIBLE)
         return shown
-
-    def shown(self) -> FloatArray:
-        """Likewise; the odd continuation has twice the bins."""
-        odd, _, _ = _odd_continuation(self.angle, self.sample_time_s)
-        gain = wiener_gain(odd, self.angle_noise)
-        place = np.linspace(0, len(gain) - 1, self.n_sample // 2 + 1)
-        return np.stack([np.interp(place, np.arange(len(gain)), own) for own in gain.T], axis=1)
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
         """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""

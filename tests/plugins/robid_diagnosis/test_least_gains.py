@@ -33,13 +33,13 @@ def fitted() -> Fitted:
 def test_an_error_alike_in_all_bins_gains_its_square_in_standard_deviations(fitted: Fitted) -> None:
     """Against the noise between periods and the model error, put together here once more."""
     (block,) = fitted.problem.blocks
+    gains = LeastGains.beside(fitted, [])  # linearises, and with that evaluates friction anew
     size = fitted.problem.friction_size(fitted.point)
     noise = block.noise(fitted.robot, size)[1:, 0, 0].real
     torque = np.abs(block.motion.torque_spectrum[:, :, 1:, 0]) ** 2
     level = torque.mean(axis=(0, 1))
     smooth = [level[max(i - 8, 0) : i + 9].mean() for i in range(len(level))]
     expected = 2 * (torque * (ALIKE * MODEL_ERROR) ** 2 / (noise + MODEL_ERROR**2 * np.array(smooth))).sum()
-    gains = LeastGains.beside(fitted, [])
     assert gains.errors[0] == pytest.approx(expected, rel=1e-6)
     assert gains.at(0) == gains.at(None) == gains.beside_chance + gains.errors[0]
 

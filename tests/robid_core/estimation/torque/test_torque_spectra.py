@@ -70,9 +70,7 @@ def test_a_held_torque_moves_a_free_motor_between_the_samples_as_by_hand() -> No
     angle = np.concatenate(([0.0], np.cumsum(T * start + 0.5 * T**2 * torque)[:-1])) - mean_of_pieces * time
     motion = motion_of(np.tile(angle[:, None], (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, N, 1)))
     smooth = motion.fine_speed()
-    found = speed_between_samples(
-        smooth, held_between(torque[None, None, :, None]), np.ones((N // 2 + 1, 1)), T
-    )
+    found = speed_between_samples(smooth, held_between(torque[None, None, :, None]), np.zeros(1), T)
     exact = speed - mean_of_pieces
     left, before = (np.std(exact - one[0, 0, :, 0]) for one in (found, smooth))
     assert left < 0.15 * before
@@ -102,10 +100,10 @@ def test_what_drifts_has_the_acceleration_of_what_does_not() -> None:
 def test_the_sum_of_functions_and_its_slope() -> None:
     laws = SpeedFunctions.about(np.array([0.5, 0.3]), np.array([3.0, 2.0]))
     generator = np.random.default_rng(6)
-    speed, size = generator.normal(size=(50, 2)), generator.normal(size=(len(laws.names) - 1, 2))
+    speed, size = generator.normal(size=(50, 2)), generator.normal(size=laws.odd.shape)
 
     def by_hand(speed: np.ndarray) -> np.ndarray:
-        return sum(law * own for law, own in zip(laws.along(speed), size, strict=True))
+        return sum(own * np.tanh(speed / width) for own, width in zip(size, laws.odd, strict=True))
 
     torque, slope = laws.total(speed, size)
     np.testing.assert_allclose(torque, by_hand(speed), rtol=1e-13)
@@ -113,6 +111,21 @@ def test_the_sum_of_functions_and_its_slope() -> None:
         1e-5  # errs by step^2 times a third derivative of 50 / 0.15^3 at most, and by rounding over the step
     )
     np.testing.assert_allclose(slope, (by_hand(speed + step) - by_hand(speed - step)) / (2 * step), atol=1e-5)
+
+
+def test_what_brakes_is_the_friction_itself_or_what_is_nearest_to_it() -> None:
+    """Friction that turns between two widths is met to a hundredth; functions against one another lose their slopes."""
+    laws, speed = SpeedFunctions.near(np.array([0.5])), np.random.default_rng(1).normal(size=(400, 1)) * 2
+    plain = np.array([[0.1], [0.0], [0.3], [0.0], [0.0]])
+    np.testing.assert_array_equal(laws.braking(plain, speed), plain)
+    fitted = np.linalg.lstsq(np.tanh(speed / laws.odd[:, 0]), np.tanh(speed[:, 0] / 0.6))[0][:, None]
+    assert fitted.min() < 0
+    found = laws.braking(fitted, speed)
+    assert found.min() >= 0
+    assert abs(laws.total(speed, found)[0] - np.tanh(speed / 0.6)).max() < 0.01
+    wild = 1000 * np.array([[1.467], [-3.916], [4.42], [-2.644], [0.691]])  # of a recording of a ball screw
+    slope = [laws.total(speed, sizes)[1] for sizes in (wild, laws.braking(wild, speed))]
+    assert abs(slope[1]).max() < 0.1 * abs(slope[0]).max()
 
 
 def test_functions_in_single_precision_are_those_of_double_precision() -> None:
