@@ -83,6 +83,11 @@ class Candidate:
     """Whether all that a law does may be turned round."""
 
     @property
+    def is_scale(self) -> bool:
+        """Whether it says by how much the scale of a channel is off: a told number, as a mass is."""
+        return issubclass(self.effect, SignalEffect) and [row.unit for row in self.effect.parameters] == ["1"]
+
+    @property
     def key(self) -> tuple[str, str, str]:
         """Effect and place, whatever the values."""
         return self.use, self.spot.on, self.spot.side

@@ -46,8 +46,9 @@ from robid_diagnosis.results import (
     values_of,
     with_unknown,
 )
-from robid_diagnosis.selection import Outcome, Selection, Step
+from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
+from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
     asked_line,

@@ -15,7 +15,7 @@ from robid_core.residual import parts_by_variant
 from robid_diagnosis.comparison import EXTENDED, REFITTED, TOLD, Comparison, errors_of_models, still_axes
 from robid_diagnosis.hypothesis import Case
 from robid_diagnosis.results import model_of
-from robid_diagnosis.selection import Outcome
+from robid_diagnosis.steps import Outcome
 
 SHARE = 0.1  # of an experiment at each end that is not compared, at most
 

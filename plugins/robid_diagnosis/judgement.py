@@ -15,7 +15,7 @@ from robid_core.residual import linearise_at
 from robid_diagnosis.comparison import EXTENDED, REFITTED, errors_of_models, still_axes
 from robid_diagnosis.held_out import held_out_residuals, unweighted
 from robid_diagnosis.hypothesis import Case, Fitted
-from robid_diagnosis.selection import Outcome
+from robid_diagnosis.steps import Outcome
 
 
 def parted(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[Record, ...]]:

@@ -60,8 +60,8 @@ class LeastGains:
         return self.at(None if candidate.place is None else candidate.place.axis)
 
     def of(self, rival: Hit | ValueHit) -> float:
-        """Of an effect or a wrong value, whose gain is counted in its tolerance and not in the noise."""
-        if isinstance(rival, Hit):
+        """Of an effect, or of a wrong value, a channel's scale among them: what these gain is counted in tolerances."""
+        if isinstance(rival, Hit) and not rival.candidate.is_scale:
             return self.of_candidate(rival.candidate)
         return self.beside_chance + LEAST_OF_VALUE - LEAST
 

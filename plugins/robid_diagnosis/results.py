@@ -20,7 +20,8 @@ from robid_core import (
 from robid_core.residual import estimated_robot, parts_by_variant
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
-from robid_diagnosis.selection import Outcome, Step
+from robid_diagnosis.selection import LEVEL
+from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.wording import place_text
 
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
@@ -71,10 +72,9 @@ def finding_of(
 def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     """What no effect explains and free functions of some variable would."""
     left = outcome.left
-    if left is None:
-        return ()
     least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps])
-    if left.gain <= least.at(least.axis_names.index(left.axis)):
+    p_value = min(1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom)))
+    if left.gain <= least.at(least.axis_names.index(left.axis)) or p_value > LEVEL:
         return ()
     none = np.empty(0)
     return (
@@ -84,9 +84,7 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
             on=left.axis,
             side="",
             gain=left.gain,
-            p_value=min(
-                1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom))
-            ),
+            p_value=p_value,
             share=float("nan"),
             names=(),
             units=(),

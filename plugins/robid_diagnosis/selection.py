@@ -8,21 +8,22 @@ the search begins again about that robot, until nothing is significant. Wrong va
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from robid_core import FloatArray, RobidError, VisibleSize
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_between, holds_elsewhere
-from robid_diagnosis.ceilings import Ceiling, ceilings
+from robid_diagnosis.ceilings import ceilings
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
-from robid_diagnosis.pictures import Picture, picture_of
+from robid_diagnosis.pictures import picture_of
 from robid_diagnosis.projection import Projection
+from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
-from robid_diagnosis.trials import DOUBTFUL, WRONG, Rival, Trial, Trials, alike, key_of, total
+from robid_diagnosis.steps import Outcome, Searched, Step
+from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, key_of, total
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
 
@@ -31,7 +32,6 @@ RIVALS = 4  # candidates that are fitted in turn
 EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
 SAME = 2  # places of one effect that are looked at closer
 NEAR = 0.3  # of the largest gain: rivals gain at least that
-TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
 WORSE = (
     1.02  # of the misfit before: what fits data worse is no cause, however near numbers come to what was told
@@ -39,53 +39,6 @@ WORSE = (
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A cause that was accepted."""
-
-    kind: str
-    """effect, or body, rotor, spring for wrong values."""
-    use: str
-    on: str | None
-    side: str | None
-    names: tuple[str, ...]
-    """Parameters of the robot that belong to it."""
-    gain: float
-    """Of twice the log-likelihood, by the refit."""
-    p_value: float
-    """After the search."""
-    held_out: FloatArray
-    """Gain in each configuration with sizes that the others tell, (n_config,)."""
-    by_configuration: FloatArray
-    """Gain in each configuration, (n_config,)."""
-    by_own_size: FloatArray
-    """Likewise, by a size of its own in each."""
-    ties: tuple[tuple[str, str | None, str | None], ...]
-    """Effects and places that explain the data as well."""
-    share: float
-    """Gain over that of the best free functions at the axis; NaN where there are none."""
-    rivals: tuple[Trial, ...] = ()
-    """How these were fitted."""
-    picture: Picture | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """All that a search told."""
-
-    base: Fitted
-    final: Fitted
-    steps: tuple[Step, ...]
-    searches: tuple[Found, ...]
-    """One for each step, and the last that found nothing."""
-    left: Ceiling | None
-    """The free functions that would still gain most, where the misfit is doubtful."""
-    visible: tuple[VisibleSize, ...]
-    """What the last search would have found."""
-    motion: Motion
-    """About the final fit."""
 
 
 class Selection:
@@ -108,32 +61,32 @@ class Selection:
         """Search until nothing is significant."""
         current = base = self._refitted()
         steps, searches = list[Step](), list[Found]()
+        revision = Revision(self.case, self.searched, self.next_cause, self.failures, self.progress)
         motion: Motion | None = None
         while True:
-            projection, groups = projection_of(current)
-            motion = Motion(current.problem, current.point, current.about.weights, motion)
-            search = Search(motion, projection, self.generator)
-            found = search.run(self.uses, self.places, self.progress)
-            searches.append(found)
-            if len(steps) == self.most:
-                break
-            taken = self._next(current, search, found, groups, steps)
+            seen = self.searched(current, motion)
+            motion = seen.motion
+            searches.append(seen.found)
+            taken = self.next_cause(current, seen, steps) if len(steps) < self.most else None
             if taken is None:
                 break
             current, step = taken
-            steps.append(step)
-            current, steps = self._without_the_needless(current, steps)
-        left = None
-        if current.misfit > DOUBTFUL:
-            axes = tuple(range(self.case.told.n_axis))
-            left = ceilings(search.motion, projection, axes)[0]
+            current, steps = revision.run(current, [*steps, step], motion)
+        left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))[0]
         visible = visible_sizes(
-            found.powers,
-            lambda one: scaled_parameters(one, {}, search.motion.columns(one), search.motion),
+            seen.found.powers,
+            lambda one: scaled_parameters(one, {}, seen.motion.columns(one), seen.motion),
             LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
-            LEVEL / found.trials,
+            LEVEL / seen.found.trials,
         )
         return Outcome(base, current, tuple(steps), tuple(searches), left, visible, motion)
+
+    def searched(self, current: Fitted, before: Motion | None) -> Searched:
+        """Hold every effect against what a fit leaves; `before`: of the search before."""
+        projection, groups = projection_of(current)
+        motion = Motion(current.problem, current.point, current.about.weights, before)
+        search = Search(motion, projection, self.generator)
+        return Searched(search, search.run(self.uses, self.places, self.progress), groups)
 
     def _refitted(self) -> Fitted:
         """Fit all that the told robot has; not to the end where that cannot be the answer."""
@@ -144,25 +97,23 @@ class Selection:
             return base
         return self.case.fit(Hypothesis(), self.progress, begin=base)
 
-    def _next(
+    def next_cause(
         self,
         current: Fitted,
-        search: Search,
-        found: Found,
-        groups: Sequence[Sequence[int]],
+        seen: Searched,
         before: Sequence[Step],
     ) -> tuple[Fitted, Step] | None:
         """Return the best hypothesis that has one cause more, where there is one."""
         least = LeastGains.beside(current, [step.gain for step in before])
         values = value_hits(current.problem, current.point, current.about)
-        rivals, others = self._rivals(search, found, values, before, least)
-        fits = Trials(self.case, current, search, least, self.progress)
+        rivals, others = self._rivals(seen.search, seen.found, values, before, least)
+        fits = Trials(self.case, current, seen.search, least, self.progress)
         trials = fits.run(rivals, others)
         self.failures += fits.failures
         for trial in trials:
             if trial.fitted.misfit > WORSE * current.misfit:
                 continue
-            step = self._judged(trial, trials, search, found, groups, len(values))
+            step = self._judged(trial, trials, seen, len(values))
             if step is not None and not step.share < PART:
                 if trial.addition is not None:
                     step = replace(step, picture=picture_of(trial.fitted, trial.addition))
@@ -178,7 +129,7 @@ class Selection:
         least: LeastGains,
     ) -> tuple[list[Rival], list[Rival]]:
         """Return what is worth a fit of its own, shapes refined, the most promising first; and what promises less."""
-        known = {(step.use, step.on, step.side) for step in before}
+        known = {step.key for step in before}
         named = {name for step in before for name in step.names}
         hits = [hit for hit in found.hits if hit.candidate.key not in known]
         significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least.of(hit)]
@@ -201,31 +152,15 @@ class Selection:
         near += [hit for hit in rivals if hit not in near and alike(hit, rivals[0])]
         return near, [hit for hit in rivals if hit not in near]
 
-    def _without_the_needless(self, current: Fitted, steps: list[Step]) -> tuple[Fitted, list[Step]]:
-        """Drop what was accepted before and what the last cause explains as well."""
-        for step in steps[:-1]:
-            rest = [one for one in steps if one is not step]
-            hypothesis = current.hypothesis.without(step.names)
-            try:
-                fitted = self.case.fit(hypothesis, self.progress, begin=current)
-            except RobidError as error:
-                self.failures.append(Failure(step.use, step.on, step.side, str(error)))
-                continue
-            lost = fitted.cost(current.about) - current.cost(current.about)
-            if lost < LEAST * max(1.0, current.misfit):
-                return self._without_the_needless(fitted, rest)
-        return current, steps
-
     def _judged(
         self,
         trial: Trial,
         trials: Sequence[Trial],
-        search: Search,
-        found: Found,
-        groups: Sequence[Sequence[int]],
+        seen: Searched,
         n_value: int,
     ) -> Step | None:
         """Return the step that a trial is, none where held-out data do not agree."""
+        search, groups = seen.search, seen.groups
         near = [other for other in trials if other is not trial and other.worth > trial.worth - TIE]
         ties = [key_of(other.hit) for other in near]
         if isinstance(trial.hit, ValueHit):
@@ -263,7 +198,7 @@ class Selection:
             trial.addition.side,
             trial.addition.names,
             trial.gain,
-            found.p_value(whole),
+            seen.found.p_value(whole),
             held,
             projection.by_group(whole.sums, whole.gain, groups),
             projection.by_own_size(whole.sums, whole.gain, groups),

@@ -18,7 +18,7 @@ from robid_core.residual import Linearisation, TorqueProblem, linearise_at
 from robid_diagnosis.expected_ratio import expected_ratio
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.proposals import Proposals, proposals
-from robid_diagnosis.selection import Step
+from robid_diagnosis.steps import Step
 from robid_diagnosis.trials import Trial
 from robid_diagnosis.values import ValueHit
 from robid_diagnosis.wording import gravity_text, place_text

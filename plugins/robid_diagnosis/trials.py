@@ -28,6 +28,7 @@ AGAIN = 2  # trials that are fitted from other starts
 STARTS = 4  # of each
 ROUNDS = 4  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
+TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
 BLIND = 3  # parameters, one after the other, that data do not tell beside a new cause, and that are held
 
 Rival = Hit | ValueHit

@@ -15,6 +15,7 @@ from blind.kinds import LAWS, STRUCTURES, VALUES
 
 ASKED = Path(__file__).with_name("asked.json")
 AXES = (1, 2, 1, 6)  # half of all cases have one axis, a quarter two, a quarter six
+AXES_OF_LAWS = (1, 2, 1, 1, 2, 1, 6, 1, 2, 1, 1)  # likewise, beside changes of the robot, which are of six axes alone
 SIX = 6
 SINGLE = ("drive.saturation",)  # not reached by small motions
 APART = 1000  # seeds of one stratum
@@ -67,14 +68,15 @@ def plan(counts: Mapping[str, int], first_seed: int) -> list[Wanted]:
 
 def _stratum(name: str, count: int, seed: int) -> Iterator[Wanted]:
     strength = tuple(asked()["strengths"].get(name, (200.0, 3000.0)))
-    seeds, axes = itertools.count(seed), itertools.cycle(AXES)
+    seeds = itertools.count(seed)
     if name in ("strong", "middle", "weak"):
+        axes = itertools.cycle(AXES_OF_LAWS)
         for _ in range(count):
             yield from (Wanted(name, next(seeds), next(axes), (kind,), strength) for kind in LAWS)
             yield from (Wanted(name, next(seeds), SIX, (kind,), strength) for kind in STRUCTURES)
             next(axes)  # kinds meet other robots in the next round
         return
-    kinds = itertools.cycle(LAWS)
+    axes, kinds = itertools.cycle(AXES), itertools.cycle(LAWS)
     for _ in range(count):
         one, n_axis, kind = next(seeds), next(axes), next(kinds)
         if name in ("nothing", "exact inertia"):

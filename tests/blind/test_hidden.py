@@ -69,6 +69,15 @@ def test_a_small_share_of_the_plan_is_a_small_score() -> None:
     assert sum(one.n_axis == 1 for one in alone) == len(alone) / 2
 
 
+def test_half_of_a_score_has_one_axis_and_a_quarter_six() -> None:
+    """Within three percent of all cases; every law is hidden in robots of one, two and six axes."""
+    cases = plan(asked()["counts"], 1)
+    share = {n: sum(one.n_axis == n for one in cases) / len(cases) for n in (1, 2, 6)}
+    assert share == pytest.approx({1: 0.5, 2: 0.25, 6: 0.25}, abs=0.03)
+    strong = [one for one in cases if one.stratum == "strong"]
+    assert all({one.n_axis for one in strong if one.kinds == (kind,)} == {1, 2, 6} for kind in LAWS)
+
+
 def test_wilsons_interval_is_that_of_the_paper() -> None:
     """Closed form: centre (p + z^2 / 2n) / (1 + z^2 / n)."""
     n, hits, z = 40, 37, scipy.stats.norm.ppf(0.975)

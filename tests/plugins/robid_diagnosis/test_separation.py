@@ -23,9 +23,10 @@ from robid_core import (
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.proposals import drawn_configurations, proposals
 from robid_diagnosis.results import finding_of, model_of
-from robid_diagnosis.selection import TIE, Outcome, Selection, Step
+from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import beside, ratios, separation
-from robid_diagnosis.trials import Trial
+from robid_diagnosis.steps import Outcome, Step
+from robid_diagnosis.trials import TIE, Trial
 from robid_diagnosis.wording import finding_line, gravity_text, separation_line
 
 PERIOD, T = 3000, 1e-3

@@ -1,0 +1,84 @@
+"""Second thoughts of a forward search: causes that were accepted before the last one, judged again beside it.
+
+What the last cause explains as well is dropped; what another cause would explain better beside the others is exchanged
+for that one. Each exchange lowers the cost and a drop leaves fewer causes, so that this ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from robid_core import RobidError
+from robid_diagnosis.columns import Motion
+from robid_diagnosis.hypothesis import Case, Fitted
+from robid_diagnosis.least_gains import LEAST
+from robid_diagnosis.search import Failure
+from robid_diagnosis.steps import Searched, Step
+from robid_diagnosis.trials import TIE
+
+Searches = Callable[[Fitted, Motion | None], Searched]
+NextCause = Callable[[Fitted, Searched, Sequence[Step]], tuple[Fitted, Step] | None]
+
+
+class Revision:
+    """Backward pass and exchanges about one case."""
+
+    def __init__(
+        self,
+        case: Case,
+        searched: Searches,
+        next_cause: NextCause,
+        failures: list[Failure],
+        progress: Callable[[float, float, str], None],
+    ) -> None:
+        """Prepare.
+
+        Parameters
+        ----------
+        case
+            What is diagnosed.
+        searched
+            Holds every effect against what a fit leaves.
+        next_cause
+            Fits what such a search promises beside causes that are known; the best, where it is one.
+        failures
+            Grows by what could not be fitted.
+        progress
+            Told (done, all, what).
+        """
+        self.case, self.searched, self.next_cause = case, searched, next_cause
+        self.failures, self.progress = failures, progress
+
+    def run(self, current: Fitted, steps: list[Step], motion: Motion | None) -> tuple[Fitted, list[Step]]:
+        """Return the fit and its causes once none that came before the last one is needless or worse than another."""
+        for place, step in enumerate(steps[:-1]):
+            before, after = steps[:place], steps[place + 1 :]
+            hypothesis = current.hypothesis.without(step.names)
+            try:
+                without = self.case.fit(hypothesis, self.progress, begin=current)
+            except RobidError as error:
+                self.failures.append(Failure(*step.key, str(error)))
+                continue
+            lost = without.cost(current.about) - current.cost(current.about)
+            if lost < LEAST * max(1.0, current.misfit):
+                return self.run(without, [*before, *after], motion)
+            other = self._other(without, steps, lost, motion)
+            if other is not None:
+                fitted, better = other
+                return self.run(fitted, [*before, better, *after], motion)
+        return current, steps
+
+    def _other(
+        self, without: Fitted, steps: Sequence[Step], lost: float, motion: Motion | None
+    ) -> tuple[Fitted, Step] | None:
+        """Return a cause that gains more than `lost` beside a fit that lacks one of the steps, where there is one.
+
+        Rivals are fitted only where the search promises that much.
+        """
+        known = {step.key for step in steps}
+        seen = self.searched(without, motion)
+        promises = (hit.gain.total for hit in seen.found.hits if hit.candidate.key not in known)
+        if max(promises, default=0.0) <= lost + TIE:
+            return None
+        other = self.next_cause(without, seen, steps)
+        return other if other is not None and other[1].gain > lost + TIE else None

@@ -1,0 +1,81 @@
+"""What a search has told: causes that were accepted one after another, and what was left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robid_core import FloatArray, VisibleSize
+from robid_diagnosis.ceilings import Ceiling
+from robid_diagnosis.columns import Motion
+from robid_diagnosis.hypothesis import Fitted
+from robid_diagnosis.pictures import Picture
+from robid_diagnosis.search import Found, Search
+from robid_diagnosis.trials import Trial
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A cause that was accepted."""
+
+    kind: str
+    """effect, or body, rotor, spring for wrong values."""
+    use: str
+    on: str | None
+    side: str | None
+    names: tuple[str, ...]
+    """Parameters of the robot that belong to it."""
+    gain: float
+    """Of twice the log-likelihood, by the refit."""
+    p_value: float
+    """After the search."""
+    held_out: FloatArray
+    """Gain in each configuration with sizes that the others tell, (n_config,)."""
+    by_configuration: FloatArray
+    """Gain in each configuration, (n_config,)."""
+    by_own_size: FloatArray
+    """Likewise, by a size of its own in each."""
+    ties: tuple[tuple[str, str | None, str | None], ...]
+    """Effects and places that explain the data as well."""
+    share: float
+    """Gain over that of the best free functions at the axis; NaN where there are none."""
+    rivals: tuple[Trial, ...] = ()
+    """How these were fitted."""
+    picture: Picture | None = None
+
+    @property
+    def key(self) -> tuple[str, str | None, str | None]:
+        """Effect and place."""
+        return self.use, self.on, self.side
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """Every effect held against what one fit leaves."""
+
+    search: Search
+    found: Found
+    groups: Sequence[Sequence[int]]
+    """Experiments of each configuration."""
+
+    @property
+    def motion(self) -> Motion:
+        """About the fit."""
+        return self.search.motion
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """All that a search told."""
+
+    base: Fitted
+    final: Fitted
+    steps: tuple[Step, ...]
+    searches: tuple[Found, ...]
+    """One for each step, and the last that found nothing."""
+    left: Ceiling
+    """The free functions that would still gain most."""
+    visible: tuple[VisibleSize, ...]
+    """What the last search would have found."""
+    motion: Motion
+    """About the final fit."""
