@@ -29,6 +29,7 @@ PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 THINNED = 5  # every so many samples of the speeds tell a width
 FEW = 5  # passes of a fit that is only compared
 SIGMAS = 3.0  # of the misfit of noise
+NEAR = 2.0  # times a zero-speed width, or less: functions about it are narrow and wide enough
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
 
 
@@ -186,6 +187,14 @@ class Case:
         laws = problem.blocks[0].laws
         size = problem.friction_size(fitted.point)[: len(laws.odd)]
         return replace(self, friction_speed=laws.width_of(size, speed), doubt=max(1.0, fitted.misfit))
+
+    def width_is_near(self, other: Case) -> bool:
+        """Whether functions about another width can do what those about this one do."""
+        widths = (
+            self.told.drives.friction_speed if one.friction_speed is None else one.friction_speed
+            for one in (self, other)
+        )
+        return bool((np.abs(np.diff(np.log(np.stack(list(widths))), axis=0)) < np.log(NEAR)).all())
 
     def problem(self, hypothesis: Hypothesis, records: tuple[Record, ...]) -> TorqueProblem:
         """What a hypothesis has to explain in some records, its unknowns as they are for any others."""

@@ -28,6 +28,7 @@ from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
+WIDTHS = 4  # of friction at zero speed, one after the other
 RIVALS = 4  # candidates that are fitted in turn
 EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
 SAME = 2  # places of one effect that are looked at closer
@@ -89,10 +90,22 @@ class Selection:
         return Searched(search, search.run(self.uses, self.places, self.progress), groups)
 
     def _refitted(self) -> Fitted:
-        """Fit all that the told robot has; not to the end where that cannot be the answer."""
-        first = self.case.fit(Hypothesis(), self.progress, roughly=True)
-        self.case = self.case.with_fitted_width(first)
-        base = self.case.fit(Hypothesis(), self.progress, begin=first, roughly=True)
+        """Fit all that the told robot has; not to the end where that cannot be the answer.
+
+        The zero-speed width of friction is often told by nobody: it is taken from each fit until it stays, or until a
+        narrower one misfits more.
+        """
+        before, base = self.case, self.case.fit(Hypothesis(), self.progress, roughly=True)
+        for number in range(WIDTHS):
+            case = before.with_fitted_width(base)
+            fitted = case.fit(Hypothesis(), self.progress, begin=base, roughly=True)
+            if number and fitted.misfit > base.misfit:
+                break
+            stays = case.width_is_near(before)
+            self.case = before = case
+            base = fitted
+            if stays:
+                break
         if base.solution.converged or base.misfit > WRONG:
             return base
         return self.case.fit(Hypothesis(), self.progress, begin=base)
