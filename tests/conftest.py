@@ -1,16 +1,20 @@
-"""Before the tests begin: signals as a terminal sets them, and in a whole run what many need is compiled once.
+"""Before the tests begin: one thread a process, signals as a terminal sets them; what many tests need is compiled once.
 
 Makes `tests/oracles` importable as `oracles`: machinery that shares no code with the simulator.
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy is imported: two workers use two cores
 
 HERE = Path(__file__).parent
 if str(HERE) not in sys.path:
