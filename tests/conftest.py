@@ -21,10 +21,14 @@ if str(HERE) not in sys.path:
     sys.path.append(str(HERE))
 DEAR = (  # files that begin first: a worker that begins late with one keeps the other waiting
     "system/test_first_light.py",
+    "examples/test_emps.py",
     "third_party/test_strangers_effect.py",
+    "system/test_hidden_effects.py",
+    "plugins/robid_fit/test_torque_residual.py",  # not beside the worked example: both would compile the same kernels
+    "plugins/robid_diagnosis/test_effects.py",
+    "blind/test_hidden.py",
     "adapters/robid_dask/test_dask_batches.py",
     "system/test_stops.py",
-    "plugins/robid_fit/test_torque_residual.py",  # not beside the worked example: both would compile the same kernels
     "reference/test_reference_bench.py",
     "robid_core/run/test_limits.py",
     "robid_core/run/test_two_runs.py",
