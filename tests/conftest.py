@@ -1,10 +1,11 @@
-"""Before the tests begin: signals as a terminal sets them, and in a whole run what many need is compiled once.
+"""Before the tests begin: one thread a process, signals as a terminal sets them; what many tests need is compiled once.
 
 Makes `tests/oracles` importable as `oracles`: machinery that shares no code with the simulator.
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -12,15 +13,22 @@ from pathlib import Path
 
 import pytest
 
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy is imported: two workers use two cores
+
 HERE = Path(__file__).parent
 if str(HERE) not in sys.path:
     sys.path.append(str(HERE))
 DEAR = (  # files that begin first: a worker that begins late with one keeps the other waiting
     "system/test_first_light.py",
+    "examples/test_emps.py",
     "third_party/test_strangers_effect.py",
+    "system/test_hidden_effects.py",
+    "plugins/robid_fit/test_torque_residual.py",  # not beside the worked example: both would compile the same kernels
+    "plugins/robid_diagnosis/test_effects.py",
+    "blind/test_hidden.py",
     "adapters/robid_dask/test_dask_batches.py",
     "system/test_stops.py",
-    "plugins/robid_fit/test_torque_residual.py",  # not beside the worked example: both would compile the same kernels
     "reference/test_reference_bench.py",
     "robid_core/run/test_limits.py",
     "robid_core/run/test_two_runs.py",
