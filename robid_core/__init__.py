@@ -13,7 +13,8 @@ _HOME = {
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "DiagnosedData", "Diagnosis",
         "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
         "PredictionErrors", "Record", "Report", "ResidualCurve", "ResponseComparison", "SearchRecord",
-        "SeparatingExperiment", "TimeComparison", "Timing", "Truth", "VisibleSize", "array", "frozen", "mean_travel",
+        "SeparatingExperiment", "TimeComparison", "Timing", "Truth", "VisibleSize", "Witness", "array", "frozen",
+        "mean_travel",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -82,6 +83,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Timing as Timing,
         Truth as Truth,
         VisibleSize as VisibleSize,
+        Witness as Witness,
         array as array,
         frozen as frozen,
         mean_travel as mean_travel,

@@ -28,6 +28,7 @@ from robid_core import (
     RobotName,
     SearchRecord,
     SeparatingExperiment,
+    StageRef,
 )
 from robid_core.residual import check_variants, misfit_table
 from robid_diagnosis.candidates import catalogue
@@ -50,6 +51,7 @@ from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
 from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.trials import DOUBTFUL
+from robid_diagnosis.witness import Chain, disagreements, witness_of
 from robid_diagnosis.wording import (
     asked_line,
     data_line,
@@ -59,6 +61,7 @@ from robid_diagnosis.wording import (
     silent_line,
     timing_lines,
     values_line,
+    witness_line,
 )
 
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
@@ -74,6 +77,8 @@ class Effects(DiagnosisStage):
     Records may be of several variants (payloads, tools): all share springs, friction and what is found; `robots:` tells
     the robot of each that is not the nominal one, what it carries as an effect (`load.payload`), which may turn out to
     be told wrong. Experiments of the role `test` are looked at by the last judgement only: how much torque is left.
+
+    Where records give frequency responses, these are asked about the stiffnesses, too (`witness`).
 
     Example::
 
@@ -110,6 +115,15 @@ class Effects(DiagnosisStage):
     robots: dict[str, RobotName] = {}
     """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
 
+    witness: tuple[StageRef, ...] = (
+        StageRef(use="compensate.friction"),
+        StageRef(use="frf.lrm"),
+        StageRef(use="fit.log_response", with_={"starts": 1}),
+    )
+    """Stages from a record to a fit of its responses, by which stiffnesses are told once more; []: no witness.
+
+    Those that prepare the record are left out where it lacks what they take."""
+
     tells_variants: ClassVar[bool] = True
 
     def uses(self) -> list[tuple[str, str]]:
@@ -118,7 +132,7 @@ class Effects(DiagnosisStage):
 
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
-        uses, whole = self._known(), record
+        uses, whole, chain = self._known(), record, Chain.of(self.witness)
         record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
         case, tests = self._case(record, robot)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
@@ -129,7 +143,7 @@ class Effects(DiagnosisStage):
                     f"diagnosis.effects: '{one}' could be tried nowhere: {robot.name} has the axes "
                     f"{', '.join(robot.axis_names)}; masses, rotors and springs are refitted in any case"
                 )
-        return self._told(robot, whole, tests, selection, outcome, context)
+        return self._told(robot, whole, tests, selection, outcome, chain, context)
 
     def _case(self, records: tuple[Record, ...], robot: Robot) -> tuple[Case, tuple[Record, ...]]:
         """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
@@ -173,26 +187,30 @@ class Effects(DiagnosisStage):
         tests: tuple[Record, ...],
         selection: Selection,
         outcome: Outcome,
+        chain: Chain,
         context: Context,
     ) -> Diagnosis:
         case, final = selection.case, outcome.final
         problem = final.problem
         model = model_of(robot, case, final)
         whole = case.variants.whole
-        findings = tuple(
+        causes = tuple(
             finding_of(whole, final, step, self._separation(step, case, final, model, context))
             for step in outcome.steps
         )
-        findings = with_unknown(findings, unknown_of(outcome))
-        data = data_of(case, final, tests)
+        timing, data = timing_of(final), data_of(case, final, tests)
+        witness = witness_of(chain, case, final, model, timing, context) if self.witness else None
+        causes = with_unknown(causes, unknown_of(outcome))
+        findings = (*causes, *disagreements(witness))
         lines = [
             line
-            for finding in findings
+            for finding in causes
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
-        timing = timing_of(final)
         values = values_of(final)
         lines += [*timing_lines(timing), values_line(values)]
+        if witness is not None:
+            lines.append(witness_line(witness))
         if data.n_config == 1:
             lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
@@ -234,6 +252,7 @@ class Effects(DiagnosisStage):
             data=data,
             residuals=residual_curves(outcome.base, final, outcome.motion),
             model=model,
+            witness=witness,
         )
 
     def _moving(

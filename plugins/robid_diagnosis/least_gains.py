@@ -4,7 +4,8 @@ More than chance; more than what laws named before leave that are a little off; 
 err. Its error is granted to each bin by itself, as noise is (`model_error`); but a part of it may be alike in all bins
 (friction that turns round within a sample, a band limit), and then it looks like some law. Data with little noise show
 such errors: of a light robot with 0.06 % of noise three laws were named that nobody had put in, none of which moved the
-torque by more than 0.02 %.
+torque by more than 0.02 %. What samples do not resolve of sharp friction is such an error, too: some function of the
+speed is like it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core import FloatArray
+from robid_core import ComplexArray, FloatArray
 from robid_diagnosis.candidates import Candidate
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Hit
@@ -46,7 +47,7 @@ class LeastGains:
         left = max(NAMED * known, min(share * known, at_most))
         return cls(
             LEAST * max(1.0, fitted.misfit) + left,
-            (ALIKE * fitted.model_error) ** 2 * _torques(fitted),
+            (ALIKE * fitted.model_error) ** 2 * _torques(fitted) + _unresolved(fitted),
             fitted.problem.free.robot.axis_names,
         )
 
@@ -68,10 +69,24 @@ class LeastGains:
 
 def _torques(fitted: Fitted) -> FloatArray:
     """Squared torque of each axis in standard deviations, the mean left out, (n_axis,)."""
+    return _squares(fitted, [block.motion.torque_spectrum for block in fitted.problem.blocks])
+
+
+def _unresolved(fitted: Fitted) -> FloatArray:
+    """Likewise, of torques as large as what samples do not resolve of friction."""
+    sizes = []
+    for block in fitted.problem.blocks:
+        size = np.sqrt(np.abs(np.diagonal(block.unresolved, axis1=1, axis2=2)))
+        sizes.append(np.broadcast_to(size, block.motion.torque_spectrum.shape).astype(np.complex128))
+    return _squares(fitted, sizes)
+
+
+def _squares(fitted: Fitted, spectra: Sequence[ComplexArray]) -> FloatArray:
+    """Sum of squares of spectra, N m, (n_config, n_exp, n_bin, n_axis) of each block, likewise."""
     total = np.zeros(fitted.problem.free.robot.n_axis)
-    for block, weight in zip(fitted.problem.blocks, fitted.about.weights, strict=True):
+    for one, weight in zip(spectra, fitted.about.weights, strict=True):
         for axis in range(len(total)):
-            alone = np.zeros_like(block.motion.torque_spectrum)
-            alone[:, :, 1:, axis] = block.motion.torque_spectrum[:, :, 1:, axis]
+            alone = np.zeros_like(one)
+            alone[:, :, 1:, axis] = one[:, :, 1:, axis]
             total[axis] += (weight.residual(alone) ** 2).sum()
     return total

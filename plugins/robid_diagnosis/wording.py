@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Timing
+from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Timing, Witness
 from robid_diagnosis.intervals import over_axes
 
 LATE = 0.1  # of a sample: a delay that is told
@@ -103,6 +103,34 @@ def values_line(values: ParameterTable) -> str:
     ]
     more = f"; {len(furthest) - SHOWN} more" if len(furthest) > SHOWN else ""
     return f"Values: {'; '.join(lines)}{more}." if lines else ""
+
+
+def witness_line(witness: Witness) -> str:
+    """Say whether frequency responses agree about the stiffnesses, or why there are none to ask."""
+    if witness.reason:
+        return f"No witness by frequency responses: {witness.reason}."
+    n = len(witness.names)
+    order = np.argsort(-np.abs(witness.z))
+    apart = order[~witness.agree[order]].tolist()
+    if not apart:
+        worst = int(order[0])
+        which = f"all {n} stiffnesses; furthest apart" if n > 1 else "the stiffness"
+        return (
+            f"Witness: frequency responses, fitted apart, agree about {which}: {witness.names[worst]}, "
+            f"{_both(witness, worst)}."
+        )
+    told = "; ".join(f"{witness.names[i]}, {_both(witness, i)}" for i in apart[:SHOWN])
+    more = f"; {len(apart) - SHOWN} more" if len(apart) > SHOWN else ""
+    return f"Witness: frequency responses, fitted apart, disagree about {len(apart)} of {n} stiffnesses: {told}{more}."
+
+
+def _both(witness: Witness, i: int) -> str:
+    """What both ways say of a stiffness, and how far that is apart."""
+    return (
+        f"{plain(witness.by_responses[i])} ± {witness.responses_error[i]:.2g} {witness.units[i]} by responses, "
+        f"{plain(witness.by_torques[i])} ± {witness.torques_error[i]:.2g} by torques: {abs(witness.z[i]):.1f} standard "
+        f"errors, where {witness.limit:.1f} would be told"
+    )
 
 
 def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful: bool) -> str:

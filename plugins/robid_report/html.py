@@ -40,6 +40,7 @@ from robid_report.prediction import error_sections
 from robid_report.residuals import residual_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 from robid_report.visible import visible_table
+from robid_report.witness import witness_table
 
 LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "python-can", "canopen", "plotly")
 
@@ -231,6 +232,7 @@ class HtmlReport(ReportStage):
             "misfits": misfit_sections(fit, diagnosis),
             "errors": error_sections(diagnosis),
             "visible": visible_table(diagnosis),
+            "witness": witness_table(diagnosis),
             "response": response is not None,
             "fitted": response is not None and response["model"] is not None,
             "configurations": angles_as_text(robot, angle) if angle is not None else [],

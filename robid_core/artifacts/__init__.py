@@ -26,6 +26,7 @@ from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
 from robid_core.artifacts.timing import Timing
+from robid_core.artifacts.witness import Witness
 
 __all__ = [
     "Artifact",
@@ -54,6 +55,7 @@ __all__ = [
     "TimeComparison",
     "Timing",
     "Truth",
+    "Witness",
     "array",
     "frozen",
     "mean_travel",

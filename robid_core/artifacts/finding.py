@@ -14,13 +14,13 @@ class Finding(Artifact):
     """One thing that the simulation gets wrong.
 
     `kind` is `cause` (an effect that explains what free functions at its place do), `partial` (it explains less),
-    `unknown` (only free functions of what `effect` says explain what is left), or `value` (numbers that are told
-    wrong). `effect` is the effect's plugin, or body, rotor or spring for values; `on` and `side` say where. `gain` is
-    of twice the log-likelihood, `p_value` counts the search. `share` is the gain over that of the best free functions
-    at the place, NaN where there are none. `by_configuration` is the gain in each configuration, `held_out` with sizes
-    that the other configurations tell, `by_own_size` what a size of its own gains there beside such sizes in all
-    others: of that which acts in one configuration only, nothing elsewhere. The picture shows mean residual torques
-    over a variable, and what the effect does there.
+    `unknown` (only free functions of what `effect` says explain what is left, or responses and torques disagree), or
+    `value` (numbers that are told wrong). `effect` is the effect's plugin, or body, rotor or spring for values; `on`
+    and `side` say where. `gain` is of twice the log-likelihood, `p_value` counts the search. `share` is the gain over
+    that of the best free functions at the place, NaN where there are none. `by_configuration` is the gain in each
+    configuration, `held_out` with sizes that the other configurations tell, `by_own_size` what a size of its own gains
+    there beside such sizes in all others: of that which acts in one configuration only, nothing elsewhere. The picture
+    shows mean residual torques over a variable, and what the effect does there.
     """
 
     kind: str

@@ -11,6 +11,7 @@ from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, 
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.timing import Timing
+from robid_core.artifacts.witness import Witness
 
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
@@ -132,7 +133,8 @@ class Diagnosis(Artifact):
     `model` is the robot that was found, where the diagnosis changes the one that it was given. `findings` are causes,
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
     `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
-    `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency.
+    `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency;
+    `witness` what frequency responses say of its stiffnesses, None where they were not asked.
     """
 
     method: str
@@ -148,3 +150,4 @@ class Diagnosis(Artifact):
     left: MisfitTable | None = None
     data: DiagnosedData | None = None
     residuals: tuple[ResidualCurve, ...] = ()
+    witness: Witness | None = None

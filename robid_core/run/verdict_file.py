@@ -5,11 +5,12 @@ configurations, those kept apart, variants, bins, source of the noise), `finding
 parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
 after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
 log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values`
-(all that was estimated, with the tolerance that was told), `timing` (by how many samples the torque of each axis lags),
-`errors` (torque that each model leaves; where references were recorded, speed in closed loop), `left` (misfit of each
-axis in each band, on the excited lines and in the bins between), `residuals` (which part of what the refitted robot
-leaves, squared, functions of speed, angle, load and acceleration would do, odd and even ones), `searched` (how many,
-which, excluded, failed, smallest sizes that would have been found).
+(all that was estimated, with the tolerance that was told), `witness` (stiffnesses by responses and by torques, their
+difference in standard errors and whether they agree within the limit, or the reason why there is none), `timing` (by
+how many samples the torque of each axis lags), `errors` (torque that each model leaves; where references were recorded,
+speed in closed loop), `left` (misfit of each axis in each band, on the excited lines and in the bins between),
+`residuals` (which part of what the refitted robot leaves, squared, functions of speed, angle, load and acceleration
+would do, odd and even ones), `searched` (how many, which, excluded, failed, smallest sizes that would have been found).
 Numbers that do not exist are null.
 """
 
@@ -22,7 +23,15 @@ from typing import Any
 import numpy as np
 
 from robid_core.arrays import FloatArray
-from robid_core.artifacts import DiagnosedData, Diagnosis, Finding, MisfitTable, SeparatingExperiment, Timing
+from robid_core.artifacts import (
+    DiagnosedData,
+    Diagnosis,
+    Finding,
+    MisfitTable,
+    SeparatingExperiment,
+    Timing,
+    Witness,
+)
 
 VERSION = 1
 SURE = 1.96  # standard errors to either side
@@ -52,6 +61,7 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
                 strict=True,
             )
         ],
+        "witness": None if diagnosis.witness is None else _witness(diagnosis.witness),
         "timing": None if diagnosis.timing is None else _timing(diagnosis.timing),
         "errors": [
             {
@@ -145,6 +155,35 @@ def _separation(best: SeparatingExperiment) -> dict[str, Any]:
             for name, ratio, repeat, tells in zip(
                 best.rivals, best.ratio.tolist(), best.repeat, best.tells, strict=True
             )
+        ],
+    }
+
+
+def _witness(witness: Witness) -> dict[str, Any]:
+    rows = zip(
+        witness.names,
+        witness.units,
+        zip(witness.by_responses.tolist(), witness.responses_error.tolist(), strict=True),
+        zip(witness.by_torques.tolist(), witness.torques_error.tolist(), strict=True),
+        witness.z.tolist(),
+        witness.agree.tolist(),
+        strict=True,
+    )
+    return {
+        "method": witness.method or None,
+        "reason": witness.reason or None,
+        "misfit": _number(witness.misfit),
+        "limit": _number(witness.limit),
+        "stiffnesses": [
+            {
+                "name": name,
+                "unit": unit,
+                "by_responses": {"estimate": responses[0], "standard_error": responses[1]},
+                "by_torques": {"estimate": torques[0], "standard_error": torques[1]},
+                "z": z,
+                "agree": agree,
+            }
+            for name, unit, responses, torques, z, agree in rows
         ],
     }
 

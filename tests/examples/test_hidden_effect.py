@@ -45,6 +45,18 @@ def test_the_verdict_names_the_effect_with_its_size(folder: Path) -> None:
     assert told["searched"]["failed"] == []
 
 
+def test_responses_agree_about_the_spring(folder: Path) -> None:
+    """Both ways hold the plant's own spring, the responses to half a percent."""
+    told = json.loads((folder / "verdict.explain.json").read_text(encoding="utf-8"))["witness"]
+    (spring,) = told["stiffnesses"]
+    truth = Robot.load(str(folder.parents[1] / "plant.yaml")).parameter(spring["name"])
+    assert spring["agree"]
+    assert "compensate.friction" in told["method"]
+    for way in ("by_responses", "by_torques"):
+        one = spring[way]
+        assert abs(one["estimate"] - truth) < 3 * one["standard_error"] < 0.015 * truth
+
+
 def test_the_extended_robot_predicts_poses_that_the_diagnosis_did_not_see(folder: Path) -> None:
     """Torque and speed a hundred times nearer than with the robot file."""
     check = Diagnosis.read(folder / "artifacts" / "check.h5")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import Finding, ParameterTable
-from robid_diagnosis.wording import finding_line, values_line
+from robid_core import Finding, ParameterTable, Witness
+from robid_diagnosis.wording import finding_line, values_line, witness_line
 
 
 def table(estimate: list[float], error: list[float], group: str = "stiffness") -> ParameterTable:
@@ -43,3 +43,26 @@ def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
     assert "seen in 1 of 8 configurations" in finding_line(spread, 8)
     pulled = Finding(**one, gain=60.0, by_configuration=np.full(8, 0.1))
     assert "without it told numbers would leave their tolerances" in finding_line(pulled, 8)
+
+
+def witness(*z: float) -> Witness:
+    n, torques = len(z), np.full(len(z), 100.0)
+    return Witness(
+        "frf.lrm, fit.log_response", "", 1.0, 3.5, tuple(f"gear_stiffness.axis_{i + 1}" for i in range(n)),
+        ("N m/rad",) * n, torques + np.array(z), np.full(n, 0.8), torques, np.full(n, 0.6), np.array(z),
+    )  # fmt: skip
+
+
+def test_a_witness_that_agrees_is_told_by_what_is_furthest_apart() -> None:
+    assert witness_line(witness(0.1, -2.0, 1.0)) == (
+        "Witness: frequency responses, fitted apart, agree about all 3 stiffnesses; furthest apart: "
+        "gear_stiffness.axis_2, 98 ± 0.8 N m/rad by responses, 100 ± 0.6 by torques: 2.0 standard errors, where 3.5 "
+        "would be told."
+    )
+
+
+def test_disagreements_are_read_out_the_furthest_first_and_many_are_counted() -> None:
+    line = witness_line(witness(0.1, 5.0, -9.0))
+    assert "disagree about 2 of 3 stiffnesses: gear_stiffness.axis_3, 91 ± 0.8" in line
+    assert line.index("axis_3") < line.index("axis_2")
+    assert witness_line(witness(*[9.0] * 7)).endswith("; 2 more.")

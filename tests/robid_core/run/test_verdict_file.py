@@ -19,6 +19,7 @@ from robid_core import (
     SeparatingExperiment,
     Timing,
     VisibleSize,
+    Witness,
 )
 from robid_core.run.verdict_file import verdict_json
 
@@ -151,3 +152,25 @@ def test_where_no_experiment_separates_ties_it_is_said() -> None:
     text = experiment([0.3, 0.7]).sentence
     assert text.startswith("no experiment of this kind")
     assert text.endswith("expected log-likelihood ratio 0.7 an experiment at most")
+
+
+def test_what_responses_say_of_stiffnesses_stands_in_the_file() -> None:
+    witness = Witness(
+        "frf.lrm, fit.log_response", "", 1.1, 3.5, ("gear_stiffness.axis_1", "gear_stiffness.axis_2"),
+        ("N m/rad", "N m/rad"), np.array([101.0, 90.0]), np.array([0.8, 0.8]), np.array([100.0, 100.0]),
+        np.array([0.6, 0.6]), np.array([1.0, -10.0]),
+    )  # fmt: skip
+    told = json.loads(verdict_json(Diagnosis("effects", "", witness=witness), "arm.yaml", "abc"))["witness"]
+    first, second = told["stiffnesses"]
+    assert (told["method"], told["reason"], told["limit"]) == ("frf.lrm, fit.log_response", None, 3.5)
+    assert (first["agree"], second["agree"], second["z"]) == (True, False, -10.0)
+    assert first["by_responses"] == {"estimate": 101.0, "standard_error": 0.8}
+    assert first["by_torques"] == {"estimate": 100.0, "standard_error": 0.6}
+
+
+def test_without_a_witness_the_file_says_why() -> None:
+    none, number = np.empty(0), float("nan")
+    witness = Witness("", "the record does not repeat", number, number, (), (), none, none, none, none, none)
+    told = json.loads(verdict_json(Diagnosis("effects", "", witness=witness), "arm.yaml", "abc"))["witness"]
+    assert (told["reason"], told["limit"], told["stiffnesses"]) == ("the record does not repeat", None, [])
+    assert json.loads(verdict_json(Diagnosis("effects", ""), "arm.yaml", "abc"))["witness"] is None
