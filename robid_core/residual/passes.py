@@ -177,7 +177,7 @@ def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"
 def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
     """Numbers of springs and effects: what the passes must not change any more."""
     kinds = [problem.free.robot.parameter_kind(name) for name in problem.free.names]
-    return np.flatnonzero(np.array([kind in ("stiffness", "effect") for kind in kinds]))
+    return np.flatnonzero(np.array([kind in ("stiffness", "damping", "effect") for kind in kinds]))
 
 
 def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool) -> None:
