@@ -6,7 +6,7 @@ from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.estimated_robot import estimated_robot
 from robid_core.residual.measured import check_variants, functions_of_speed, parts_by_variant
 from robid_core.residual.misfit import misfit, misfit_table
-from robid_core.residual.passes import Solution, linearise_at, solve
+from robid_core.residual.passes import Solution, linearise_at, prescribe_at, solve
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.prescribed_record import prescribe_record
 from robid_core.residual.problem import Linearisation, TorqueProblem
@@ -18,5 +18,5 @@ __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting",
     "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names", "estimated_robot",
     "functions_of_speed", "linearise_at", "misfit", "misfit_table", "parts_by_variant", "place_in",
-    "prescribe_record", "solve", "torque_problem",
+    "prescribe_at", "prescribe_record", "solve", "torque_problem",
 ]  # fmt: skip

@@ -160,10 +160,17 @@ def linearise_at(
     Weights are the noise and a model error relative to the torque, never what the model leaves; derivatives those that
     sufficed to a solution. `improve`: initial states that nobody knows are those with which the residual is least.
     """
+    prescribe_at(problem, point, model_error, improve)
+    return _linearised(problem, point, model_error, doubted=False)
+
+
+def prescribe_at(
+    problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool = False
+) -> None:
+    """Prescribe the motions to the robots at a point, as `linearise_at` does, for weights that are known."""
     _renew_signals(problem, point)
     _renew(problem, point, model_error, improve=improve)
     _renew_derivatives(problem, point)
-    return _linearised(problem, point, model_error, doubted=False)
 
 
 def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"]) -> bool:

@@ -6,6 +6,7 @@ controller, noise, the fraction of a sample by which torques act late, and what 
 
 from __future__ import annotations
 
+import functools
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from oracles.drives import of_axes
 
 from blind.experiments import Experiments, record_of
 from blind.foreign_plant import STEPS, ForeignPlant
-from blind.kinds import Hidden, Plant, hidden
+from blind.kinds import OF_ONE, Hidden, Plant, hidden
 from blind.plan import Wanted
 from blind.robots import base_robot, told_robot, true_robot, without_bearing
 from blind.strength import Ruler, Strength
@@ -113,22 +114,24 @@ def _sized(
     nothing = _measured(Plant(without), without, few, late, None)
     ruler = Ruler.of_records(without, nothing, few.with_noise(nothing, truth, generator), late)
 
+    @functools.cache
     def strength_at(size: float) -> Strength:
         plant = thing.added(Plant(truth), size)
         return ruler.strength(_measured(plant, truth, few, late, None))
 
     low, high = wanted.strength
     target = float(np.exp(generator.uniform(*np.log((low, high)))))
-    size, strength = _search(lambda one: strength_at(one).total / share, target, (low, high))
+    first = (target / OF_ONE[thing.kind]) ** (1 / FIRST)
+    size, strength = _search(lambda one: strength_at(one).total / share, target, (low, high), first)
     alike = strength_at(size).alike(thing.kind, thing.on, generator) if wanted.n_axis < 6 else ()
     return size, strength, alike, ruler.floor
 
 
 def _search(
-    strength_at: Callable[[float], float], target: float, within: tuple[float, float]
+    strength_at: Callable[[float], float], target: float, within: tuple[float, float], size: float
 ) -> tuple[float, float]:
-    """Size of a strength, by secants of their logarithms, halving between two that hold it; the nearest tried."""
-    size, tried = 1.0, list[tuple[float, float]]()
+    """Size of a strength, from a size on by secants of their logarithms, halving between two that hold it."""
+    tried = list[tuple[float, float]]()
     for _ in range(ROUNDS):
         strength = max(strength_at(size), LEAST)
         tried.append((size, strength))

@@ -35,6 +35,8 @@ class Experiments:
     """N m, (n_axis,)."""
     lines: np.ndarray | None
     """Excited bins of a period; None: nothing repeats."""
+    repeats: int = 1
+    """Times that a period counts that was moved through once: without noise the next one is like it."""
 
     @classmethod
     def drawn(
@@ -67,8 +69,11 @@ class Experiments:
         return replace(self, references=self.references * share[:, None, None])
 
     def first(self) -> Experiments:
-        """Return the first experiment of each pose."""
-        return replace(self, references=self.references[:: self.each], each=1)
+        """Return the first experiment of each pose, for a plant without noise: one period stands for those kept."""
+        first = self.references[:: self.each]
+        if self.lines is None:
+            return replace(self, references=first, each=1)
+        return replace(self, references=first[:, : (SETTLE + 1) * PERIOD], each=1, repeats=KEPT)
 
     def with_noise(self, clean: Record, robot: Robot, generator: np.random.Generator) -> Record:
         """Return a record with the noise of the sensors added, which no controller sees."""
@@ -94,12 +99,15 @@ def record_of(robot: Robot, experiments: Experiments, position: FloatArray, torq
     first, length = (SETTLE * PERIOD, PERIOD) if periodic else (0, position.shape[1])
     n_period = (position.shape[1] - first) // length
     shape = (len(experiments.poses), 1, experiments.each, n_period, length, robot.n_axis)
+    position, torque = (
+        np.repeat(one[:, first:].reshape(shape), experiments.repeats, axis=3) for one in (position, torque)
+    )
     channels = {
-        "motor_position": Channel("motor", "rad", position[:, first:].reshape(shape)),
-        "motor_torque": Channel("motor", "N m", torque[:, first:].reshape(shape)),
+        "motor_position": Channel("motor", "rad", position),
+        "motor_torque": Channel("motor", "N m", torque),
     }
     time = robot.sample_time_s * np.arange(length)
-    run = DenseRun(robot.sample_time_s, channels, time, np.ones(shape[:5], dtype=bool))
+    run = DenseRun(robot.sample_time_s, channels, time, np.ones(position.shape[:5], dtype=bool))
     return Record(
         robot.axis_names, "MuJoCo", "zero_order_hold", (run,), experiments.poses, line=experiments.lines
     )

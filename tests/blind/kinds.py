@@ -42,6 +42,27 @@ RIGHT = {
 }
 """Names that are right: a law and its special cases."""
 
+OF_ONE = {
+    "friction.asymmetric": 6e3,
+    "friction.stribeck": 6e3,
+    "friction.load_dependent": 9e4,
+    "friction.dahl": 5e5,
+    "friction.lugre": 4e5,
+    "transmission.backlash": 2e5,
+    "transmission.stiffening": 3e6,
+    "transmission.hysteresis": 1e4,
+    "drive.torque_ripple": 3e4,
+    "sensing.resolver_ripple": 5e4,
+    "transmission.kinematic_error": 2e5,
+    "drive.current_loop": 2.5e3,
+    "load.cable_spring": 1e4,
+    "drive.saturation": 1e3,
+    "structure.foundation": 4e4,
+    "structure.foundation_sway": 4e4,
+    "structure.elastic_coordinate": 5e5,
+}
+"""Strength of a size of one, within a factor of five or so (ninety cases): where the search for a size begins."""
+
 LAWS = tuple(kind for kind in RIGHT if not kind.startswith(("value.", "structure.")))
 STRUCTURES = tuple(kind for kind in RIGHT if kind.startswith("structure."))  # of six axes
 VALUES = tuple(kind for kind in RIGHT if kind.startswith("value."))

@@ -19,7 +19,14 @@ import numpy as np
 from blind.kinds import RIGHT
 from robid_core import ComplexArray, FloatArray, Record, Robot, chosen_names
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE, SpeedFunctions
-from robid_core.residual import TorqueProblem, Weighting, default_patterns, linearise_at, torque_problem
+from robid_core.residual import (
+    TorqueProblem,
+    Weighting,
+    default_patterns,
+    linearise_at,
+    prescribe_at,
+    torque_problem,
+)
 from robid_core.residual.steps import minimised
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.columns import Motion
@@ -53,7 +60,7 @@ class Ruler:
         problem, point = _at_truth(robot, noisy, late)
         weights = linearise_at(problem, point, NOISE_ALONE).weights
         nothing, _ = _at_truth(robot, clean, late)
-        linearise_at(nothing, point, ANY)
+        prescribe_at(nothing, point, ANY)
         (off,), (measured,) = nothing.residuals(point), problem.residuals(point)
         floor = np.sqrt(_power(measured - off) / _power(problem.blocks[0].motion.torque_spectrum))
         return cls(robot, late, weights, off, floor)
@@ -65,7 +72,7 @@ class Ruler:
         turn = np.exp(1j * block.motion.omega[:, None] * problem.delay(point))
         block.motion = replace(block.motion, torque_spectrum=block.motion.torque_spectrum - self.off / turn)
         for _ in range(PASSES):
-            linearise_at(problem, point, ANY)
+            prescribe_at(problem, point, ANY)
             point = minimised(problem, point, problem.linearise(point, self.weights))
         return Strength(problem, point, self.weights)
 
@@ -89,7 +96,7 @@ class Strength:
     @functools.cached_property
     def projection(self) -> Projection:
         """What it leaves, and what its unknowns can still do."""
-        linearise_at(self.problem, self.point, ANY)
+        prescribe_at(self.problem, self.point, ANY)
         about = self.problem.linearise(self.point, self.weights)
         lengths = [own.shape[-1] for own in self._weighted for _ in range(own.shape[0] * own.shape[1])]
         ends = np.cumsum([0, *lengths])
