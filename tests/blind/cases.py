@@ -17,7 +17,7 @@ from oracles.drives import of_axes
 from blind.experiments import Experiments, record_of
 from blind.foreign_plant import STEPS, ForeignPlant
 from blind.kinds import OF_ONE, Hidden, Plant, hidden
-from blind.plan import Wanted
+from blind.plan import SIX, Wanted
 from blind.robots import base_robot, told_robot, true_robot, without_bearing
 from blind.strength import Ruler, Strength
 from robid_core import Record, Robot
@@ -44,8 +44,8 @@ class BlindCase:
     sizes: tuple[float, ...]
     strengths: tuple[float, ...]
     """Of each, alone."""
-    classes: tuple[str, ...]
-    """Laws that no such data tell from the hidden one; written before the diagnosis runs."""
+    classes: tuple[tuple[str, ...], ...]
+    """Laws that no such data tell from each hidden one; written before the diagnosis runs."""
     late: float
     """Samples."""
     floor: np.ndarray
@@ -80,7 +80,7 @@ def blind_case(wanted: Wanted) -> BlindCase:
         tuple(things),
         tuple(size for size, *_ in found),
         tuple(strength for _, strength, *_ in found),
-        found[0][2] if len(found) == 1 else (),
+        tuple(alike for _, _, alike, _ in found),
         late,
         found[0][3] if found else np.full(wanted.n_axis, np.nan),
     )
@@ -123,7 +123,7 @@ def _sized(
     target = float(np.exp(generator.uniform(*np.log((low, high)))))
     first = (target / OF_ONE[thing.kind]) ** (1 / FIRST)
     size, strength = _search(lambda one: strength_at(one).total / share, target, (low, high), first)
-    alike = strength_at(size).alike(thing.kind, thing.on, generator) if wanted.n_axis < 6 else ()
+    alike = strength_at(size).alike(thing.kind, thing.on, generator, elsewhere=wanted.n_axis < SIX)
     return size, strength, alike, ruler.floor
 
 

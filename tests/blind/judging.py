@@ -67,14 +67,16 @@ def judged(wanted: Wanted, commit: str) -> dict[str, str]:
 def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
     wanted, findings = case.wanted, diagnosis.findings
     named = [finding for finding in findings if finding.kind != "unknown"]
+    things = list(zip(case.hidden, case.classes, strict=True))
     right = [
-        any(_is(thing, finding) for finding in named[: len(case.hidden)]) or _refitted(thing, case, diagnosis)
-        for thing in case.hidden
+        any(_tells(thing, alike, finding) for finding in named[: len(things)])
+        or _refitted(thing, case, diagnosis)
+        for thing, alike in things
     ]
     first = _name(named[0]) if named else ""
     tied = any(_is(thing, tie) for thing in case.hidden for tie in _ties(named[:1]))
-    in_class = first in case.classes or (tied and bool(case.classes))
-    extras = [one for one in named if not any(_is(thing, one) for thing in case.hidden)]
+    in_class = any(first in alike or (tied and alike) for alike in case.classes)
+    extras = [one for one in named if not any(_tells(thing, alike, one) for thing, alike in things)]
     sizes = [_size(thing, size, named) for thing, size in zip(case.hidden, case.sizes, strict=True)]
     known = [size for size in sizes if size is not None]
     stated, covered, squared = _values(case, diagnosis)
@@ -88,7 +90,7 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
         "on": " ".join(thing.on for thing in case.hidden),
         "strengths": " ".join(f"{one:.4g}" for one in case.strengths),
         "sizes": " ".join(f"{one:.4g}" for one in case.sizes),
-        "classes": " ".join(case.classes),
+        "classes": " ".join(name for alike in case.classes for name in alike),
         "told": " ".join(f"{finding.kind}:{_name(finding)}" for finding in findings),
         "right": str(all(right) if right else not findings),
         "in_class": str(in_class),
@@ -134,6 +136,12 @@ def _is(thing: Hidden, told: Finding | tuple[str, str]) -> bool:
     """Whether what was told is the hidden thing, at its place."""
     use, on = told if isinstance(told, tuple) else (told.effect, told.on)
     return use in RIGHT[thing.kind] and (thing.on == "base" or on == thing.on)
+
+
+def _tells(thing: Hidden, alike: Sequence[str], finding: Finding) -> bool:
+    """Whether a finding is the hidden thing, or one of its class that says what it cannot be told from."""
+    ties = any(_is(thing, tie) for tie in _ties([finding]))
+    return _is(thing, finding) or (_name(finding) in alike and ties)
 
 
 def _refitted(thing: Hidden, case: BlindCase, diagnosis: Diagnosis) -> bool:

@@ -15,7 +15,19 @@ from blind.kinds import LAWS, STRUCTURES, VALUES
 
 ASKED = Path(__file__).with_name("asked.json")
 AXES = (1, 2, 1, 6)  # half of all cases have one axis, a quarter two, a quarter six
-AXES_OF_LAWS = (1, 2, 1, 1, 2, 1, 6, 1, 2, 1, 1)  # likewise, beside changes of the robot, which are of six axes alone
+AXES_OF_LAWS = (
+    1,
+    2,
+    1,
+    1,
+    2,
+    1,
+    6,
+    1,
+    2,
+    1,
+    1,
+)  # likewise, beside changes of the robot, which are of six axes alone
 SIX = 6
 SINGLE = ("drive.saturation",)  # not reached by small motions
 APART = 1000  # seeds of one stratum

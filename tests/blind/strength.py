@@ -109,12 +109,18 @@ class Strength:
     def _weighted(self) -> list[FloatArray]:
         return self.problem.weighted(self.point, self.weights)
 
-    def alike(self, kind: str, on: str, generator: np.random.Generator) -> tuple[str, ...]:
-        """Laws of the catalogue, `effect@place`, that explain the noise-free data as well as a kind's own laws do."""
+    def alike(
+        self, kind: str, on: str, generator: np.random.Generator, *, elsewhere: bool
+    ) -> tuple[str, ...]:
+        """Laws of the catalogue, `effect@place`, that explain the noise-free data as well as a kind's own laws do.
+
+        `elsewhere`: at other places, too.
+        """
         projection = self.projection
         motion = Motion(self.problem, self.point, self.weights)
         search = Search(motion, projection, generator)
-        found = search.run(catalogue(), {}, lambda *_: None)
+        uses = catalogue()
+        found = search.run(uses, {} if elsewhere else {use: {on} for use in uses}, lambda *_: None)
         own = [hit for hit in found.hits if hit.candidate.use in RIGHT[kind] and hit.candidate.spot.on == on]
         rest = [hit for hit in found.hits if hit not in own][:REFINED]
         best = max((search.refined(hit).gain.total for hit in own), default=np.inf)
