@@ -23,6 +23,7 @@ from robid_core import (
     SignalEffect,
 )
 from robid_core.residual import BoundEffect, effect_names, place_in
+from robid_diagnosis.hypothesis import ZERO_SPEEDS
 
 LABEL = "candidate"
 ORDERS = (*(float(order) for order in range(1, 17)), 18.0, 20.0, 24.0)
@@ -35,7 +36,6 @@ SEEN = 0.02  # of the limit: friction where none is told
 HARDLY = 0.98  # quantile of a deflection
 BOTH_SPRINGS = ("gear", "bearing")
 BEHIND = (*BOTH_SPRINGS, "arm")  # the gear
-ZERO_SPEEDS = ("speed", "zero_speed")  # parameters of the width of a sign at zero: the fit has told it
 
 
 @dataclass(frozen=True)

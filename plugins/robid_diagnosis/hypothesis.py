@@ -29,6 +29,10 @@ PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 THINNED = 5  # every so many samples of the speeds tell a width
 FEW = 5  # passes of a fit that is only compared
 SIGMAS = 3.0  # of the misfit of noise
+ZERO_SPEEDS = (
+    "speed",
+    "zero_speed",
+)  # parameters of laws: the width of a sign at zero, which the fit has told
 NEAR = 2.0  # times a zero-speed width, or less: functions about it are narrow and wide enough
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
 
@@ -78,6 +82,19 @@ class Hypothesis:
         """Return it without the effect, or the wider priors, of some parameters."""
         kept = tuple(one for one in self.additions if not set(one.names) & set(names))
         return Hypothesis(kept, tuple(name for name in self.widened if name not in names))
+
+    def with_wider_signs(self, shares: Mapping[str, float]) -> Hypothesis:
+        """Return it with the zero-speed widths of its laws so many times as large, by axis."""
+
+        def of_law(one: Addition) -> Addition:
+            share = shares.get(one.on or "", 1.0)
+            values = {
+                name: value * share if name in ZERO_SPEEDS and name not in one.free else value
+                for name, value in one.values.items()
+            }
+            return replace(one, values=values)
+
+        return replace(self, additions=tuple(of_law(one) for one in self.additions))
 
     def holding(self, names: Sequence[str]) -> Hypothesis:
         """Return it with some parameters held."""
@@ -188,13 +205,14 @@ class Case:
         size = problem.friction_size(fitted.point)[: len(laws.odd)]
         return replace(self, friction_speed=laws.width_of(size, speed), doubt=max(1.0, fitted.misfit))
 
-    def width_is_near(self, other: Case) -> bool:
-        """Whether functions about another width can do what those about this one do."""
-        widths = (
-            self.told.drives.friction_speed if one.friction_speed is None else one.friction_speed
-            for one in (self, other)
-        )
-        return bool((np.abs(np.diff(np.log(np.stack(list(widths))), axis=0)) < np.log(NEAR)).all())
+    @property
+    def width(self) -> FloatArray:
+        """Zero-speed width of the motors' friction, rad/s, (n_axis,), as it is told or was fitted."""
+        return self.told.drives.friction_speed if self.friction_speed is None else self.friction_speed
+
+    def width_is_near(self, other: Case, times: float = NEAR) -> bool:
+        """Whether no width is more than so many times as large as another case's, or as small."""
+        return bool((np.abs(np.log(self.width / other.width)) < np.log(times)).all())
 
     def problem(self, hypothesis: Hypothesis, records: tuple[Record, ...]) -> TorqueProblem:
         """What a hypothesis has to explain in some records, its unknowns as they are for any others."""
@@ -210,7 +228,6 @@ class Case:
             **self.priors,
             **{name: DROPPED for name in hypothesis.widened if name in names},
         }
-        width = self.friction_speed
         under = {
             variant: hypothesis.robot(variants.robot_of(variant))
             for one in records
@@ -221,7 +238,7 @@ class Case:
             robot,
             names,
             priors,
-            lambda told, _: SpeedFunctions.near(width if width is not None else told.drives.friction_speed),
+            lambda *_: SpeedFunctions.near(self.width),
             robots=under if self.robots else None,
             own=variants.priors,
             discard=self.discard,

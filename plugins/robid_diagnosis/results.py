@@ -70,8 +70,13 @@ def finding_of(
 
 
 def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
-    """What no effect explains and free functions of some variable would."""
+    """What no effect explains and free functions of some variable would; nothing where no more than noise is left.
+
+    Free functions also gain where told numbers need not leave their tolerances for them, which data do not show.
+    """
     left = outcome.left
+    if outcome.final.leaves_noise:
+        return ()
     least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps])
     p_value = min(1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom)))
     if left.gain <= least.at(least.axis_names.index(left.axis)) or p_value > LEVEL:

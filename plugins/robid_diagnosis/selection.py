@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robid_core import RobidError
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_between, holds_elsewhere
 from robid_diagnosis.ceilings import ceilings
@@ -29,14 +30,13 @@ from robid_diagnosis.visible import visible_sizes
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 WIDTHS = 4  # of friction at zero speed, one after the other
+MOVED = 1.02  # times a width, or more: it is another one
 RIVALS = 4  # candidates that are fitted in turn
 EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
 SAME = 2  # places of one effect that are looked at closer
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
-WORSE = (
-    1.02  # of the misfit before: what fits data worse is no cause, however near numbers come to what was told
-)
+WORSE = 0.02  # of the squares: what fits data worse is no cause, however near numbers come to what was told
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -62,7 +62,6 @@ class Selection:
         """Search until nothing is significant."""
         current = base = self._refitted()
         steps, searches = list[Step](), list[Found]()
-        revision = Revision(self.case, self.searched, self.next_cause, self.failures, self.progress)
         motion: Motion | None = None
         while True:
             seen = self.searched(current, motion)
@@ -72,6 +71,8 @@ class Selection:
             if taken is None:
                 break
             current, step = taken
+            current = self._with_its_width(current)
+            revision = Revision(self.case, self.searched, self.next_cause, self.failures, self.progress)
             current, steps = revision.run(current, [*steps, step], motion)
         left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))[0]
         visible = visible_sizes(
@@ -110,6 +111,24 @@ class Selection:
             return base
         return self.case.fit(Hypothesis(), self.progress, begin=base)
 
+    def _with_its_width(self, current: Fitted) -> Fitted:
+        """Fit again with the zero-speed width that friction has once its causes are known, until it stays."""
+        for _ in range(WIDTHS):
+            case = self.case.with_fitted_width(current)
+            if case.width_is_near(self.case, MOVED):
+                break
+            shares = dict(zip(case.told.axis_names, (case.width / self.case.width).tolist(), strict=True))
+            hypothesis = current.hypothesis.with_wider_signs(shares)
+            try:
+                fitted = case.fit(hypothesis, self.progress, begin=current)
+            except RobidError as error:
+                self.failures.append(Failure("zero-speed width", None, None, str(error)))
+                break
+            if fitted.misfit > current.misfit:
+                break
+            self.case, current = case, fitted
+        return current
+
     def next_cause(
         self,
         current: Fitted,
@@ -124,7 +143,7 @@ class Selection:
         trials = fits.run(rivals, others)
         self.failures += fits.failures
         for trial in trials:
-            if trial.fitted.misfit > WORSE * current.misfit:
+            if trial.loss > WORSE:
                 continue
             step = self._judged(trial, trials, seen, len(values))
             if step is not None and not step.share < PART:

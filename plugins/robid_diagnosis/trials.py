@@ -44,6 +44,8 @@ class Trial:
     hit: Rival
     gain_of_tolerances: float
     """What of the gain is that told numbers need not leave their tolerances."""
+    loss: float
+    """By which share the squares of what is left of the data grow; negative where they shrink."""
 
     @property
     def addition(self) -> Addition | None:
@@ -192,9 +194,9 @@ class Trials:
         return None
 
     def _of(self, fitted: Fitted, hit: Rival) -> Trial:
-        gain = self.current.cost(self.current.about) - fitted.cost(self.current.about)
-        pulls = [((one.point / one.problem.prior) ** 2).sum() for one in (self.current, fitted)]
-        return Trial(fitted, gain, hit, float(pulls[0] - pulls[1]))
+        before, after = (one.cost(self.current.about) for one in (self.current, fitted))
+        pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
+        return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
 
 
 def _holding(hypothesis: Hypothesis, error: NotIdentifiable) -> Hypothesis:

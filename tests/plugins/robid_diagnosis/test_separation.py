@@ -167,7 +167,7 @@ def test_a_rival_is_fitted_beside_what_was_found_after_it(waves: tuple[Case, Fit
     step = Step(
         "effect", "drive.cogging", "axis_1", "torque", names, 0.0, 0.0, *3 * [nothing], (), float("nan")
     )
-    rival = Trial(ripple, 0.0, cast("Any", None), 0.0)
+    rival = Trial(ripple, 0.0, cast("Any", None), 0.0, 0.0)
     assert beside(case, cogging, step, rival, lambda *_: None) is ripple
     later = replace(cogging, hypothesis=cogging.hypothesis.with_widened(("rotor_inertia.axis_1",)))
     found = beside(case, later, step, rival, lambda *_: None)
