@@ -28,6 +28,8 @@ FIRST = 2.0  # power by which strength grows with size, until two sizes tell
 FURTHER = (0.1, 10.0)  # factors of a size at once, until both sides are known
 INSIDE = (0.15, 0.85)  # shares of the way between two sizes
 LEAST = 1e-3  # of a strength
+LARGEST = 10.0  # size: a gap beyond is never crossed, and only moves the arm
+DRAWS = 4  # of poses and places, until a law is as strong as was asked for
 VALUE_SIZES = (0.8, 3.0)  # of wrong values: these are not sized by strength
 
 
@@ -58,14 +60,18 @@ def blind_case(wanted: Wanted) -> BlindCase:
     told = told_robot(base_robot(wanted.n_axis), generator)
     truth = true_robot(told, generator, exact_inertia=wanted.exact_inertia)
     late = float(generator.integers(LATEST + 1)) / STEPS
-    experiments = Experiments.drawn(truth, wanted.motion, generator)
-    things = [hidden(kind, truth, generator) for kind in wanted.kinds]
-    if len(things) == 2:
-        while things[1].on == things[0].on and wanted.n_axis > 1:
-            things[1] = hidden(wanted.kinds[1], truth, generator)
-    if wanted.single:
-        experiments = experiments.quiet_but(_loudest(truth, experiments, late, things[0].on))
-    found = [_sized(thing, wanted, truth, experiments, late, generator) for thing in things]
+    low, high = wanted.strength
+    for _ in range(DRAWS):
+        experiments = Experiments.drawn(truth, wanted.motion, generator)
+        things = [hidden(kind, truth, generator) for kind in wanted.kinds]
+        if len(things) == 2:
+            while things[1].on == things[0].on and wanted.n_axis > 1:
+                things[1] = hidden(wanted.kinds[1], truth, generator)
+        if wanted.single:
+            experiments = experiments.quiet_but(_loudest(truth, experiments, late, things[0].on))
+        found = [_sized(thing, wanted, truth, experiments, late, generator) for thing in things]
+        if all(not low > strength and not strength > high for _, strength, *_ in found):
+            break
     plant = Plant(truth)
     for thing, (size, *_) in zip(things, found, strict=True):
         plant = thing.added(plant, size)
@@ -146,7 +152,9 @@ def _search(
             )
             size = float(below[0] * np.exp(way))
         else:
-            size *= float(np.clip((target / strength) ** (1 / FIRST), *FURTHER))
+            if strength < target and size >= LARGEST:
+                break
+            size = min(size * float(np.clip((target / strength) ** (1 / FIRST), *FURTHER)), LARGEST)
     return min(tried, key=lambda pair: abs(np.log(pair[1] / target)))
 
 
