@@ -318,3 +318,9 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
             raise DataRejected(
                 f"the torque of {axis} never changes: the channel is dead, or the drive was off"
             )
+        still = np.ptp(run.lanes("motor_position"), axis=1).max(axis=0) == 0
+        if still.any():
+            axis = robot.axis_names[int(np.argmax(still))]
+            raise DataRejected(
+                f"the angle of {axis} does not change in any experiment: the channel is dead, or the axis was held"
+            )

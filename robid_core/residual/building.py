@@ -9,7 +9,13 @@ from robid_core.artifacts import Record
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
-from robid_core.residual.measured import block_of, check_variants, parts_by_variant, spectra_of
+from robid_core.residual.measured import (
+    block_of,
+    check_sampling,
+    check_variants,
+    parts_by_variant,
+    spectra_of,
+)
 from robid_core.residual.problem import TorqueProblem
 from robid_core.robot import Robot
 
@@ -66,15 +72,19 @@ def torque_problem(
     DataRejected
         Where the record cannot be used.
     ConfigurationError
-        Where variants and robots do not fit.
+        Where variants and robots do not fit, or a record and its robot are not sampled alike.
     """
     free = FreeParameters.of_robot(_bare(robot), names, dict(prior))
     check_variants(records, robot, robots or {}, free.names, own)
-    parts = [
-        (spectra_of(part, discard, highest_hz), _bare((robots or {}).get(variant, robot)))
+    measured = [
+        (part, (robots or {}).get(variant, robot))
         for record in records
         for variant, part in parts_by_variant(record)
     ]
+    for part, under in measured:
+        for run in part.runs:
+            check_sampling(run, under)
+    parts = [(spectra_of(part, discard, highest_hz), _bare(under)) for part, under in measured]
     laws = speed_functions(robot, [motion for motion, _ in parts])
     blocks: tuple[Any, ...] = tuple(block_of(motion, under, laws) for motion, under in parts)
     return TorqueProblem(free, blocks, laws.names, each_delay=each_delay)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from robid_core.artifacts import Record
+from robid_core.artifacts import DenseRun, Record
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.spectra import MotionSpectra
@@ -15,6 +15,17 @@ from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motio
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
+
+ALIKE = 1e-3  # of a sampling time: a clock that is off by more is another one
+
+
+def check_sampling(run: DenseRun, robot: Robot) -> None:
+    """Refuse a run that is not sampled as the drives of its robot are."""
+    if abs(run.sample_time_s / robot.sample_time_s - 1) > ALIKE:
+        raise ConfigurationError(
+            f"the record is sampled every {run.sample_time_s:g} s and the drives of {robot.name} every "
+            f"{robot.sample_time_s:g} s; set sample_time_s in the robot file"
+        )
 
 
 def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotion | WindowedMotion:

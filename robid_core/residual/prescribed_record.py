@@ -12,10 +12,11 @@ import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import Channel, DenseRun, Record, frozen
-from robid_core.errors import ConfigurationError, DataRejected
+from robid_core.errors import DataRejected
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
 from robid_core.mechanics import mean_over_held
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
+from robid_core.residual.measured import check_sampling
 from robid_core.residual.signals import commanded_torque, reported_torque, true_motion
 from robid_core.robot import Robot
 
@@ -53,11 +54,7 @@ def prescribe_record(robot: Robot, record: Record) -> Record:
 
 
 def _prescribed(robot: Robot, run: DenseRun) -> DenseRun:
-    if abs(run.sample_time_s / robot.sample_time_s - 1) > 1e-3:
-        raise ConfigurationError(
-            f"the record is sampled every {run.sample_time_s:g} s and the drives of {robot.name} every "
-            f"{robot.sample_time_s:g} s; set sample_time_s in the robot file"
-        )
+    check_sampling(run, robot)
     if not run.valid.all():
         raise DataRejected("samples are missing in the record; cut the recording there")
     channel = run.channel("motor_torque")

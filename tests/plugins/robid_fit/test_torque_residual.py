@@ -275,6 +275,15 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason(
         TorqueResidualFit(**settings).run(six, nominal, context())
 
 
+def test_a_record_and_a_robot_file_that_are_sampled_otherwise_are_refused(
+    nominal: Robot, six: Record
+) -> None:
+    (run,) = six.runs
+    slower = six.replace(runs=(run.replace(sample_time_s=2 * run.sample_time_s, time_s=2 * run.time_s),))
+    with pytest.raises(ConfigurationError, match="set sample_time_s in the robot file"):
+        TorqueResidualFit().run(slower, nominal, context())
+
+
 @pytest.mark.parametrize(("late", "doubted"), [(1, False), (5, True), (20, True)])
 def test_channels_that_are_samples_apart_are_doubted(late: int, doubted: bool) -> None:
     """One sample is fitted exactly; more than drives differ by is told as what it is, not as a misfit alone."""
