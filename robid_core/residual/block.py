@@ -26,6 +26,7 @@ from robid_core.residual.columns import BodyDerivatives, body_derivatives, param
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
+from robid_core.robot.effects import channel_gain
 
 M = TypeVar("M", bound=MotionSpectra)
 
@@ -66,6 +67,9 @@ class TorqueBlock(ABC, Generic[M]):
     """Joint-side angles about which the model is linear, rad, shape (n_config, n_axis)."""
     remainder: ComplexArray = field(init=False)
     """Shape (n_config, n_exp, n_bin, n_axis)."""
+    reported: ComplexArray | None = field(init=False, default=None)
+    """Gain of laws on reported torques, (n_bin, n_axis); None: there is none. Residuals and derivatives are told as
+    they are reported: noise is, and a gain that is taken off a record must not make it smaller."""
     unresolved: ComplexArray = field(init=False)
     """Covariance of what samples do not resolve of friction, (n_bin, n_axis, n_axis)."""
     about: FloatArray | None = field(init=False, default=None)
@@ -207,11 +211,12 @@ class TorqueBlock(ABC, Generic[M]):
         `delay` has shape (1,), or (n_axis,).
         """
         difference: ComplexArray = self.motion.advanced_torque(delay) - predicted
-        return difference
+        return difference if self.reported is None else difference * self.reported
 
     def expected(self, residual: ComplexArray, delay: FloatArray) -> M:
         """Return the motion with the torques that the model predicts: measured without their delay and residual."""
-        return self.motion.less(residual, delay)
+        true = residual if self.reported is None else residual / self.reported
+        return self.motion.less(true, delay)
 
     def renew_signals(
         self, free: FreeParameters, coordinates: FloatArray, residual: ComplexArray, delay: FloatArray
@@ -237,6 +242,8 @@ class TorqueBlock(ABC, Generic[M]):
         z = impedance(robot, self.angle, self.motion, "zero_order_hold")
         self.signal_columns = signal_columns(free, coordinates, robot, expected, z)
         self.signals_about = coordinates.copy()
+        if any(term.channel == "torque_measurement" for term in robot.signals):
+            self.reported = channel_gain(robot, "torque_measurement", self.motion.omega)
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:
         """Prescribe the measured motion to the model."""
@@ -368,6 +375,8 @@ class TorqueBlock(ABC, Generic[M]):
                         found[:, :, a, a - n_axis] = later[:, :, a]
                 else:
                     found[..., -1] = later
+                if self.reported is not None:
+                    found *= self.reported[bins, None, :, None]
                 yield found
 
         return (of_configuration(c) for c in range(n_config))

@@ -76,7 +76,10 @@ def test_a_law_that_folds_angles_cannot_be_taken_off(robot: Robot) -> None:
 
 
 def test_columns_of_signals_are_differences_of_residuals(robot: Robot) -> None:
-    """Central, by 1e-3 of a parameter, of an order by 1e-5: many turns on it moves the wave's phase."""
+    """Central, by 1e-3 of a parameter, of an order by 1e-5: many turns on it moves the wave's phase.
+
+    Of the torque as it was, not as it is reported.
+    """
     time, shape = T * np.arange(N), (1, 1, 1, 2, N, 1)
     angle, torque = (np.broadcast_to(values[:, None], shape) for values in measured(time))
     record = periodic_motion_of(angle, torque, T, np.array([1, 13, 40]), 100.0)
@@ -88,7 +91,9 @@ def test_columns_of_signals_are_differences_of_residuals(robot: Robot) -> None:
 
     def residual(point: np.ndarray) -> np.ndarray:
         block.renew_signals(free, point, np.zeros_like(record.torque_spectrum), np.zeros(1))
-        return block.residual(block.predicted(block.robot_at(free, point), point, size), np.zeros(1))
+        told = block.residual(block.predicted(block.robot_at(free, point), point, size), np.zeros(1))
+        assert block.reported is not None
+        return told / block.reported
 
     middle = np.zeros(len(free.names))
     residual(middle)
@@ -99,3 +104,21 @@ def test_columns_of_signals_are_differences_of_residuals(robot: Robot) -> None:
         step[i] = 1e-3 if not name.endswith("order") else 1e-5
         slope = (residual(-step) - residual(step)) / (2 * step[i])
         assert np.linalg.norm(columns[i] - slope) < 5e-3 * np.linalg.norm(slope), name
+
+
+def test_noise_of_a_reported_torque_is_as_large_in_the_residual() -> None:
+    """Whatever the gain of the report, which is taken off the record: a gain must not make noise smaller."""
+    robot = Robot.load("one_axis").with_effect(
+        "much", "sensing.gain_error", "axis_1", "torque_measurement", {"error": 0.5}
+    )
+    time, shape = T * np.arange(N), (1, 1, 1, 2, N, 1)
+    angle, torque = (np.broadcast_to(values[:, None], shape) for values in (angles(time), torques(time)))
+    noise = np.random.default_rng(1).standard_normal((N, 1))
+    free, left = FreeParameters.of_robot(robot, ["effect.much.error"]), []
+    for pull in (torque, torque + noise):
+        record = periodic_motion_of(angle, pull, T, np.array([1, 13, 40]), 100.0)
+        block = PeriodicBlock.of_record(robot, record, SpeedFunctions.of_widths((5.0,), 1))
+        block.renew_signals(free, np.zeros(1), np.zeros_like(record.torque_spectrum), np.zeros(1))
+        predicted = block.predicted(block.robot_at(free, np.zeros(1)), np.zeros(1), np.zeros((3, 1)))
+        left.append(block.residual(predicted, np.zeros(1)))
+    np.testing.assert_allclose((left[1] - left[0])[0, 0], np.fft.rfft(noise, axis=0)[:101] / N, atol=1e-12)
