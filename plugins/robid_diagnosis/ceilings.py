@@ -22,6 +22,7 @@ WIDTHS = (0.5, 1.0, 2.0)  # of friction's zero-speed width
 HARDLY = 0.99
 BANDS = 12  # of frequency
 RESPONSE = "frequency: a linear response"
+ANGLE = "motor angle"
 PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
 
 
@@ -113,4 +114,4 @@ def _families(motion: Motion, axis: int) -> Iterator[Family]:
     waves = [lambda b, o=o, f=f: f(o * angle[b]) for o in ORDERS for f in (np.sin, np.cos)]
     joint = robot.drives.gear[axis, axis]
     turns = [lambda b: np.sin(joint * angle[b]), lambda b: np.cos(joint * angle[b])]
-    yield "motor angle", motor, [*waves, *turns]
+    yield ANGLE, motor, [*waves, *turns]

@@ -49,6 +49,7 @@ from robid_diagnosis.results import (
 )
 from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
+from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.witness import Chain, disagreements, witness_of
@@ -58,6 +59,7 @@ from robid_diagnosis.wording import (
     errors_line,
     finding_line,
     separation_line,
+    settling_line,
     silent_line,
     timing_lines,
     values_line,
@@ -202,7 +204,8 @@ class Effects(DiagnosisStage):
         witness = witness_of(chain, case, final, model, timing, context) if self.witness else None
         causes = with_unknown(causes, unknown_of(outcome))
         findings = (*causes, *disagreements(witness))
-        lines = [
+        lines = [settling_line(unsettled_axes(problem))]
+        lines += [
             line
             for finding in causes
             for line in (finding_line(finding, data.n_config), separation_line(finding))

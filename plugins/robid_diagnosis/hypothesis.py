@@ -33,6 +33,7 @@ ZERO_SPEEDS = (
     "speed",
     "zero_speed",
 )  # parameters of laws: the width of a sign at zero, which the fit has told
+SHARPEST = 0.1  # of the change of a speed within a sample
 NEAR = 2.0  # times a zero-speed width, or less: functions about it are narrow and wide enough
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
 
@@ -207,8 +208,15 @@ class Case:
 
     @property
     def width(self) -> FloatArray:
-        """Zero-speed width of the motors' friction, rad/s, (n_axis,), as it is told or was fitted."""
-        return self.told.drives.friction_speed if self.friction_speed is None else self.friction_speed
+        """Zero-speed width of the motors' friction, rad/s, (n_axis,), as it is told or was fitted.
+
+        Not below what samples resolve: a share of what the torque of friction does to a speed within one.
+        """
+        drives = self.told.drives
+        known = drives.friction_speed if self.friction_speed is None else self.friction_speed
+        within_sample = drives.coulomb * self.told.sample_time_s / drives.rotor_inertia
+        width: FloatArray = np.maximum(known, SHARPEST * within_sample)
+        return width
 
     def width_is_near(self, other: Case, times: float = NEAR) -> bool:
         """Whether no width is more than so many times as large as another case's, or as small."""

@@ -79,7 +79,8 @@ def _judged(
     held_out = [held_out_residuals(fitted) for fitted in models]
     known = [one for one in held_out if one is not None]
     if len(known) == len(models):
-        return "configurations left out of its fit", power, known
+        part = "experiments" if len(models[0].about.rows) == 1 else "configurations"
+        return f"{part} left out of its fit", power, known
     return "the data of its fit", power, [one.problem.residuals(one.point) for one in models]
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from robid_core import RobidError
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_between, holds_elsewhere
-from robid_diagnosis.ceilings import ceilings
+from robid_diagnosis.ceilings import ANGLE, ceilings
 from robid_diagnosis.columns import Motion
-from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.pictures import picture_of
 from robid_diagnosis.projection import Projection
@@ -31,6 +31,7 @@ from robid_diagnosis.visible import visible_sizes
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 WIDTHS = 4  # of friction at zero speed, one after the other
 MOVED = 1.02  # times a width, or more: it is another one
+APART = 0.5  # of an order: waves that are nearer are the same
 RIVALS = 4  # candidates that are fitted in turn
 EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
 SAME = 2  # places of one effect that are looked at closer
@@ -138,7 +139,7 @@ class Selection:
         """Return the best hypothesis that has one cause more, where there is one."""
         least = LeastGains.beside(current, [step.gain for step in before])
         values = value_hits(current.problem, current.point, current.about)
-        rivals, others = self._rivals(seen.search, seen.found, values, before, least)
+        rivals, others = self._rivals(current, seen, values, before, least)
         fits = Trials(self.case, current, seen.search, least, self.progress)
         trials = fits.run(rivals, others)
         self.failures += fits.failures
@@ -154,16 +155,18 @@ class Selection:
 
     def _rivals(
         self,
-        search: Search,
-        found: Found,
+        current: Fitted,
+        seen: Searched,
         values: Sequence[ValueHit],
         before: Sequence[Step],
         least: LeastGains,
     ) -> tuple[list[Rival], list[Rival]]:
         """Return what is worth a fit of its own, shapes refined, the most promising first; and what promises less."""
+        search, found = seen.search, seen.found
         known = {step.key for step in before}
+        waves = [one for one in current.hypothesis.additions if "order" in one.values]
         named = {name for step in before for name in step.names}
-        hits = [hit for hit in found.hits if hit.candidate.key not in known]
+        hits = [hit for hit in found.hits if hit.candidate.key not in known or _is_another_wave(hit, waves)]
         significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least.of(hit)]
         chance = LEVEL / max(len(values), 1)
         wrong = [
@@ -240,12 +243,16 @@ class Selection:
         )
 
     def _share(self, trial: Trial, search: Search) -> float:
-        """Gain over that of the best free functions at the axis; at all axes, where the robot itself is changed."""
+        """Gain over that of the best free functions at the axis; at all axes, where the robot itself is changed.
+
+        A wave is not held against waves of all orders: it is not the less one where others act beside it.
+        """
         assert isinstance(trial.hit, Hit)
-        place = trial.hit.candidate.place
+        place, wave = trial.hit.candidate.place, trial.hit.columns.paired
         axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
-        best = ceilings(search.motion, search.projection, axes)[0]
-        return trial.gain / best.gain if best.gain > LEAST else float("nan")
+        free = ceilings(search.motion, search.projection, axes)
+        best = max(one.gain for one in free if not (wave and one.variable == ANGLE))
+        return trial.gain / best if best > LEAST else float("nan")
 
 
 def projection_of(fitted: Fitted) -> tuple[Projection, list[list[int]]]:
@@ -273,6 +280,12 @@ def _stands_out(value: ValueHit, hits: Sequence[Hit], least: LeastGains) -> bool
     """
     most = max((hit.worth for hit in hits), default=0.0)
     return value.gain > least.beside_chance or most < value.worth - TIE
+
+
+def _is_another_wave(hit: Hit, waves: Sequence[Addition]) -> bool:
+    """Whether it is a wave of another order than those that a robot has there: of one kind there may be several."""
+    there = [one.values["order"] for one in waves if (one.use, one.on, one.side) == hit.candidate.key]
+    return hit.columns.paired and all(abs(hit.values["order"] - order) > APART for order in there)
 
 
 def _varied(hits: Sequence[Hit]) -> list[Hit]:

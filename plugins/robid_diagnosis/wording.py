@@ -86,6 +86,16 @@ def timing_lines(timing: Timing) -> list[str]:
     return found
 
 
+def settling_line(axes: Sequence[str]) -> str:
+    """Say which axes still settled; empty where none did."""
+    if not axes:
+        return ""
+    return (
+        f"{', '.join(axes)} had not settled before the first period: what is found may be what was still ringing; "
+        "leave out leading periods (discard: 1), or let the machine settle longer."
+    )
+
+
 def values_line(values: ParameterTable) -> str:
     """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
     told = np.where(values.start == 0, np.nan, values.start)

@@ -40,9 +40,14 @@ def plant_of() -> Callable[[Robot, int], Robot]:
 
 @pytest.fixture(scope="session")
 def measured() -> Measured:
-    """Two experiments of two periods in each of some poses: a multisine on a slow sine, after one period of rest."""
+    """Two experiments of two periods in each of some poses: a multisine on a slow sine, from rest.
 
-    def simulated(plant: Robot, seed: int, n_config: int = 4, with_reference: bool = False) -> Record:
+    `settled`: after one period, which is left out.
+    """
+
+    def simulated(
+        plant: Robot, seed: int, n_config: int = 4, with_reference: bool = False, settled: bool = True
+    ) -> Record:
         generator, time = np.random.default_rng(seed), T * np.arange(PERIOD)
         poses = np.repeat(generator.uniform(-1.2, 1.2, (n_config, 1)), 2, axis=0)
         reference = np.zeros((len(poses), PERIOD, 1))
@@ -50,11 +55,13 @@ def measured() -> Measured:
             phase = generator.uniform(0, 2 * np.pi, len(LINES))
             wave = np.cos(2 * np.pi * np.outer(time, LINES / (PERIOD * T)) + phase).sum(axis=1)
             lane[:, 0] = 4 * wave / wave.std() + 10 * np.sin(4 * np.pi * time / (PERIOD * T) + phase[0])
-        run = plant.simulate(np.tile(reference, (1, 3, 1)), poses, seed=seed)
+        run, first = plant.simulate(np.tile(reference, (1, 3, 1)), poses, seed=seed), PERIOD * settled
         shape = (n_config, 1, 2, 2, PERIOD, 1)
         channels = {
-            "motor_position": Channel("motor", "rad", run.position[:, PERIOD:].reshape(shape)),
-            "motor_torque": Channel("motor", "N m", run.torque[:, PERIOD:].reshape(shape)),
+            "motor_position": Channel(
+                "motor", "rad", run.position[:, first : first + 2 * PERIOD].reshape(shape)
+            ),
+            "motor_torque": Channel("motor", "N m", run.torque[:, first : first + 2 * PERIOD].reshape(shape)),
         }
         if with_reference:
             values = np.tile(reference, (1, 2, 1)).reshape(shape)
