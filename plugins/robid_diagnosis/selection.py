@@ -38,6 +38,7 @@ SAME = 2  # places of one effect that are looked at closer
 NEAR = 0.3  # of the largest gain: rivals gain at least that
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
 WORSE = 0.02  # of the squares: what fits data worse is no cause, however near numbers come to what was told
+DOUBTS_MORE = 1.05  # of the misfit: nor is what is further from the noise that its own robot leaves
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -144,7 +145,7 @@ class Selection:
         trials = fits.run(rivals, others)
         self.failures += fits.failures
         for trial in trials:
-            if trial.loss > WORSE:
+            if trial.loss > WORSE or trial.fitted.misfit > DOUBTS_MORE * current.misfit:
                 continue
             step = self._judged(trial, trials, seen, len(values))
             if step is not None and not step.share < PART:

@@ -101,6 +101,40 @@ def test_what_only_one_configuration_shows_though_all_move_is_no_cause(
     assert any("differs between configurations" in reason for reason in diagnosis.search.failed)
 
 
+def test_several_waves_of_one_kind_are_named_at_one_axis(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """Ripple of three orders: each is half of what free waves explain or less, and each is a cause."""
+    plant, amplitude = plant_of(told, 51), {4.0: 0.012, 8.0: 0.012, 11.0: 0.010}
+    for order, size in amplitude.items():
+        values = {"amplitude": size, "order": order, "phase": 0.3 * order}
+        plant = plant.with_effect(f"wave_{order:.0f}", "drive.torque_ripple", "axis_1", values=values)
+    findings = diagnosed(measured(plant, 52), told).findings
+    assert {finding.kind for finding in findings} == {"cause"}
+    found = {
+        round(values["order"][0]): values["amplitude"]
+        for one in findings
+        for values in [dict(zip(one.names, zip(one.value, one.standard_error, strict=True), strict=True))]
+    }
+    assert set(found) == set(amplitude)
+    for order, (value, error) in found.items():
+        assert abs(abs(value) - amplitude[order]) < 4 * error < 0.1 * amplitude[order]
+
+
+def test_friction_that_turns_much_sooner_than_told_is_no_cause(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """A fifth of the told zero-speed width, which most robot files leave at its default: the width is found."""
+    width = 0.2 * told.parameter("friction.axis_1.speed")
+    diagnosis = diagnosed(
+        measured(plant_of(told, 53).with_parameters({"friction.axis_1.speed": width}), 54), told
+    )
+    assert diagnosis.findings == ()
+    assert diagnosis.model is not None
+    found = Robot.of_model(diagnosis.model).parameter("friction.axis_1.speed")
+    assert abs(found - width) < 0.1 * width
+
+
 @pytest.mark.full
 def test_hysteresis_is_named_and_what_cannot_be_told_from_it(
     told: Robot, plant_of: Plants, measured: Measured
