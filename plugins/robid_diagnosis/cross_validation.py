@@ -101,13 +101,13 @@ class CrossValidation(DiagnosisStage):
             return Case((part,), told, self.prior, *settings, friction_speed=width)
 
         every, silent = np.ones(cut.run.valid.shape[:3], dtype=bool), lambda *_: None
-        begin = case(cut).fit(hypothesis, silent)
+        begin = case(cut).fit_what_is_seen(hypothesis, silent, as_told=True)
         time = record.run.sample_time_s * np.arange(len(record.run.time_s))
         for k in range(self.blocks):
             kept = every.copy()
             kept[0, 0, k] = False
             own = case(cut.part(kept))
-            fitted = own.fit(hypothesis, silent, begin=begin, roughly=True)
+            fitted = own.fit_what_is_seen(begin.hypothesis, silent, begin, roughly=True)
             model = Robot.of_model(model_of(told, own, fitted))
             torque = prescribe_record(model, record).run.lanes("motor_torque")[0]
             late = fitted.problem.delay(fitted.point)

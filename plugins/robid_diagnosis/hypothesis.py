@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from robid_core import FloatArray, Record, Robot, chosen_names
-from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core import FloatArray, NotIdentifiable, Record, Robot, chosen_names
+from robid_core.estimation.torque.speed_functions import NEAR_ALONE, SpeedFunctions
 from robid_core.residual import (
     Linearisation,
     Solution,
@@ -34,6 +34,7 @@ ZERO_SPEEDS = (
     "zero_speed",
 )  # parameters of laws: the width of a sign at zero, which the fit has told
 SHARPEST = 0.1  # of the change of a speed within a sample
+BLIND = 2  # times that parameters which data do not tell are held
 NEAR = 2.0  # times a zero-speed width, or less: functions about it are narrow and wide enough
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
 
@@ -83,6 +84,13 @@ class Hypothesis:
         """Return it without the effect, or the wider priors, of some parameters."""
         kept = tuple(one for one in self.additions if not set(one.names) & set(names))
         return Hypothesis(kept, tuple(name for name in self.widened if name not in names))
+
+    @property
+    def has_signs(self) -> bool:
+        """Whether a law has a zero-speed width of its own, which is held."""
+        return any(
+            name in ZERO_SPEEDS and name not in one.free for one in self.additions for name in one.values
+        )
 
     def with_wider_signs(self, shares: Mapping[str, float]) -> Hypothesis:
         """Return it with the zero-speed widths of its laws so many times as large, by axis."""
@@ -206,16 +214,18 @@ class Case:
         size = problem.friction_size(fitted.point)[: len(laws.odd)]
         return replace(self, friction_speed=laws.width_of(size, speed), doubt=max(1.0, fitted.misfit))
 
-    @property
+    @cached_property
     def width(self) -> FloatArray:
         """Zero-speed width of the motors' friction, rad/s, (n_axis,), as it is told or was fitted.
 
-        Not below what samples resolve: a share of what the torque of friction does to a speed within one.
+        Not below what samples resolve: a share of what the torque of friction does to a motor's speed within one.
         """
-        drives = self.told.drives
-        known = drives.friction_speed if self.friction_speed is None else self.friction_speed
-        within_sample = drives.coulomb * self.told.sample_time_s / drives.rotor_inertia
-        width: FloatArray = np.maximum(known, SHARPEST * within_sample)
+        told = self.told
+        known = told.drives.friction_speed if self.friction_speed is None else self.friction_speed
+        mobility = np.linalg.inv(told.second_order(self.records[0].angle[:1]).mass)[0].diagonal()[
+            : told.n_axis
+        ]
+        width: FloatArray = np.maximum(known, SHARPEST * told.drives.coulomb * mobility * told.sample_time_s)
         return width
 
     def width_is_near(self, other: Case, times: float = NEAR) -> bool:
@@ -265,15 +275,19 @@ class Case:
         roughly: bool = False,
         thorough: bool = True,
         others: Fitted | None = None,
+        as_told: bool = False,
     ) -> Fitted:
         """Fit a hypothesis, from the start or from where another one ended, its delays moved by some, (n_axis,).
 
         `roughly`: in few passes, enough to compare it with others. `thorough`: with better derivatives where passes do
         not keep what they gain, which cost many motions; never where it is fitted roughly. `others`: a fit that has
-        begun with the same values and tells those that `begin` has not.
+        begun with the same values and tells those that `begin` has not. `as_told`: without `begin`, from the numbers of
+        the robot's file, which another fit has found, and not from the best fit of its linear model.
         """
         problem = self.problem(hypothesis, self.records)
-        point = None if begin is None else _carried(begin, problem, others)
+        point = self._told_point(problem) if as_told else None
+        if begin is not None:
+            point = _carried(begin, problem, others)
         if point is not None and delay is not None:
             point[-problem.n_delay :] -= delay
         if begin is not None:
@@ -288,6 +302,37 @@ class Case:
             thorough=thorough and not roughly,
         )
         return Fitted(hypothesis, problem, solution, self.model_error)
+
+    def fit_what_is_seen(
+        self,
+        hypothesis: Hypothesis,
+        progress: Callable[[float, float, str], None],
+        begin: Fitted | None = None,
+        delay: FloatArray | None = None,
+        *,
+        roughly: bool = False,
+        as_told: bool = False,
+    ) -> Fitted:
+        """Fit a hypothesis as `fit` does, and hold what the data do not tell beside its effects where it is.
+
+        Raises NotIdentifiable where that is no way out.
+        """
+        for _ in range(BLIND):
+            try:
+                return self.fit(hypothesis, progress, begin, delay, roughly=roughly, as_told=as_told)
+            except NotIdentifiable as error:
+                hypothesis = hypothesis.holding(error.names)
+                if not error.names or (hypothesis.additions and not hypothesis.additions[-1].free):
+                    raise
+        return self.fit(hypothesis, progress, begin, delay, roughly=roughly, as_told=as_told)
+
+    def _told_point(self, problem: TorqueProblem) -> FloatArray:
+        """All unknowns as the robot's file tells them: friction is one function of speed and a constant, no delays."""
+        point = np.zeros(problem.n_unknown)
+        size = problem.friction_size(point)
+        size[NEAR_ALONE.index(1.0)] = self.told.drives.coulomb
+        size[-1] = self.told.drives.friction_offset
+        return point
 
 
 def _carried(begin: Fitted, problem: TorqueProblem, others: Fitted | None = None) -> FloatArray:

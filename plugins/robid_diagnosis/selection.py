@@ -114,10 +114,13 @@ class Selection:
         return self.case.fit(Hypothesis(), self.progress, begin=base)
 
     def _with_its_width(self, current: Fitted) -> Fitted:
-        """Fit again with the zero-speed width that friction has once its causes are known, until it stays."""
+        """Fit again with the zero-speed width that friction has once its causes are known, until it stays.
+
+        Where a cause has such a width itself, which is held; functions about another one can do what these can.
+        """
         for _ in range(WIDTHS):
             case = self.case.with_fitted_width(current)
-            if case.width_is_near(self.case, MOVED):
+            if not current.hypothesis.has_signs or case.width_is_near(self.case, MOVED):
                 break
             shares = dict(zip(case.told.axis_names, (case.width / self.case.width).tolist(), strict=True))
             hypothesis = current.hypothesis.with_wider_signs(shares)

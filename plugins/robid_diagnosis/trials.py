@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from robid_core import NotIdentifiable, RobidError
+from robid_core import RobidError
 from robid_diagnosis.additions import addition_of, label_of
-from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.hypothesis import Addition, Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Failure, Hit, Search
 from robid_diagnosis.values import PRICE, ValueHit
@@ -29,7 +29,6 @@ STARTS = 4  # of each
 ROUNDS = 4  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
 TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
-BLIND = 3  # parameters, one after the other, that data do not tell beside a new cause, and that are held
 
 Rival = Hit | ValueHit
 
@@ -181,14 +180,8 @@ class Trials:
             else:
                 hypothesis = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
                 delay = None if begin is None else hit.columns.delay
-            for left in reversed(range(BLIND)):
-                try:
-                    fitted = self.case.fit(hypothesis, self.progress, begin, delay, roughly=True)
-                    return self._of(fitted, hit)
-                except NotIdentifiable as error:
-                    if not left:
-                        raise
-                    hypothesis = _holding(hypothesis, error)
+            fitted = self.case.fit_what_is_seen(hypothesis, self.progress, begin, delay, roughly=True)
+            return self._of(fitted, hit)
         except RobidError as error:
             self.failures.append(Failure(*key_of(hit), str(error)))
         return None
@@ -197,14 +190,6 @@ class Trials:
         before, after = (one.cost(self.current.about) for one in (self.current, fitted))
         pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
-
-
-def _holding(hypothesis: Hypothesis, error: NotIdentifiable) -> Hypothesis:
-    """Return the hypothesis with what data do not tell held where it is; raises the error where that is no way out."""
-    held = hypothesis.holding(error.names)
-    if not error.names or (held.additions and not held.additions[-1].free):
-        raise error
-    return held
 
 
 def alike(one: Rival, other: Rival) -> bool:

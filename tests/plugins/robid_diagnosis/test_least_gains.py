@@ -31,7 +31,10 @@ def fitted() -> Fitted:
 
 
 def test_an_error_alike_in_all_bins_gains_its_square_in_standard_deviations(fitted: Fitted) -> None:
-    """Against the noise between periods and the model error, put together here once more."""
+    """Against the noise between periods and the model error, put together here once more.
+
+    What samples do not resolve of friction counts whole.
+    """
     (block,) = fitted.problem.blocks
     gains = LeastGains.beside(fitted, [])  # linearises, and with that evaluates friction anew
     size = fitted.problem.friction_size(fitted.point)
@@ -39,7 +42,8 @@ def test_an_error_alike_in_all_bins_gains_its_square_in_standard_deviations(fitt
     torque = np.abs(block.motion.torque_spectrum[:, :, 1:, 0]) ** 2
     level = torque.mean(axis=(0, 1))
     smooth = [level[max(i - 8, 0) : i + 9].mean() for i in range(len(level))]
-    expected = 2 * (torque * (ALIKE * MODEL_ERROR) ** 2 / (noise + MODEL_ERROR**2 * np.array(smooth))).sum()
+    alike = torque * (ALIKE * MODEL_ERROR) ** 2 + block.unresolved[1:, 0, 0].real
+    expected = 2 * (alike / (noise + MODEL_ERROR**2 * np.array(smooth))).sum()
     assert gains.errors[0] == pytest.approx(expected, rel=1e-6)
     assert gains.at(0) == gains.at(None) == gains.beside_chance + gains.errors[0]
 
