@@ -200,7 +200,7 @@ class Selection:
     ) -> Step | None:
         """Return the step that a trial is, none where held-out data do not agree."""
         search, groups = seen.search, seen.groups
-        near = [other for other in trials if other is not trial and other.worth > trial.worth - TIE]
+        near = [other for other in trials if other is not trial and other.is_like(trial)]
         ties = [key_of(other.hit) for other in near]
         if isinstance(trial.hit, ValueHit):
             hit, nothing = trial.hit, np.full(len(groups), np.nan)

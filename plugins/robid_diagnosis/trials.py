@@ -22,6 +22,7 @@ LITTLE_LUCK = 1.5  # likewise, where another one has left no more than noise
 CLOSE = 0.9  # of the largest gain of trials: fitted to the end before they are compared; of a promise: it was kept
 DOUBTFUL = 1.1  # misfit: above, something is left to explain
 WRONG = 2.0  # misfit: above, something lacks, and a fit need not go on to its last digit
+FAILED = 0.5  # of a promise: a fit that keeps less is given all its passes
 MUCH = 0.01  # of the misfit's excess: what more is left was not explained
 PROMISING = 0.1  # likewise, after a few passes
 AGAIN = 2  # trials that are fitted from other starts
@@ -52,9 +53,19 @@ class Trial:
         return None if isinstance(self.hit, ValueHit) else self.fitted.hypothesis.additions[-1]
 
     @property
+    def freedom(self) -> int:
+        """Numbers that were fitted: of an effect its exponents, too, which the search holds."""
+        free = 0 if self.addition is None else len(self.addition.free)
+        return max(self.hit.freedom, free)
+
+    @property
     def worth(self) -> float:
         """What the fit gains, less what as many numbers gain by chance."""
-        return self.gain - PRICE * self.hit.freedom
+        return self.gain - PRICE * self.freedom
+
+    def is_like(self, other: Trial) -> bool:
+        """Whether it explains data as well as another one does, as they are or by its numbers' worth."""
+        return self.gain > other.gain - TIE or self.worth > other.worth - TIE
 
 
 class Trials:
@@ -98,10 +109,12 @@ class Trials:
         found, reach = list(trials), max((trial.gain / total(trial.hit) for trial in trials), default=0.0)
         for hit in rivals:
             best = max(found, key=lambda trial: trial.gain, default=None)
-            luck = LUCK if best is None or best.fitted.misfit > DOUBTFUL else LITTLE_LUCK
+            luck = LUCK if best is None or best.fitted.misfit > DOUBTFUL or _frees(best, hit) else LITTLE_LUCK
             if best is not None and total(hit) * reach * luck < best.gain and not alike(hit, rivals[0]):
                 continue
             trial = self._fitted(hit, self.current)
+            if trial is not None and trial.gain < FAILED * total(hit):
+                trial = self._fitted(hit, self.current, roughly=False) or trial
             self._kept[key_of(hit)] = 0.0 if trial is None else trial.gain
             if trial is not None and trial.gain > self.least.of(hit):
                 found.append(trial)
@@ -141,7 +154,10 @@ class Trials:
             fitted = self.case.fit(
                 before.hypothesis, self.progress, begin=before, thorough=not before.leaves_noise
             )
-            trial = self._of(fitted, trial.hit)
+            further = self._of(fitted, trial.hit)
+            if further.gain < trial.gain:  # an accelerated pass may leave the minimum, and be the last
+                break
+            trial = further
             if fitted.solution.converged or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:
                 break
         return trial
@@ -171,8 +187,8 @@ class Trials:
             yield one, self.current
             yield one, None
 
-    def _fitted(self, hit: Rival, begin: Fitted | None) -> Trial | None:
-        """Fit the robot with one cause more in a few passes; none where the engine cannot, which is noted."""
+    def _fitted(self, hit: Rival, begin: Fitted | None, *, roughly: bool = True) -> Trial | None:
+        """Fit the robot with one cause more, in a few passes; none where the engine cannot, which is noted."""
         before, delay = self.current.hypothesis, None
         try:
             if isinstance(hit, ValueHit):
@@ -180,7 +196,7 @@ class Trials:
             else:
                 hypothesis = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
                 delay = None if begin is None else hit.columns.delay
-            fitted = self.case.fit_what_is_seen(hypothesis, self.progress, begin, delay, roughly=True)
+            fitted = self.case.fit_what_is_seen(hypothesis, self.progress, begin, delay, roughly=roughly)
             return self._of(fitted, hit)
         except RobidError as error:
             self.failures.append(Failure(*key_of(hit), str(error)))
@@ -190,6 +206,11 @@ class Trials:
         before, after = (one.cost(self.current.about) for one in (self.current, fitted))
         pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
+
+
+def _frees(best: Trial, hit: Rival) -> bool:
+    """Whether a law is compared with a prior that was given up: where bodies were bent far, it promises too little."""
+    return isinstance(best.hit, ValueHit) and isinstance(hit, Hit)
 
 
 def alike(one: Rival, other: Rival) -> bool:

@@ -128,7 +128,7 @@ def _sized(
     low, high = wanted.strength
     target = float(np.exp(generator.uniform(*np.log((low, high)))))
     first = (target / OF_ONE[thing.kind]) ** (1 / FIRST)
-    size, strength = _search(lambda one: strength_at(one).total / share, target, (low, high), first)
+    size, strength = _search(lambda one: strength_at(one).total(share), target, (low, high), first)
     alike = strength_at(size).alike(thing.kind, thing.on, generator, elsewhere=wanted.n_axis < SIX)
     return size, strength, alike, ruler.floor
 

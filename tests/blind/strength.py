@@ -86,12 +86,14 @@ class Strength:
     """Where the unknowns went."""
     weights: tuple[Weighting, ...]
 
-    @functools.cached_property
-    def total(self) -> float:
-        """Squared norm of what no unknown of a fit can take, and of what priors ask for these."""
+    def total(self, share: float) -> float:
+        """Squared norm of what no unknown of a fit can take, and of what priors ask for these.
+
+        Of a record of which this one is a share: priors count once, however much was measured.
+        """
         n = self.problem.n_free
         pulls = (self.point / self.problem.prior)[:n]
-        return float(sum((own**2).sum() for own in self._weighted) + (pulls**2).sum())
+        return float(sum((own**2).sum() for own in self._weighted) / share + (pulls**2).sum())
 
     @functools.cached_property
     def projection(self) -> Projection:
