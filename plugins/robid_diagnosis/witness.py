@@ -117,15 +117,18 @@ def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> Witnes
     scatter = table.standard_error * np.sqrt(max(1.0, fit.misfit))
     alike = np.hypot(fit.model_error or 0.0, response_bias(fit)) * table.estimate
     error = np.hypot(scatter, alike)
+    bent = nonlinear_springs(final.robot)
     rows = [
         i
         for i, name in enumerate(table.names)
         if table.groups[i] == "stiffness"
         and name in final.problem.free.names
+        and name not in bent
         and error[i] < TELLING * table.estimate[i]
     ]
     if not rows:
-        return _none(f"responses tell no stiffness to {100 * TELLING:.0f} %")
+        linear = " of a spring that is linear" if bent else ""
+        return _none(f"responses tell no stiffness{linear} to {100 * TELLING:.0f} %")
     names = tuple(table.names[i] for i in rows)
     by_torques, torques_error = np.array([final.estimate(name) for name in names]).T
     by_responses, responses_error = table.estimate[rows], error[rows]
@@ -143,6 +146,12 @@ def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> Witnes
         torques_error,
         (by_responses - by_torques) / np.hypot(responses_error, torques_error),
     )
+
+
+def nonlinear_springs(robot: Robot) -> set[str]:
+    """Stiffnesses beside which a law acts: of a gap, or a spring that hardens, a response has another slope."""
+    places = [bound.place for bound in robot.effects]
+    return {f"{place.side}_stiffness.{place.name}" for place in places if place.side in ("gear", "bearing")}
 
 
 def response_bias(fit: Fit) -> float:

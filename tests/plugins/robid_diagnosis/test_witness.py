@@ -22,7 +22,7 @@ from robid_core import (
 )
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
-from robid_diagnosis.witness import on_time, periodic_record
+from robid_diagnosis.witness import nonlinear_springs, on_time, periodic_record
 
 Plants = Callable[[Robot, int], Robot]
 Measured = Callable[..., Record]
@@ -155,6 +155,14 @@ def test_torques_come_as_early_as_they_were_late() -> None:
     on = np.cos(2 * np.pi * 30 * time + 0.4)
     assert moved.values("motor_torque")[0, 0, 0, 0, :, 0] == pytest.approx(on, abs=1e-12)
     assert moved.values("motor_position")[0, 0, 0, 0, :, 0] == pytest.approx(late)
+
+
+def test_springs_beside_a_law_have_no_one_slope_in_responses(told: Robot) -> None:
+    """That of the gear with a gap; friction at the motor leaves them alone."""
+    rubbing = told.with_effect("grease", "friction.stribeck", "axis_1")
+    assert nonlinear_springs(rubbing) == set()
+    gap = rubbing.with_effect("play", "transmission.backlash", "axis_1", values={"gap": 1e-4})
+    assert nonlinear_springs(gap) == {"gear_stiffness.axis_1"}
 
 
 @pytest.mark.parametrize(
