@@ -29,10 +29,7 @@ PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 THINNED = 5  # every so many samples of the speeds tell a width
 FEW = 5  # passes of a fit that is only compared
 SIGMAS = 3.0  # of the misfit of noise
-ZERO_SPEEDS = (
-    "speed",
-    "zero_speed",
-)  # parameters of laws: the width of a sign at zero, which the fit has told
+ZERO_SPEEDS = ("speed", "zero_speed")  # parameters of laws: the width of a sign at zero
 SHARPEST = 0.1  # of the change of a speed within a sample
 BLIND = 2  # times that parameters which data do not tell are held
 NEAR = 2.0  # times a zero-speed width, or less: functions about it are narrow and wide enough

@@ -81,25 +81,28 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     p_value = min(1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom)))
     if left.gain <= least.at(least.axis_names.index(left.axis)) or p_value > LEVEL:
         return ()
+    return (unknown(f"a function of {left.variable}", left.axis, left.gain, p_value),)
+
+
+def unknown(effect: str, on: str, gain: float, p_value: float) -> Finding:
+    """Return a finding without a cause: what is there, where, how much of twice the log-likelihood it is."""
     none = np.empty(0)
-    return (
-        Finding(
-            kind="unknown",
-            effect=f"a function of {left.variable}",
-            on=left.axis,
-            side="",
-            gain=left.gain,
-            p_value=p_value,
-            share=float("nan"),
-            names=(),
-            units=(),
-            told=none,
-            value=none,
-            standard_error=none,
-            by_configuration=none,
-            held_out=none,
-            by_own_size=none,
-        ),
+    return Finding(
+        kind="unknown",
+        effect=effect,
+        on=on,
+        side="",
+        gain=gain,
+        p_value=p_value,
+        share=float("nan"),
+        names=(),
+        units=(),
+        told=none,
+        value=none,
+        standard_error=none,
+        by_configuration=none,
+        held_out=none,
+        by_own_size=none,
     )
 
 

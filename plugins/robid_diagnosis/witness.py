@@ -36,6 +36,7 @@ from robid_core import (
     Witness,
 )
 from robid_diagnosis.hypothesis import Case, Fitted
+from robid_diagnosis.results import unknown
 
 CHANCE = 1e-3  # that any of all stiffnesses of a robot is told to disagree though none does
 TELLING = 0.05  # relative error: responses that know a stiffness less well say nothing of it, and are biased by more
@@ -172,24 +173,13 @@ def disagreements(witness: Witness | None) -> tuple[Finding, ...]:
     """Return a finding for each stiffness about which responses and torques disagree."""
     if witness is None:
         return ()
-    none, n = np.empty(0), len(witness.names)
+    n = len(witness.names)
     return tuple(
-        Finding(
-            kind="unknown",
-            effect=f"responses and torques disagree about {witness.names[i]}",
-            on=witness.names[i].partition(".")[2],
-            side="",
-            gain=float(witness.z[i] ** 2),
-            p_value=min(1.0, 2 * n * float(scipy.stats.norm.sf(abs(witness.z[i])))),
-            share=float("nan"),
-            names=(),
-            units=(),
-            told=none,
-            value=none,
-            standard_error=none,
-            by_configuration=none,
-            held_out=none,
-            by_own_size=none,
+        unknown(
+            f"responses and torques disagree about {witness.names[i]}",
+            witness.names[i].partition(".")[2],
+            float(witness.z[i] ** 2),
+            min(1.0, 2 * n * float(scipy.stats.norm.sf(abs(witness.z[i])))),
         )
         for i in np.flatnonzero(~witness.agree)
     )

@@ -45,7 +45,7 @@ class Solution:
     covariance: FloatArray
     """Of all unknowns: formal, widened by what leaving out a configuration moves and what the last pass changed."""
     changes: tuple[float, ...]
-    """Of springs and effects by each pass, in standard errors by weights and misfit."""
+    """Of springs, dampers and effects by each pass, in standard errors by weights and misfit."""
     contraction: float
     """What a pass leaves of a deviation, from the last two; NaN after fewer."""
     converged: bool
@@ -182,7 +182,7 @@ def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"
 
 
 def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
-    """Numbers of springs and effects: what the passes must not change any more."""
+    """Numbers of springs, dampers and effects: what the passes must not change any more."""
     kinds = [problem.free.robot.parameter_kind(name) for name in problem.free.names]
     return np.flatnonzero(np.array([kind in ("stiffness", "damping", "effect") for kind in kinds]))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -35,7 +34,7 @@ def test_a_cause_that_stood_in_for_another_is_exchanged(
     first = selection(case, [STANDS_IN, RIPPLE])
     outcome = first.run()
     assert {step.use for step in outcome.steps} == {STANDS_IN, RIPPLE}
-    whole = selection(replace(first.case), [STANDS_IN, TRUE, RIPPLE])
+    whole = selection(first.case, [STANDS_IN, TRUE, RIPPLE])
     revision = Revision(whole.case, whole.searched, whole.next_cause, whole.failures, lambda *_: None)
     fitted, steps = revision.run(outcome.final, list(outcome.steps), None)
     assert {step.use for step in steps} == {TRUE, RIPPLE}
