@@ -88,6 +88,11 @@ class Candidate:
         return issubclass(self.effect, SignalEffect) and [row.unit for row in self.effect.parameters] == ["1"]
 
     @property
+    def springs(self) -> tuple[str, ...]:
+        """Stiffnesses of coordinates that a change of the robot brings: each alone gives way by a column of its own."""
+        return self.shape if self.place is None else ()
+
+    @property
     def key(self) -> tuple[str, str, str]:
         """Effect and place, whatever the values."""
         return self.use, self.spot.on, self.spot.side

@@ -24,9 +24,10 @@ from robid_diagnosis.candidates import (
 )
 from robid_diagnosis.projection import Rows
 from robid_diagnosis.slide_waves import Waves, waves_of
-from robid_diagnosis.structures import changed_robot, structure_candidates
+from robid_diagnosis.structures import alone, changed_robot, structure_candidates
 
 WHOLE = "*"  # name of the column of a law that is linear in nothing: all that it does
+UNFELT = 0.01  # of what another spring of a change does: no more than that one, held as it may be, shows
 PHASES = (0.0, np.pi / 2)
 TORQUES = ("torque", "torque_measurement")
 MERE_DELAY = 1e-3  # of a law's power: one that leaves less beside a delay is a delay
@@ -192,6 +193,12 @@ class Motion:
 
     def columns(self, candidate: Candidate, values: Mapping[str, float] | None = None) -> Columns:
         """Evaluate a candidate along the motion."""
+        if candidate.springs:
+            each = [self.whole(candidate, alone(candidate, name, values or {})) for name in candidate.springs]
+            size = np.linalg.norm(each, axis=1)
+            felt = size > UNFELT * size.max()
+            n = len(each)
+            return Columns(np.array(each) * felt[:, None], candidate.springs, (0.0,) * n, (True,) * n)
         if candidate.place is None:
             every = self.whole(candidate, values or {})[None]
             return Columns(every, (WHOLE,), (0.0,), (not candidate.signed,))

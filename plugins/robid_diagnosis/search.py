@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from robid_core import ConfigurationError, FloatArray, RobidError, SignalEffect
 from robid_diagnosis.candidates import Candidate
 from robid_diagnosis.columns import WHOLE, Columns, Motion
 from robid_diagnosis.projection import Gain, Projection
+from robid_diagnosis.structures import STIFF, softened
 from robid_diagnosis.sums import Sums
 from robid_diagnosis.values import PRICE
 from robid_diagnosis.visible import Power, power_of
@@ -32,6 +33,8 @@ EXACT = 1e-7  # likewise of what is linear in a signal, which is known better
 STEPS = 60  # of the search for a shape
 FACTOR = 3.0  # by which a shape may leave the value that it was tried with
 FIRST_STEP = 0.3  # of a shape's logarithm, or of an order
+ROUNDS = 8  # of the search for springs
+KEPT = 0.9  # of what columns gain: springs of which as they are less is left are looked for
 SHARP = 0.02  # of a shape's logarithm: nearer is not looked
 
 
@@ -49,7 +52,12 @@ class Hit:
     @property
     def freedom(self) -> int:
         """Numbers that were chosen by the data: sizes and shapes."""
-        return self.gain.freedom + len(self.candidate.shape)
+        return self.gain.freedom + sum(name not in self.names for name in self.candidate.shape)
+
+    @property
+    def names(self) -> list[str]:
+        """Parameter of each column that takes part."""
+        return [self.columns.names[i] for i in self.gain.chosen]
 
     @property
     def worth(self) -> float:
@@ -188,11 +196,35 @@ class Search:
 
     def refined(self, hit: Hit, *, as_it_is: bool = False) -> Hit:
         """Move the shape of a candidate to where it gains most; `as_it_is`: with the law neither grown nor shrunk."""
+        if hit.candidate.springs:
+            return self._softened(hit)
         if not hit.candidate.shape:
             return hit
         starts = (hit, *self._sized(hit)) if as_it_is else (hit,)
         moved = (self._moved(one, as_it_is) for one in starts)
         return max(moved, key=lambda one: self._worth(one, as_it_is))
+
+    def _softened(self, hit: Hit) -> Hit:
+        """Springs as soft as their columns ask for, and these evaluated anew, until sizes stay at one."""
+        best, most = hit, -np.inf
+        for _ in range(ROUNDS):
+            if not hit.gain.freedom:
+                break
+            sizes = dict(zip(hit.names, hit.gain.size.tolist(), strict=True))
+            matrix, slope = self.projection.normal(hit.sums.of_columns(hit.gain.chosen))
+            worth = float(2 * slope.sum() - matrix.sum())
+            if worth > most:
+                best, most = hit, worth
+            if max(abs(np.log(size)) for size in sizes.values()) < SHARP:
+                break
+            values = {**hit.values, **softened(hit.candidate, hit.values, sizes)}
+            try:
+                hit = self.hit(hit.candidate, values)
+            except RobidError:
+                break
+        stiff = {name: 1 / STIFF for name in best.candidate.springs if name not in best.names}
+        found = replace(best, values={**best.values, **softened(best.candidate, best.values, stiff)})
+        return self._moved(found, as_it_is=True) if most < KEPT * best.gain.total else found
 
     def _moved(self, hit: Hit, as_it_is: bool) -> Hit:
         """Where the shape gains most near by."""
@@ -296,6 +328,8 @@ def parameters_of(hit: Hit, scaled: Sequence[str]) -> dict[str, float]:
             found |= {name: turned[WHOLE] * found[name] for name in scaled}
         else:
             found |= turned
+    elif hit.candidate.springs:
+        pass  # values are those with which sizes are one
     elif columns.names == (WHOLE,):
         found |= {name: sizes[0] * found[name] for name in scaled}
     else:

@@ -18,6 +18,8 @@ BASE = 0.2  # of the robot's mass: a body that comes with the change
 SPRINGS, DAMPERS = ("N m/rad", "N/m"), ("N m s/rad", "N s/m")
 CONTINUOUS = (*SPRINGS, *DAMPERS, "kg")
 ANYWHERE = "base"
+STIFF = 100.0  # times a stiffness that would be seen: it hardly gives way
+RIGID = 1e4  # likewise: not at all
 
 
 def structure_candidates(
@@ -56,6 +58,30 @@ def structure_candidates(
 def changed_robot(robot: Robot, candidate: Candidate, values: Mapping[str, float]) -> Robot:
     """Return a robot with the change."""
     return robot.with_effect(LABEL, candidate.use, candidate.spot.on, None, {**candidate.values, **values})
+
+
+def alone(candidate: Candidate, spring: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Values with which one spring of a change gives way and the others do not."""
+    held = {
+        row.name: min(RIGID * values.get(row.name, candidate.values[row.name]), row.upper)
+        for row in candidate.effect.parameters
+        if row.name in candidate.springs and row.name != spring
+    }
+    return {**values, **held}
+
+
+def softened(
+    candidate: Candidate, values: Mapping[str, float], softness: Mapping[str, float]
+) -> dict[str, float]:
+    """Stiffnesses of springs that give way so many times as much as with these values, within their bounds.
+
+    What a stiff spring does is in proportion to its compliance: sizes of columns are shares of it.
+    """
+    rows = {row.name: row for row in candidate.effect.parameters}
+    return {
+        name: float(np.clip(values[name] / size, rows[name].lower, rows[name].upper))
+        for name, size in softness.items()
+    }
 
 
 def _springs(effect: type[StructureEffect]) -> tuple[str, ...]:

@@ -96,19 +96,19 @@ def _sizes(
         if any(name not in power.of for power in powers):
             continue
         each = np.array([power.of[name] for power in powers])
-        if name != WHOLE:
+        first = powers[0].candidate
+        if name != WHOLE and name not in first.springs:
             yield name, float(np.sqrt(needed / each.min()))
             continue
-        first = powers[0].candidate
         units = {row.name: row.unit for row in first.effect.parameters}
         names = sorted(scaled(first), key=lambda one: units[one] != "N m")
-        shape = first.shape
+        shape = (name,) if name in first.springs else first.shape
         if names:
             told = np.array([power.candidate.values[names[0]] for power in powers])
             yield names[0], float((told * np.sqrt(needed / each)).max())
         elif shape and len(powers) > 1:
             told = np.array([power.candidate.values[shape[0]] for power in powers])
-            falling = first.place is None or units[shape[0]] == "N m"  # springs that give way, limits
+            falling = bool(first.springs) or units[shape[0]] == "N m"  # springs that give way, limits
             size = threshold(told, each, needed, falling)
             if np.isfinite(size):
                 yield shape[0], size

@@ -11,9 +11,8 @@ from oracles.drives import of_axes
 from robid_core import Channel, DenseRun, FloatArray, Record, Robot
 
 PERIOD, SETTLE, KEPT = 3000, 1, 2  # samples; periods
-POSES = 6
-EACH = {6: 3}  # experiments of a pose, by axes; else
-FEW = 2
+POSES = {1: 6, 2: 6, 6: 4}  # by axes
+EACH = {1: 2, 2: 2, 6: 3}  # experiments of a pose
 BAND_HZ, LINES = (3.0, 80.0), 60
 FAST, SLOW = 4.0, 10.0  # rad/s at the motor: rms of the multisine, amplitude of the slow sine
 MOVE, STANDING = (0.3, 0.6), 0.2  # rad at the joint; s in which a multisine begins
@@ -43,7 +42,7 @@ class Experiments:
         cls, robot: Robot, motion: Literal["multisine", "moves"], generator: np.random.Generator
     ) -> Experiments:
         """Draw poses within the limits, and multisines on a slow sine, or on a move forth and back."""
-        n_pose, each = POSES, EACH.get(robot.n_axis, FEW)
+        n_pose, each = POSES[robot.n_axis], EACH[robot.n_axis]
         limits = (np.maximum(robot.drives.lower, -2.0) * 0.6, np.minimum(robot.drives.upper, 2.0) * 0.6)
         poses = generator.uniform(*limits, (n_pose, robot.n_axis))
         low, high = BAND_HZ

@@ -10,10 +10,16 @@ import pytest
 from robid_core import FloatArray, Record, Robot
 from robid_diagnosis.columns import ALIKE, Motion
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.projection import Projection
 from robid_diagnosis.search import DRAWS, Search
 from robid_diagnosis.selection import projection_of
 
 USES = ("friction.load_dependent", "friction.dahl", "transmission.kinematic_error", "drive.cogging")
+
+
+def random() -> np.random.Generator:
+    """Draws that are always the same."""
+    return np.random.default_rng(0)
 
 
 def told_nothing(*_: object) -> None:
@@ -28,7 +34,7 @@ def fitted(told: Robot, plant_of: Callable[[Robot, int], Robot], measured: Calla
 
 def search_at(fitted: Fitted, point: FloatArray, before: Motion | None = None) -> Search:
     motion = Motion(fitted.problem, point, fitted.about.weights, before)
-    return Search(motion, projection_of(fitted)[0], np.random.default_rng(0))
+    return Search(motion, projection_of(fitted)[0], random())
 
 
 @pytest.mark.parametrize("use", USES)
@@ -52,6 +58,31 @@ def test_noise_gives_chi_square_of_the_columns(fitted: Fitted) -> None:
     chosen = np.array(hit.gain.chosen)
     spread = (slopes[chosen] ** 2).mean(axis=1) / np.diag(matrix)[chosen]
     assert np.abs(spread - 1).max() < 4 * np.sqrt(2 / DRAWS)
+
+
+def test_what_a_stiff_pedestal_does_is_in_proportion_to_its_compliance(fitted: Fitted) -> None:
+    """Half of it with twice the stiffness, to the highest frequency against the resonance, squared: one in thirty."""
+    motion = search_at(fitted, fitted.point).motion
+    *_, start = motion.candidates("structure.foundation_sway")
+    stiffness = start.values["stiffness_x"]
+    one, half = (motion.columns(start, {"stiffness_x": k * stiffness}).rows[0] for k in (30.0, 60.0))
+    assert np.linalg.norm(one - 2 * half) < np.linalg.norm(one) / 30
+
+
+@pytest.mark.parametrize("times", [30.0, 0.5])
+def test_a_pedestal_that_was_taken_for_too_soft_or_too_stiff_is_found(fitted: Fitted, times: float) -> None:
+    """A residual that it leaves, without noise, where it resonates at the end of the band: the spring that acts
+    within two percent; the other one, which the motor of an arm in a vertical plane does not feel, stays stiff."""
+    motion = search_at(fitted, fitted.point).motion
+    *_, start = motion.candidates("structure.foundation_sway")
+    true = start.values["stiffness_x"]
+    residual = motion.torques(start, {"stiffness_y": 1e12})
+    about, folds = fitted.about, projection_of(fitted)[0].folds
+    rows, rest = np.concatenate(about.rows), np.zeros(len(about.whole))
+    search = Search(motion, Projection(rows, motion.weighted(residual), about.whole, rest, folds), random())
+    found = search.refined(search.hit(start, {"stiffness_x": times * true}))
+    assert found.values["stiffness_x"] == pytest.approx(true, rel=0.02)
+    assert found.values["stiffness_y"] > 10 * true
 
 
 @pytest.mark.parametrize("use", USES)
