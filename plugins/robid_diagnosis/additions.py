@@ -16,7 +16,7 @@ from robid_diagnosis.structures import CONTINUOUS
 PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
 CHANGE = 0.01  # of a parameter
 SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
-TOLD = 5.0  # standard deviations per logarithm: likewise, where the robot itself is changed
+TOLD = 1.0  # standard deviations per logarithm: likewise, where the robot itself is changed
 
 
 def addition_of(hit: Hit, search: Search, label: str) -> Addition:

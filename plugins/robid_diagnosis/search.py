@@ -21,7 +21,7 @@ from robid_core import ConfigurationError, FloatArray, RobidError, SignalEffect
 from robid_diagnosis.candidates import Candidate
 from robid_diagnosis.columns import WHOLE, Columns, Motion
 from robid_diagnosis.projection import Gain, Projection
-from robid_diagnosis.structures import STIFF, softened
+from robid_diagnosis.structures import softened, unseen
 from robid_diagnosis.sums import Sums
 from robid_diagnosis.values import PRICE
 from robid_diagnosis.visible import Power, power_of
@@ -222,8 +222,7 @@ class Search:
                 hit = self.hit(hit.candidate, values)
             except RobidError:
                 break
-        stiff = {name: 1 / STIFF for name in best.candidate.springs if name not in best.names}
-        found = replace(best, values={**best.values, **softened(best.candidate, best.values, stiff)})
+        found = replace(best, values={**best.values, **unseen(best.candidate, best.values, best.names)})
         return self._moved(found, as_it_is=True) if most < KEPT * best.gain.total else found
 
     def _moved(self, hit: Hit, as_it_is: bool) -> Hit:

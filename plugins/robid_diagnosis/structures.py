@@ -18,8 +18,7 @@ BASE = 0.2  # of the robot's mass: a body that comes with the change
 SPRINGS, DAMPERS = ("N m/rad", "N/m"), ("N m s/rad", "N s/m")
 CONTINUOUS = (*SPRINGS, *DAMPERS, "kg")
 ANYWHERE = "base"
-STIFF = 100.0  # times a stiffness that would be seen: it hardly gives way
-RIGID = 1e4  # likewise: not at all
+RIGID = 1e4  # times a stiffness that would be seen: it does not give way
 
 
 def structure_candidates(
@@ -82,6 +81,14 @@ def softened(
         name: float(np.clip(values[name] / size, rows[name].lower, rows[name].upper))
         for name, size in softness.items()
     }
+
+
+def unseen(candidate: Candidate, values: Mapping[str, float], seen: Sequence[str]) -> dict[str, float]:
+    """Stiffnesses of springs that data do not ask for: like those that they ask for, in the ratio of their starts."""
+    if not seen:
+        return {}
+    share = float(np.mean([values[name] / candidate.values[name] for name in seen]))
+    return softened(candidate, candidate.values, {n: 1 / share for n in candidate.springs if n not in seen})
 
 
 def _springs(effect: type[StructureEffect]) -> tuple[str, ...]:

@@ -72,7 +72,8 @@ def test_what_a_stiff_pedestal_does_is_in_proportion_to_its_compliance(fitted: F
 @pytest.mark.parametrize("times", [30.0, 0.5])
 def test_a_pedestal_that_was_taken_for_too_soft_or_too_stiff_is_found(fitted: Fitted, times: float) -> None:
     """A residual that it leaves, without noise, where it resonates at the end of the band: the spring that acts
-    within two percent; the other one, which the motor of an arm in a vertical plane does not feel, stays stiff."""
+    within two percent; the other one, which the motor of an arm in a vertical plane does not feel, is not asked for and
+    believed like it."""
     motion = search_at(fitted, fitted.point).motion
     *_, start = motion.candidates("structure.foundation_sway")
     true = start.values["stiffness_x"]
@@ -82,7 +83,8 @@ def test_a_pedestal_that_was_taken_for_too_soft_or_too_stiff_is_found(fitted: Fi
     search = Search(motion, Projection(rows, motion.weighted(residual), about.whole, rest, folds), random())
     found = search.refined(search.hit(start, {"stiffness_x": times * true}))
     assert found.values["stiffness_x"] == pytest.approx(true, rel=0.02)
-    assert found.values["stiffness_y"] > 10 * true
+    assert found.names == ["stiffness_x"]
+    assert found.values["stiffness_y"] == pytest.approx(found.values["stiffness_x"])
 
 
 @pytest.mark.parametrize("use", USES)
