@@ -116,8 +116,6 @@ def command(
         return pipeline
 
     pipeline = run()
-    folder = pipeline.folder / "runs" / pipeline.name
-    typer.echo("\n".join(verdict_lines(folder)))
     if drives is None:
         return
     experiment = experiment_of(diagnosis_of(pipeline, "explain"))
@@ -125,7 +123,6 @@ def command(
         typer.echo("\nNo tie that an experiment would separate: nothing was measured.")
         return
     run(experiment)
-    typer.echo("\n".join(verdict_lines(folder, AGAIN)))
 
 
 def write_pipeline(text: str) -> None:
@@ -204,14 +201,3 @@ def pipeline_text(
     lines += [f"drives: {json.dumps(drives)}"] if drives is not None else []
     lines += ["stages:", *(f"  {name}: {json.dumps(stage)}" for name, stage in stages.items())]
     return "\n".join(lines) + "\n"
-
-
-def verdict_lines(folder: Path, stage: str = "explain") -> list[str]:
-    """Return the verdict of a run, sentence by sentence."""
-    import json
-
-    path = folder / f"verdict.{stage}.json"
-    if not path.is_file():
-        return []
-    told = json.loads(path.read_text(encoding="utf-8"))
-    return ["", *told["verdict"], "", f"verdict: {path}", f"extended robot: {folder / f'robot.{stage}.yaml'}"]

@@ -106,7 +106,8 @@ def command(
 
 def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: bool, verbose: bool) -> None:
     """Run a pipeline, with progress and what it made on the screen; `again` is the command that goes on."""
-    from robid_core.commands.run_screen import headline, last_page, last_screen, listening
+    from robid_core.commands.last_screen import headline, last_page, last_screen, verdict_lines
+    from robid_core.commands.run_screen import listening
     from robid_core.run import run_pipeline
 
     try:
@@ -119,6 +120,8 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     if quiet:
         page = last_page(pipeline, result)
         typer.echo(headline(pipeline, result) + (f"; {page}" if page else ""))
+        for line in filter(None, verdict_lines(pipeline, result)):
+            typer.echo(line)
         for doubt in result.doubts:
             typer.echo(doubt, err=True)
     else:

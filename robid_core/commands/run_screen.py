@@ -1,7 +1,7 @@
-"""What `robid run` shows while it works, and its last screen.
+"""What `robid run` shows while it works.
 
 On a terminal: one line per stage with bar, count and time left, gone when the run is over. Elsewhere: plain
-lines. Both go to stderr; the last screen goes to stdout: at most 25 lines, but that doubts are all told, and whole.
+lines. Both go to stderr.
 """
 
 from __future__ import annotations
@@ -10,23 +10,15 @@ import contextlib
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from robid_core.commands.fit_screen import doubt_lines, first_line, fit_line, fit_table
 from robid_core.run.progress import Listener, Silence
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from robid_core.artifacts import Fit
-    from robid_core.pipeline import Pipeline
-    from robid_core.run import RunResult
-
-LAST_SCREEN_LINES = 25
-FEWEST_ROWS = 4  # of a table that doubts leave little room
 SECONDS_BETWEEN_LINES = 10.0
 
 
@@ -169,89 +161,6 @@ def _log_on_stderr() -> Iterator[None]:
         yield
     finally:
         logging.getLogger("robid").removeHandler(handler)
-
-
-def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
-    """Return the lines that a person reads when the run is over: at most 25, unless there is much to doubt.
-
-    Parameters
-    ----------
-    pipeline
-        What was run.
-    result
-        What became of it.
-    again
-        The command that runs it again.
-    """
-    show = f"robid show {pipeline.path}"
-    head = [headline(pipeline, result)]
-    head += doubt_lines(result.doubts)
-    page, found = last_page(pipeline, result), fits(pipeline, result)
-    tail = [f"page       {_near(page)}"] if page is not None else []
-    tail += [f"results    {show}", f"run again  {again}"]
-    if not found:
-        return [*head, "", *tail]
-    stage, fit = found[-1]
-    if result.folder.robot(stage).is_file():
-        tail.insert(-2, f"robot      {_near(result.folder.robot(stage))}")
-    table = fit_table(fit, true_parameters(pipeline))
-    told = [first_line(f"{name}: {fit_line(one)}") for name, one in found]
-    room = LAST_SCREEN_LINES - len(head) - len(tail) - 2 - len(told)  # two empty lines
-    room = max(room, FEWEST_ROWS)
-    if len(table) > room:
-        table = [*table[: room - 1], f"... {len(table) - room + 1} more: {show} {stage}"]
-    return [*head, "", *table, *told, "", *tail]
-
-
-def headline(pipeline: Pipeline, result: RunResult) -> str:
-    """Say in one line what was done."""
-    counts = {
-        word: list(result.outcomes.values()).count(word) for word in ("made", "same", "kept", "refused")
-    }
-    n = len(result.outcomes)
-    if result.idle:
-        return f"{pipeline.name}: nothing to do, all {n} stages are up to date"
-    parts = [f"{counts['made'] + counts['same']} made", f"{counts['kept']} up to date"]
-    parts += [f"{counts['refused']} without a result"] if counts["refused"] else []
-    return f"{pipeline.name}: {n} stages, {', '.join(parts)}, {result.seconds:.1f} s"
-
-
-def last_page(pipeline: Pipeline, result: RunResult) -> Path | None:
-    """Return the last page that belongs to this run."""
-    from robid_core.artifacts import Report
-
-    for node in reversed(pipeline.stages):
-        record = result.manifest.stages.get(node.name)
-        current = result.outcomes.get(node.name) in ("made", "same", "kept")
-        if issubclass(node.stage.output, Report) and record is not None and record.file and current:
-            return result.folder.path / record.file
-    return None
-
-
-def fits(pipeline: Pipeline, result: RunResult) -> list[tuple[str, Fit]]:
-    """Return the fits of this run with their stages, in the order of the file; the last is shown in full."""
-    from robid_core.artifacts import Fit
-
-    return [
-        (node.name, Fit.read(result.folder.path / result.manifest.stages[node.name].file))
-        for node in pipeline.stages
-        if issubclass(node.stage.output, Fit) and result.outcomes.get(node.name) in ("made", "same", "kept")
-    ]
-
-
-def true_parameters(pipeline: Pipeline) -> dict[str, float]:
-    """Return the parameters of the plant by name, where it is simulated."""
-    from robid_core.drives import Drives
-
-    drives = pipeline.drives.settings if pipeline.drives else None
-    truth = drives.truth(pipeline.robot.load()) if isinstance(drives, Drives) else None
-    return truth.as_mapping() if truth else {}
-
-
-def _near(path: Path) -> str:
-    """Return a path as seen from where the user is, where that is shorter."""
-    here = Path.cwd()
-    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
 def _say(text: str) -> None:

@@ -133,6 +133,12 @@ def test_what_only_the_plant_has_is_named_and_the_extended_robot_predicts(
     run = tmp_path / "runs" / "hidden"
 
     verdict = json.loads((run / "verdict.explain.json").read_text(encoding="utf-8"))
+    screen = told.out.splitlines()
+    below = screen[screen.index("explain:") + 1 : screen.index("check:") - 1]
+    assert [line.strip() for line in below] == verdict["verdict"]
+    assert {"verdict    runs/hidden/verdict.explain.json", "robot      runs/hidden/robot.explain.yaml"} <= {
+        *screen
+    }
     (finding,) = verdict["findings"]
     assert (finding["kind"], finding["effect"], finding["on"]) == ("cause", case.effect, case.on)
     (size,) = [row for row in finding["parameters"] if row["name"] == case.told_by]

@@ -74,7 +74,7 @@ def test_the_last_screen_has_the_table_the_page_and_the_way_to_run_it_again(worl
     assert row.split()[:5] == ["gear_stiffness.axis_1", "N", "m/rad", "2", "1"]
     assert lines[4] == "fit: converged; misfit 1; 1 of 1 starts agree"
     assert "page       runs/strange/artifacts/page.html" in lines
-    assert "results    robid show pipeline.yaml" in lines
+    assert "results    robid show runs/strange" in lines
     assert lines[-1] == "run again  robid run pipeline.yaml"
     assert "[2/6] acquire: never made" in said.err
     assert re.search(r"acquire: made in \d+\.\d s", said.err)
@@ -278,13 +278,13 @@ def test_show_tells_where_a_model_misfits(tmp_path: Path, robid: Robid) -> None:
 
 
 def test_a_long_table_is_cut_to_the_screen(world: Any, robid: Robid) -> None:
-    from robid_core.commands.run_screen import last_screen
+    from robid_core.commands.last_screen import last_screen
 
     result = world.run("stages.fit.with.rows=40", "stages.fit.with.outcome=not converged")
     lines = last_screen(world.pipeline("stages.fit.with.rows=40"), result, "robid run")
     assert len(lines) == 25
     shown = sum(line.startswith("gear_stiffness") for line in lines)
-    assert f"... {40 - shown} more: robid show {world.file} fit" in lines
+    assert f"... {40 - shown} more: robid show runs/strange fit" in lines
 
 
 def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -> None:
