@@ -55,10 +55,10 @@ class ChannelMap(Settings):
     """Unit in the file: rad, deg, m, mm, rad/s, rpm, N m, N, A, V...; any other needs `scale` and `unit_to`."""
     unit_to: str = ""
     """Unit after multiplication by `scale`, where the factor changes the quantity (V to N, counts to rad)."""
-    scale: FiniteFloat = 1.0
-    """Factor on every value."""
-    sign: Literal[1, -1] = 1
-    """-1 where the file counts against the axis of the robot's model."""
+    scale: FiniteFloat | tuple[FiniteFloat, ...] = 1.0
+    """Factor on every value, or a list with one for each axis."""
+    sign: Literal[1, -1] | tuple[Literal[1, -1], ...] = 1
+    """-1 where the file counts against the axis of the robot's model; one for all axes, or a list."""
     side: Literal["motor", "joint"] = "motor"
     """Side of the gear on which the file states the values."""
     file: DataPath | None = None
@@ -68,7 +68,7 @@ class ChannelMap(Settings):
 
     @model_validator(mode="after")
     def _units_are_known(self) -> ChannelMap:
-        if self.scale == 0:
+        if not np.all(self.scale):
             raise ValueError("scale must not be 0")
         if self.unit_to and self.unit_to not in {symbol for symbol, _ in UNITS.values()}:
             raise ValueError(f"unit_to '{self.unit_to}' is not one of {', '.join(_symbols())}")
@@ -83,10 +83,16 @@ class ChannelMap(Settings):
         """SI symbol of the converted values."""
         return self.unit_to or UNITS[self.unit][0]
 
-    @property
-    def factor(self) -> float:
-        """What a value of the file is multiplied by."""
-        return self.sign * self.scale * (1.0 if self.unit_to else UNITS[self.unit][1])
+    def factors(self, name: str, n_covered: int) -> FloatArray:
+        """What values of the file are multiplied by, (n_covered,); DataRejected where a list is not of that length."""
+        for setting, value in (("scale", self.scale), ("sign", self.sign)):
+            if isinstance(value, tuple) and len(value) != n_covered:
+                raise DataRejected(
+                    f"channels.{name}.{setting}: {len(value)} numbers for {n_covered} axes; give one for each, or one "
+                    "for all"
+                )
+        unit = 1.0 if self.unit_to else UNITS[self.unit][1]
+        return np.broadcast_to(np.multiply(self.sign, self.scale) * unit, (n_covered,))
 
 
 def _symbols() -> list[str]:
@@ -168,7 +174,7 @@ def channel_values(
             "it or repair it"
         )
     result = np.full((len(table), len(axis_names)), np.nan)
-    result[:, [axis_names.index(axis) for axis in covered]] = table * channel.factor
+    result[:, [axis_names.index(axis) for axis in covered]] = table * channel.factors(name, len(covered))
     return result
 
 

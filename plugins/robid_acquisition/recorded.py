@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
@@ -20,6 +20,7 @@ from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, name_file
 from robid_acquisition.channel_map import ChannelMap, channel_table, channel_values, check_quantity, select
 from robid_acquisition.data_file import advice, find_file, reader_name, reader_of, refuse_others
+from robid_acquisition.plausible import sentence, slips_of
 from robid_acquisition.poses import mean_angle, unlike_poses
 from robid_acquisition.recording import Recording
 from robid_acquisition.signals import (
@@ -83,6 +84,9 @@ class RecordedAcquisition(Sources):
     """Excited bins of one period, for frequency responses."""
     torque_hold: Annotated[str, Field(pattern="^(zero_order_hold|continuous)$")] = "continuous"
     """How torque goes between samples; continuous where the recording does not tell."""
+    plausibility: Literal["refuse", "warn", "ignore"] = "refuse"
+    """What becomes of a record that fits the robot file only with a sign turned, in another unit, on the other side of
+    the gear, or with axes exchanged: the message says which."""
     angle_tolerance: PositiveFloat = 0.01
     """Joint angle (rad, or m) by which the poses of one configuration may differ from their mean without a warning."""
 
@@ -131,7 +135,20 @@ class RecordedAcquisition(Sources):
             arrangement = arrange(self.recordings(root))
             self._tell(arrangement, context)
             record = self._record(arrangement, robot, context)
+        self._check(record, robot, context)
         return _of_role(record, self.role) if self.role else record
+
+    def _check(self, record: Record, robot: Robot, context: Context) -> None:
+        """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it."""
+        slips = slips_of(record, robot) if self.plausibility != "ignore" else []
+        if not slips:
+            return
+        if self.plausibility == "refuse":
+            raise DataRejected(
+                f"{self.source_name}: {sentence(slips)}. Mend the channel map, or the robot file where that is wrong; "
+                "plausibility: warn takes the record as it is"
+            )
+        context.log.warning("%s", sentence(slips))
 
     def _tell(self, arrangement: Arrangement, context: Context) -> None:
         """Warn of what is missing, or refuse."""

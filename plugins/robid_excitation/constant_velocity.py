@@ -32,8 +32,9 @@ from robid_core.estimation.excitation.velocity_sweep import (
     sweeps_reference,
 )
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_inertia, motor_torque
+from robid_core.residual import rigid_drives
 from robid_excitation.prediction import Level, clear
-from robid_excitation.rigid import motion_limits, refuse_without_room, rigid_drives
+from robid_excitation.rigid import motion_limits, refuse_without_room
 
 NEARLY = 0.9  # share of the way to a joint limit that is used by default: the loops lag behind and overshoot
 PLACES = 9  # along the sweep at which inertia and gravity are looked at

@@ -40,11 +40,11 @@ from robid_core.estimation.excitation.fourier_trajectory import (
 )
 from robid_core.estimation.excitation.trajectory_search import improved, search
 from robid_core.estimation.rigid.rigid_torque import base_of, motor_torque
+from robid_core.residual import rigid_drives
 from robid_excitation.prediction import Cleared, Level, clear
 from robid_excitation.rigid import (
     motion_limits,
     refuse_without_room,
-    rigid_drives,
     torque_noise,
     whole_samples,
 )

@@ -1,36 +1,15 @@
-"""The nominal robot as a rigid one, and what a motion about a configuration may use of its limits.
+"""What a motion about a configuration may use of a robot's limits, the nominal robot taken as a rigid one.
 
-What trajectories are planned with; bearings, gears and links are stiff here, and effects beside the motors' friction
-are left out. The simulation that clears an excitation has them all.
+The simulation that clears an excitation has its bearings, gears, links and effects.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, MotionRefused, Robot
 from robid_core.estimation.excitation.fourier_trajectory import Limits
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
-
-
-def rigid_drives(robot: Robot) -> RigidDrives:
-    """Bodies on their own joints, structure effects (payloads, counterweights) included, with the motors."""
-    bodies = tuple(body.model_copy(update={"flexible": None}) for body in robot.structure.bodies)
-    changes = {"bearings": {}, "bodies": bodies, "effects": {}}
-    stiff = replace(robot, description=robot.structure.model_copy(update=changes))
-    d = stiff.drives
-    return RigidDrives(
-        tree=stiff.chain,
-        arm=stiff.mechanism.arm,
-        gear=d.gear,
-        rotor_inertia=d.rotor_inertia,
-        viscous=d.viscous,
-        coulomb=d.coulomb,
-        offset=d.friction_offset,
-        friction_speed=d.friction_speed,
-    )
 
 
 def motion_limits(robot: Robot, angle: FloatArray, reach: FloatArray, margin: float) -> Limits:

@@ -11,11 +11,12 @@ from pydantic import ValidationError
 
 from robid_core import Configurations, Context, Excitation, MotionRefused, Robot
 from robid_core.estimation.excitation.velocity_sweep import plateaus
+from robid_core.residual import rigid_drives
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_core.testing.robots import example_robot
 from robid_excitation.constant_velocity import ConstantVelocity, motor_room
-from robid_excitation.rigid import motion_limits, rigid_drives
+from robid_excitation.rigid import motion_limits
 
 SETTINGS: dict[str, Any] = {"steps": 4, "plateau_s": 0.3, "longest_s": 1.0, "highest_share": 0.2}
 

@@ -15,11 +15,11 @@ from robid_core import Configurations, Context, Excitation, Fit, Record, Robot
 from robid_core.estimation.excitation.fourier_trajectory import TrajectoryProblem, random_coefficients
 from robid_core.estimation.excitation.velocity_sweep import plateaus
 from robid_core.estimation.rigid.rigid_torque import motor_inertia, motor_torque, motor_torque_regressor
+from robid_core.residual import rigid_drives
 from robid_core.robot import RobotDescription
 from robid_core.stage import map_in_process
 from robid_excitation.constant_velocity import ConstantVelocity
 from robid_excitation.fourier import Fourier, problem_of, speed_reference
-from robid_excitation.rigid import rigid_drives
 from robid_fit.rigid import RigidBodyFit
 
 NOISE = 0.05  # N m

@@ -13,7 +13,7 @@ from robid_core.estimation.rigid.rigid_torque import (
     motor_torque_regressor,
 )
 from robid_core.mechanics import dynamics
-from robid_excitation.rigid import rigid_drives
+from robid_core.residual import rigid_drives
 from robid_fit.rigid import structure
 from robid_fit.rigid_model import KINDS, RigidMotion, torque_columns, without_bearings
 

@@ -1,0 +1,71 @@
+"""Whether a record fits the robot file: slips in signs, units, sides of the gear and the order of axes, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy
+
+from robid_core import FloatArray, Record, RobidError, Robot
+from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
+from robid_core.residual import rigid_drives
+
+CHANNELS = ("motor_position", "motor_torque")
+BELOW = 0.5  # of the lowest resonance: there the arm moves as a rigid one
+HIGHEST_HZ = 10.0  # band that is looked at, where springs do not limit it
+OF_RATE = 0.1  # of the sampling rate, likewise
+PERIODS = 4  # of the band's edge: a shorter experiment is not looked at
+SLOWEST_HZ = 2.0  # resonances below are pendulums, not springs
+
+
+def slips_of(record: Record, robot: Robot) -> list[Slip]:
+    """Return slips in a record that explain why it does not fit the robot; none where it does, or cannot be told."""
+    cutoff = _cutoff(record, robot)
+    sample_time = record.runs[0].sample_time_s
+    experiments = [one for one in _experiments(record) if len(one[0]) * sample_time * cutoff > PERIODS]
+    if not experiments:
+        return []
+    try:
+        recorded = Recorded.of_experiments(rigid_drives(robot), experiments, sample_time, cutoff)
+        return slips_in(recorded, robot.axis_names)
+    except (RobidError, ArithmeticError):  # nothing is known against the record
+        return []
+
+
+def sentence(slips: list[Slip]) -> str:
+    """Say what is wrong and what to write."""
+    told = "; ".join(
+        f"{', or '.join((one.what, *one.ties))} (the robot file leaves {100 * one.before:.0f} % of that torque, and "
+        f"{100 * one.after:.0f} % with the first mended; {one.remedy})"
+        for one in slips
+    )
+    return f"the record does not fit the robot file: {told}"
+
+
+def _experiments(record: Record) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Motor angle and torque of every whole experiment, periods joined, (n_sample, n_axis) each."""
+    for run in record.runs:
+        if any(name not in run.channels for name in CHANNELS):
+            continue
+        if run.sample_time_s != record.runs[0].sample_time_s:
+            continue
+        position, torque = (run.values(name) for name in CHANNELS)
+        n_axis = position.shape[-1]
+        for index in np.ndindex(*position.shape[:3]):
+            pair = position[index].reshape(-1, n_axis), torque[index].reshape(-1, n_axis)
+            if all(np.isfinite(one).all() for one in pair):
+                yield pair
+
+
+def _cutoff(record: Record, robot: Robot) -> float:
+    """Edge of the band in which the robot is as good as rigid, Hz."""
+    highest = min(HIGHEST_HZ, OF_RATE / record.runs[0].sample_time_s)
+    try:
+        model = robot.second_order(record.angle[:1])
+        squares = scipy.linalg.eigvalsh(model.stiffness[0], model.mass[0])
+    except (RobidError, ArithmeticError, np.linalg.LinAlgError):
+        return highest
+    resonances = np.sqrt(squares[squares > 0]) / (2 * np.pi)
+    springs = resonances[resonances > SLOWEST_HZ]
+    return float(min(highest, BELOW * springs.min())) if len(springs) else highest

@@ -1,0 +1,196 @@
+"""Whether recorded torque and motion fit a robot, and if not, which slip in the recording would make them fit.
+
+The rigid robot's inverse dynamics at the told values, with friction free, are held against the torque in a band below
+its springs. Where they fail, one slip after another is tried: a sign, a unit, the other side of the gear, two axes
+exchanged. Each is a linear map of the positions or of the torques and has no number that could be fitted, so that a
+slip that takes most of the error away is hardly chance.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from robid_core.arrays import FloatArray
+from robid_core.estimation.rigid.regression import differentiate, smooth
+from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
+
+MOST = 1000  # samples that are looked at, evenly over all experiments
+TRIM = 0.5  # of a cutoff's period, left out at both ends of an experiment
+FITS = 0.1  # of a torque's variance: an axis that leaves less is as it should be
+GAIN = 4.0  # by which a slip must lower what is left of the axes that it concerns, their median
+LEFT = 0.2  # of the variance that may be left of them then, their median
+TIE = float(np.log(2.0))  # of the logarithm of what is left, over all axes: nearer, two slips are as likely
+SPOILS = 1.2  # by which it may raise what is left of any other axis
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """Something wrong in a recording, and the linear maps that undo it."""
+
+    what: str
+    """What the recording looks like."""
+    remedy: str
+    """What to write in the channel map."""
+    position: FloatArray
+    """Of motor angles, (n_axis, n_axis)."""
+    torque: FloatArray
+    """Of motor torques, (n_axis, n_axis)."""
+    before: float = np.nan
+    """Share of the torque that the robot leaves, rms, at the axis that it leaves most of; as recorded."""
+    after: float = np.nan
+    """Likewise, once it is undone."""
+    ties: tuple[str, ...] = ()
+    """What else it may be: slips that explain the recording about as well."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Motion and torque of all experiments below a cutoff, each (n_sample, n_axis) at the motors."""
+
+    drives: RigidDrives
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+
+    @classmethod
+    def of_experiments(
+        cls,
+        drives: RigidDrives,
+        experiments: Sequence[tuple[FloatArray, FloatArray]],
+        sample_time: float,
+        cutoff_hz: float,
+    ) -> Recorded:
+        """Smooth and differentiate each experiment: motor angle and torque, (n_sample, n_axis) each.
+
+        Raises
+        ------
+        DataRejected
+            If the cutoff is not below the Nyquist frequency, or an experiment is too short for it.
+        """
+        trim = round(TRIM / (cutoff_hz * sample_time)) + 2
+        step = max(1, sum(len(position) - 2 * trim for position, _ in experiments) // MOST)
+        parts = []
+        for position, torque in experiments:
+            smoothed = smooth(position, sample_time, cutoff_hz)
+            velocity = differentiate(smoothed, sample_time)
+            signals = (smoothed, velocity, differentiate(velocity, sample_time))
+            kept = slice(trim, len(position) - trim, step)
+            parts.append([one[kept] for one in (*signals, smooth(torque, sample_time, cutoff_hz))])
+        return cls(drives, *(np.concatenate(one) for one in zip(*parts, strict=True)))
+
+    def undone(self, slip: Slip) -> Recorded:
+        """Return what would have been recorded without a slip."""
+        moved = {
+            name: getattr(self, name) @ slip.position.T for name in ("position", "velocity", "acceleration")
+        }
+        return replace(self, **moved, torque=self.torque @ slip.torque.T)
+
+    @cached_property
+    def left(self) -> FloatArray:
+        """Share of each torque's variance that the robot leaves with the friction that suits it best, (n_axis,)."""
+        none = np.zeros(self.drives.n_axis)
+        rigid = replace(self.drives, viscous=none, coulomb=none, offset=none)
+        rest = self.torque - motor_torque(rigid, self.position, self.velocity, self.acceleration)
+        steep = np.where(self.drives.friction_speed > 0, self.drives.friction_speed, 1.0)
+        one = np.ones(len(rest))
+        shares = []
+        for own, speed, width, torque in zip(rest.T, self.velocity.T, steep, self.torque.T, strict=True):
+            columns = np.stack([np.tanh(speed / width), speed, one, -one], axis=1)
+            size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            _, norm = scipy.optimize.nnls(columns / size, own)
+            shares.append(norm**2 / max(float(((torque - torque.mean()) ** 2).sum()), 1e-300))
+        return np.array(shares)
+
+
+def slips_in(recorded: Recorded, axis_names: Sequence[str]) -> list[Slip]:
+    """Return slips which, undone one after the other, make a recording fit the robot.
+
+    None where it fits already, or where none of them explains most of what is left.
+
+    Parameters
+    ----------
+    recorded
+        What was recorded, below the robot's first resonance.
+    axis_names
+        For the words.
+    """
+    found = list[Slip]()
+    while len(found) <= len(axis_names):
+        helping = list(_helping(recorded, axis_names))
+        if not helping:
+            break
+        most = max(explained for explained, *_ in helping)
+        (slip, recorded), *ties = [(one, rest) for explained, one, rest in helping if explained > most - TIE]
+        found.append(replace(slip, ties=tuple(one.what for one, _ in ties)))
+    return found
+
+
+def _helping(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[float, Slip, Recorded]]:
+    """Slips that would explain most of what is left, by how much, and what is then recorded."""
+    before = recorded.left
+    if (before < FITS).all():
+        return
+    for slip, axes in _slips(recorded.drives, names):
+        wrong = [a for a in axes if before[a] >= FITS]
+        if not wrong:
+            continue
+        undone = recorded.undone(slip)
+        after = np.maximum(undone.left, 1e-9)
+        others = [a for a in range(len(names)) if a not in wrong]
+        gain = float(
+            np.median(np.log(before[wrong] / after[wrong]))
+        )  # another slip may spoil a single axis yet
+        spoiled = (after[others] > np.maximum(SPOILS * before[others], FITS)).any()
+        if gain < np.log(GAIN) or np.median(after[wrong]) > LEFT or spoiled:
+            continue
+        worst = max(wrong, key=lambda a: before[a])
+        told = replace(slip, before=float(np.sqrt(before[worst])), after=float(np.sqrt(after[worst])))
+        yield float(np.log(before / after).sum()), told, undone
+
+
+def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """All slips that are tried, and the axes whose torque each concerns."""
+    whole, every = np.eye(drives.n_axis), range(drives.n_axis)
+    for a, name in enumerate(names):
+        turned = whole.copy()
+        turned[a, a] = -1
+        sign = f"sign: -1 for {name}"
+        yield (
+            Slip(f"the torque of {name} has the opposite sign", f"motor_torque: {sign}", whole, turned),
+            (a,),
+        )
+        yield (
+            Slip(f"the angle of {name} has the opposite sign", f"motor_position: {sign}", turned, whole),
+            every,
+        )
+        both = f"motor_position and motor_torque: {sign}"
+        yield Slip(f"{name} counts the other way round than in the robot file", both, turned, turned), every
+    for a, b in itertools.combinations(every, 2):
+        swapped = whole[[b if k == a else a if k == b else k for k in every]]
+        pair = f"{names[a]} and {names[b]}"
+        yield Slip(f"the torques of {pair} are exchanged", "the order of its columns", whole, swapped), (a, b)
+        yield Slip(f"the angles of {pair} are exchanged", "the order of its columns", swapped, whole), every
+        yield Slip(f"{pair} are exchanged", "the order of all columns", swapped, swapped), every
+    degree = np.pi / 180
+    for factor, what, remedy in (
+        (degree, "the angles look like degrees", "motor_position: unit: deg"),
+        (1 / degree, "the angles look like radians that were taken for degrees", "motor_position: unit: rad"),
+        (2 * np.pi, "the angles look like turns", "motor_position: unit: turn"),
+    ):
+        yield Slip(what, remedy, factor * whole, whole), every
+    gear, motor = drives.gear, np.asarray(np.linalg.inv(drives.gear), dtype=np.float64)
+    at_joint, at_motor = "side: joint", "side: motor"
+    yield Slip("the angles look like those of the joints", f"motor_position: {at_joint}", motor, whole), every
+    yield Slip("the angles look like those of the motors", f"motor_position: {at_motor}", gear, whole), every
+    yield Slip("the torques look like those at the joints", f"motor_torque: {at_joint}", whole, gear.T), every
+    yield (
+        Slip("the torques look like those at the motors", f"motor_torque: {at_motor}", whole, motor.T),
+        every,
+    )

@@ -1,0 +1,105 @@
+"""Slips in recordings of a six-axis arm that is not quite what its file says: which are found, and when nothing is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robid_core import FloatArray, Robot
+from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
+from robid_core.residual import rigid_drives
+
+CUTOFF_HZ = 5.0
+NONE = np.eye(6)
+DEGREE = np.pi / 180
+Experiments = list[tuple[FloatArray, FloatArray]]
+
+
+def measured(robot: Robot, off: float, payload: float = 0.0) -> Experiments:
+    """Angle and torque of four experiments of a plant: springs a third off, masses by `off`."""
+    generator = np.random.default_rng(7)
+    values = {}
+    for name in robot.layout:
+        if robot.parameter_kind(name) in ("stiffness", "damping"):
+            values[name] = robot.parameter(name) * np.exp(0.3 * generator.standard_normal())
+        elif name.startswith(("mass.", "rotor_inertia.")):
+            values[name] = robot.parameter(name) * np.exp(off * generator.standard_normal())
+    values["mass.axis_6"] = values["mass.axis_6"] + payload
+    plant = robot.with_parameters(values)
+    n_sample, n_pose = 2000, 4
+    time = robot.sample_time_s * np.arange(n_sample)
+    poses = generator.uniform(-0.6, 0.6, (n_pose, 6))
+    lines = np.arange(3.0, 60.0, 1.5)
+    waves = np.cos(
+        2 * np.pi * lines[:, None] * time + generator.uniform(0, 2 * np.pi, (n_pose, 6, len(lines), 1))
+    ).sum(axis=2)
+    slow = np.sin(2 * np.pi * time + generator.uniform(0, 2 * np.pi, (n_pose, 6, 1)))
+    reference = np.swapaxes(4 * waves / waves.std() + 10 * slow, 1, 2)
+    done = plant.simulate(reference, poses, seed=3)
+    return list(zip(done.position, done.torque, strict=True))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("six_axis")
+
+
+@pytest.fixture(scope="module")
+def sound(robot: Robot) -> Experiments:
+    return measured(robot, 0.01)
+
+
+def slips(robot: Robot, experiments: Experiments, position: FloatArray, torque: FloatArray) -> list[Slip]:
+    wrong = [(q @ position.T, u @ torque.T) for q, u in experiments]
+    recorded = Recorded.of_experiments(rigid_drives(robot), wrong, robot.sample_time_s, CUTOFF_HZ)
+    return slips_in(recorded, robot.axis_names)
+
+
+def exchanged(a: int, b: int) -> FloatArray:
+    order = list(range(6))
+    order[a], order[b] = b, a
+    return NONE[order]
+
+
+def turned(a: int) -> FloatArray:
+    return np.diag([-1.0 if k == a else 1.0 for k in range(6)])
+
+
+GEAR = Robot.load("six_axis").drives.gear
+CASES = {
+    "torque's sign": (NONE, turned(2), ["the torque of axis_3 has the opposite sign"]),
+    "angle's sign": (turned(1), NONE, ["the angle of axis_2 has the opposite sign"]),
+    "axis counts the other way": (turned(3), turned(3), ["axis_4 counts the other way round than in the robot file"]),
+    "torques exchanged": (NONE, exchanged(1, 2), ["the torques of axis_2 and axis_3 are exchanged"]),
+    "axes exchanged": (exchanged(2, 4), exchanged(2, 4), ["axis_3 and axis_5 are exchanged"]),
+    "degrees": (NONE / DEGREE, NONE, ["the angles look like degrees"]),
+    "angles of joints": (GEAR, NONE, ["the angles look like those of the joints"]),
+    "torques at joints": (NONE, np.linalg.inv(GEAR).T, ["the torques look like those at the joints"]),
+    "degrees and a sign": (
+        NONE / DEGREE, turned(2), ["the angles look like degrees", "the torque of axis_3 has the opposite sign"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_slip_is_named_and_its_maps_undo_it(robot: Robot, sound: Experiments, case: str) -> None:
+    """Alone, or both of two; what is left is then what the sound record leaves."""
+    position, torque, expected = CASES[case]
+    found = slips(robot, sound, position, torque)
+    assert [one.what for one in found] == expected
+    for one in found:
+        position, torque = one.position @ position, one.torque @ torque
+    assert np.abs(position - NONE).max() < 1e-9
+    assert np.abs(torque - NONE).max() < 1e-9
+    assert found[-1].after < 0.5 < found[-1].before
+
+
+@pytest.mark.parametrize("off, payload", [(0.01, 0.0), (0.1, 0.0), (0.01, 20.0)])
+def test_a_robot_that_is_told_wrong_is_no_slip(robot: Robot, off: float, payload: float) -> None:
+    """Masses a tenth off, or a load that nobody told: values, which a fit finds."""
+    assert slips(robot, measured(robot, off, payload), NONE, NONE) == []
+
+
+def test_an_exchange_of_the_first_axis_sign_shows_nothing(robot: Robot, sound: Experiments) -> None:
+    """About a vertical axis a robot is the same mirrored: no torque below the resonances tells, and none is refused."""
+    assert slips(robot, sound, turned(0), turned(0)) == []
