@@ -1,7 +1,9 @@
 """Second thoughts of a forward search: causes that were accepted before the last one, judged again beside it.
 
 What the last cause explains as well is dropped; what another cause would explain better beside the others is exchanged
-for that one. Each exchange lowers the cost and a drop leaves fewer causes, so that this ends.
+for that one. Each exchange lowers the cost and a drop leaves fewer causes, so that this ends; beside one new cause there
+are as many exchanges as causes at most. Where much is left to explain, a cause is exchanged for a clearly better one only:
+all of them are wrong there, and which is the least wrong changes with whatever is beside it.
 """
 
 from __future__ import annotations
@@ -14,7 +16,9 @@ from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LEAST
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Searched, Step
-from robid_diagnosis.trials import TIE
+from robid_diagnosis.trials import TIE, WRONG
+
+BETTER = 0.1  # of what a cause gains: another one must gain so much more, where the misfit says that something lacks
 
 Searches = Callable[[Fitted, Motion | None], Searched]
 NextCause = Callable[[Fitted, Searched, Sequence[Step]], tuple[Fitted, Step] | None]
@@ -49,8 +53,14 @@ class Revision:
         self.case, self.searched, self.next_cause = case, searched, next_cause
         self.failures, self.progress = failures, progress
 
-    def run(self, current: Fitted, steps: list[Step], motion: Motion | None) -> tuple[Fitted, list[Step]]:
-        """Return the fit and its causes once none that came before the last one is needless or worse than another."""
+    def run(
+        self, current: Fitted, steps: list[Step], motion: Motion | None, exchanges: int | None = None
+    ) -> tuple[Fitted, list[Step]]:
+        """Return the fit and its causes once none that came before the last one is needless or worse than another.
+
+        `exchanges`: how many there may be; as many as causes.
+        """
+        left = len(steps) if exchanges is None else exchanges
         for place, step in enumerate(steps[:-1]):
             before, after = steps[:place], steps[place + 1 :]
             hypothesis = current.hypothesis.without(step.names)
@@ -61,24 +71,25 @@ class Revision:
                 continue
             lost = without.cost(current.about) - current.cost(current.about)
             if lost < LEAST * max(1.0, current.misfit):
-                return self.run(without, [*before, *after], motion)
-            other = self._other(without, steps, lost, motion)
+                return self.run(without, [*before, *after], motion, left)
+            margin = max(TIE, BETTER * lost if current.misfit > WRONG else 0.0)
+            other = self._other(without, steps, lost + margin, motion) if left else None
             if other is not None:
                 fitted, better = other
-                return self.run(fitted, [*before, better, *after], motion)
+                return self.run(fitted, [*before, better, *after], motion, left - 1)
         return current, steps
 
     def _other(
-        self, without: Fitted, steps: Sequence[Step], lost: float, motion: Motion | None
+        self, without: Fitted, steps: Sequence[Step], least: float, motion: Motion | None
     ) -> tuple[Fitted, Step] | None:
-        """Return a cause that gains more than `lost` beside a fit that lacks one of the steps, where there is one.
+        """Return a cause that gains more than `least` beside a fit that lacks one of the steps, where there is one.
 
         Rivals are fitted only where the search promises that much.
         """
         known = {step.key for step in steps}
         seen = self.searched(without, motion)
         promises = (hit.gain.total for hit in seen.found.hits if hit.candidate.key not in known)
-        if max(promises, default=0.0) <= lost + TIE:
+        if max(promises, default=0.0) <= least:
             return None
         other = self.next_cause(without, seen, steps)
-        return other if other is not None and other[1].gain > lost + TIE else None
+        return other if other is not None and other[1].gain > least else None
