@@ -1,9 +1,9 @@
 """Second thoughts of a forward search: causes that were accepted before the last one, judged again beside it.
 
 What the last cause explains as well is dropped; what another cause would explain better beside the others is exchanged
-for that one. Each exchange lowers the cost and a drop leaves fewer causes, so that this ends; beside one new cause there
-are as many exchanges as causes at most. Where much is left to explain, a cause is exchanged for a clearly better one only:
-all of them are wrong there, and which is the least wrong changes with whatever is beside it.
+for that one. Each exchange lowers the cost and a drop leaves fewer causes, so that this ends; beside one new cause
+there are as many exchanges as causes at most. Where much is left to explain, a cause is exchanged for a clearly better
+one only: all of them are wrong there, and which is the least wrong changes with whatever is beside it.
 """
 
 from __future__ import annotations
