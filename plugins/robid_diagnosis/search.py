@@ -211,8 +211,7 @@ class Search:
             if not hit.gain.freedom:
                 break
             sizes = dict(zip(hit.names, hit.gain.size.tolist(), strict=True))
-            matrix, slope = self.projection.normal(hit.sums.of_columns(hit.gain.chosen))
-            worth = float(2 * slope.sum() - matrix.sum())
+            worth = self._of_size_one(hit.sums.of_columns(hit.gain.chosen))
             if worth > most:
                 best, most = hit, worth
             if max(abs(np.log(size)) for size in sizes.values()) < SHARP:
@@ -281,7 +280,11 @@ class Search:
         """What a hit gains; with sizes of one, where it must stay as it is."""
         if not as_it_is:
             return hit.gain.total
-        matrix, slope = self.projection.normal(hit.sums)
+        return self._of_size_one(hit.sums)
+
+    def _of_size_one(self, sums: Sums) -> float:
+        """What columns gain as they are."""
+        matrix, slope = self.projection.normal(sums)
         return float(2 * slope.sum() - matrix.sum())
 
     @cached_property

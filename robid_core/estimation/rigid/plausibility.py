@@ -144,9 +144,8 @@ def _helping(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[float, 
         undone = recorded.undone(slip)
         after = np.maximum(undone.left, 1e-9)
         others = [a for a in range(len(names)) if a not in wrong]
-        gain = float(
-            np.median(np.log(before[wrong] / after[wrong]))
-        )  # another slip may spoil a single axis yet
+        # Medians: another slip may spoil a single axis yet.
+        gain = float(np.median(np.log(before[wrong] / after[wrong])))
         spoiled = (after[others] > np.maximum(SPOILS * before[others], FITS)).any()
         if gain < np.log(GAIN) or np.median(after[wrong]) > LEFT or spoiled:
             continue
