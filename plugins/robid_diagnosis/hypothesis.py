@@ -308,20 +308,25 @@ class Case:
         delay: FloatArray | None = None,
         *,
         roughly: bool = False,
+        thorough: bool = True,
         as_told: bool = False,
     ) -> Fitted:
         """Fit a hypothesis as `fit` does, and hold what the data do not tell beside its effects where it is.
 
         Raises NotIdentifiable where that is no way out.
         """
+
+        def fitted(one: Hypothesis) -> Fitted:
+            return self.fit(one, progress, begin, delay, roughly=roughly, thorough=thorough, as_told=as_told)
+
         for _ in range(BLIND):
             try:
-                return self.fit(hypothesis, progress, begin, delay, roughly=roughly, as_told=as_told)
+                return fitted(hypothesis)
             except NotIdentifiable as error:
                 hypothesis = hypothesis.holding(error.names)
                 if not error.names or (hypothesis.additions and not hypothesis.additions[-1].free):
                     raise
-        return self.fit(hypothesis, progress, begin, delay, roughly=roughly, as_told=as_told)
+        return fitted(hypothesis)
 
     def _told_point(self, problem: TorqueProblem) -> FloatArray:
         """All unknowns as the robot's file tells them: friction is one function of speed and a constant, no delays."""

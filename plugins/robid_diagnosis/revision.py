@@ -16,7 +16,7 @@ from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LEAST
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Searched, Step
-from robid_diagnosis.trials import TIE, WRONG
+from robid_diagnosis.trials import WRONG, nearness
 
 BETTER = 0.1  # of what a cause gains: another one must gain so much more, where the misfit says that something lacks
 
@@ -72,24 +72,25 @@ class Revision:
             lost = without.cost(current.about) - current.cost(current.about)
             if lost < LEAST * max(1.0, current.misfit):
                 return self.run(without, [*before, *after], motion, left)
-            margin = max(TIE, BETTER * lost if current.misfit > WRONG else 0.0)
-            other = self._other(without, steps, lost + margin, motion) if left else None
+            margin = max(nearness(current), BETTER * lost if current.misfit > WRONG else 0.0)
+            other = self._other(without, step, [*before, *after], lost + margin, motion) if left else None
             if other is not None:
                 fitted, better = other
                 return self.run(fitted, [*before, better, *after], motion, left - 1)
         return current, steps
 
     def _other(
-        self, without: Fitted, steps: Sequence[Step], least: float, motion: Motion | None
+        self, without: Fitted, step: Step, others: Sequence[Step], least: float, motion: Motion | None
     ) -> tuple[Fitted, Step] | None:
         """Return a cause that gains more than `least` beside a fit that lacks one of the steps, where there is one.
 
-        Rivals are fitted only where the search promises that much.
+        Rivals are fitted only where the search promises that much of another cause; then the one that was taken out is
+        fitted as they are, from its best start beside the others: what was its minimum when it came may be none now.
         """
-        known = {step.key for step in steps}
+        known = {one.key for one in (step, *others)}
         seen = self.searched(without, motion)
         promises = (hit.gain.total for hit in seen.found.hits if hit.candidate.key not in known)
         if max(promises, default=0.0) <= least:
             return None
-        other = self.next_cause(without, seen, steps)
+        other = self.next_cause(without, seen, others)
         return other if other is not None and other[1].gain > least else None

@@ -24,6 +24,7 @@ from robid_diagnosis.projection import Projection
 from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
 from robid_diagnosis.steps import Outcome, Searched, Step
+from robid_diagnosis.ties import with_final_ties
 from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, key_of, total
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
@@ -83,7 +84,8 @@ class Selection:
             LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
             LEVEL / seen.found.trials,
         )
-        return Outcome(base, current, tuple(steps), tuple(searches), left, visible, motion)
+        told = with_final_ties(self.case, current, steps, self.failures, self.progress)
+        return Outcome(base, current, told, tuple(searches), left, visible, motion)
 
     def searched(self, current: Fitted, before: Motion | None) -> Searched:
         """Hold every effect against what a fit leaves; `before`: of the search before."""
@@ -218,6 +220,7 @@ class Selection:
                 nothing,
                 tuple(ties),
                 float("nan"),
+                trial.freedom,
                 tuple(near),
             )
         assert trial.addition is not None
@@ -243,6 +246,7 @@ class Selection:
             projection.by_own_size(whole.sums, whole.gain, groups),
             tuple(ties),
             self._share(trial, search),
+            trial.freedom,
             tuple(near),
         )
 

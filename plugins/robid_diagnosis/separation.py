@@ -9,7 +9,7 @@ right; of several rivals the one that is told worst.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from robid_diagnosis.expected_ratio import expected_ratio
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.proposals import Proposals, proposals
 from robid_diagnosis.steps import Step
-from robid_diagnosis.trials import Trial
-from robid_diagnosis.values import ValueHit
 from robid_diagnosis.wording import gravity_text, place_text
 
 MOST = 3  # rivals: the best
@@ -82,11 +80,10 @@ def separation(
     records = case.nominal_records  # simulated under the robot that was found, which carries nothing more
     if not records:
         return None
-    fits = [beside(case, final, step, one, progress) for one in step.rivals[:MOST]]
-    rivals = [one for one in fits if one is not None]
+    rivals = [one.fitted for one in step.rivals[:MOST]]
     if not rivals:
         return None
-    names = tuple(place_text(*tie) for tie, one in zip(step.ties, fits, strict=False) if one is not None)
+    names = tuple(place_text(*tie) for tie in step.ties[:MOST])
     found: list[tuple[Proposals, FloatArray]] = []
     for proposed in proposals(records, robot, case.discard, generator):
         progress(len(found), len(found) + 1, "experiments that could tell ties apart")
@@ -116,27 +113,6 @@ def ratios(case: Case, final: Fitted, rivals: Sequence[Fitted], record: Record) 
             ]
         )
     return np.array(found)
-
-
-def beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progress) -> Fitted | None:
-    """Return the final hypothesis with a rival in the place of a cause, fitted; None where it cannot be."""
-    rest, own, addition = final.hypothesis.without(step.names), rival.fitted.hypothesis, rival.addition
-    names = rival.hit.names if isinstance(rival.hit, ValueHit) else ()
-    before = own.additions if addition is None else own.additions[:-1]
-    if before == rest.additions and set(own.widened) - set(names) == set(rest.widened):
-        return rival.fitted
-    if addition is None:
-        hypothesis = rest.with_widened(tuple(name for name in names if name not in rest.widened))
-    else:
-        taken = {one.label for one in rest.additions}
-        label = f"{addition.label}_instead" if addition.label in taken else addition.label
-        hypothesis = rest.with_addition(replace(addition, label=label))
-    held = dict.fromkeys((*final.hypothesis.held, *own.held))
-    hypothesis = replace(hypothesis, held=tuple(held))
-    try:
-        return case.fit(hypothesis, progress, begin=final, others=rival.fitted)
-    except RobidError:
-        return None
 
 
 def _best(

@@ -36,9 +36,11 @@ class Step:
     by_own_size: FloatArray
     """Likewise, by a size of its own in each."""
     ties: tuple[tuple[str, str | None, str | None], ...]
-    """Effects and places that explain the data as well."""
+    """Effects and places that explain the data as well, one for each of the rivals."""
     share: float
     """Gain over that of the best free functions at the axis; NaN where there are none."""
+    freedom: int
+    """Numbers that were fitted."""
     rivals: tuple[Trial, ...] = ()
     """How these were fitted."""
     picture: Picture | None = None

@@ -29,7 +29,7 @@ AGAIN = 2  # trials that are fitted from other starts
 STARTS = 4  # of each
 ROUNDS = 4  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
-TIE = 6.0  # of twice the log-likelihood: nearer, two hypotheses are one class
+TIE = 6.0  # of twice the log-likelihood, where a fit leaves noise: nearer, two hypotheses are one class
 
 Rival = Hit | ValueHit
 
@@ -60,12 +60,13 @@ class Trial:
 
     @property
     def worth(self) -> float:
-        """What the fit gains, less what as many numbers gain by chance."""
-        return self.gain - PRICE * self.freedom
+        """What the fit gains, less what as many numbers gain by chance, in the noise that it leaves."""
+        return self.gain - PRICE * self.freedom * max(1.0, self.fitted.misfit)
 
     def is_like(self, other: Trial) -> bool:
-        """Whether it explains data as well as another one does, as they are or by its numbers' worth."""
-        return self.gain > other.gain - TIE or self.worth > other.worth - TIE
+        """Whether it explains data as well as a better one does, as they are or by its numbers' worth."""
+        near = nearness(other.fitted)
+        return self.gain > other.gain - near or self.worth > other.worth - near
 
 
 class Trials:
@@ -151,8 +152,8 @@ class Trials:
         """Fit until passes end by themselves, or gain no more: over a gap the way is long, beside noise it is not."""
         for _ in range(ROUNDS):
             before = trial.fitted
-            fitted = self.case.fit(
-                before.hypothesis, self.progress, begin=before, thorough=not before.leaves_noise
+            fitted = self.case.fit_what_is_seen(
+                before.hypothesis, self.progress, before, thorough=not before.leaves_noise
             )
             further = self._of(fitted, trial.hit)
             if further.gain < trial.gain:  # an accelerated pass may leave the minimum, and be the last
@@ -206,6 +207,11 @@ class Trials:
         before, after = (one.cost(self.current.about) for one in (self.current, fitted))
         pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
+
+
+def nearness(fitted: Fitted) -> float:
+    """By how much twice the log-likelihood of another hypothesis may be smaller, for both to be one class."""
+    return TIE * max(1.0, fitted.misfit)
 
 
 def _frees(best: Trial, hit: Rival) -> bool:

@@ -67,6 +67,7 @@ def prescribe(
     *,
     sample_time: float = 1e-3,
     step: float = 2.5e-4,
+    periods: int = 1,
     keep_coordinates: bool = False,
     n_thread: int = 1,
 ) -> list[Simulation]:
@@ -85,6 +86,8 @@ def prescribe(
         Of the motors, a whole number of samples long.
     sample_time, step
         Of torque and integration, s; the sample time is a whole number of steps.
+    periods
+        How often the motion is made, one time after another.
     keep_coordinates
         Whether to return all coordinates.
     n_thread
@@ -112,7 +115,7 @@ def prescribe(
         raise ConfigurationError(
             f"prescribe: accelerations of shape {shape}; give (n_exp, n_step, {n_axis}) with {n_step} steps a sample"
         )
-    n_exp, n_sample = shape[0], shape[1] // n_step
+    n_exp, n_sample = shape[0], periods * shape[1] // n_step
     n_lane = len(models) * n_exp
     width = LANES if n_lane >= FEWEST_LANES else 1
     lanes = lanes_of_state(_starts(models, states, motion, n_exp), mechanism, forces, n_lane, width)

@@ -124,8 +124,9 @@ def run_prescribed(  # type: ignore[no-untyped-def]
 
     `single` is None where a block is one lane; `own` is None where each block is of one robot, else each lane has
     numbers of its own. `numbers` tells which set of numbers in `arrays` each block takes, (n_block,), `experiment`
-    which row of `motion` moves each lane, (n_lane,). `motion` holds the motors' accelerations, (n_exp, n_sample *
-    n_step, n_axis); torques are means over a sample.
+    which row of `motion` moves each lane, (n_lane,). `motion` holds the motors' accelerations in the steps of some
+    samples, (n_exp, n_sample * n_step, n_axis), and begins again where `outputs` take more; torques are means over a
+    sample.
     """
     chain_work, step_work = work_views(work.chain, single), step_views(work.step, single)
     n_axis, width, step = motion.shape[2], state.position.shape[2], sample_time / n_step
@@ -143,11 +144,12 @@ def run_prescribed(  # type: ignore[no-untyped-def]
         for sample in range(outputs.torque.shape[1]):
             scatter(outputs.position, position[motors:], first_lane, sample)
             scatter(outputs.coordinates, position, first_lane, sample)
+            begin = sample * n_step % motion.shape[1]
             for lane in range(width):
                 row = experiment[min(first_lane + lane, experiment.shape[0] - 1)]
                 for part in range(n_step):
                     for a in range(n_axis):
-                        given[part, a, lane] = motion[row, sample * n_step + part, a]
+                        given[part, a, lane] = motion[row, begin + part, a]
             hold_motion(chain, plant, terms, chain_work, step_work, views, given_view, mean_view, step)
             scatter(outputs.torque, mean, first_lane, sample)
             if not note_diverged(outputs, position, speed, work.step.force, first_lane, sample):

@@ -56,15 +56,16 @@ def friction_between_samples(
     for c in range(len(angle)):
         own = motion.of_configuration(c)
         speed = own.fine_speed()
-        rubbing, slope = laws.total(speed.astype(np.float32), size)
+        band_limited: FloatArray = speed.astype(np.float32)
         held = held_between(own.torque) - coefficient[-1]
-        acceleration = np.matmul(held - rubbing, mobility[c])
+        acceleration = np.matmul(held - laws.total(band_limited, size), mobility[c])
         explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s)
-        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * slope
+        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * laws.slope(band_limited, size)
         implicit = speed + (explicit - speed) / (1.0 + follows**2 / (1.0 + follows))
-        friction.append(friction_spectra(own, laws, implicit))
-        ends = (laws.total(one.astype(np.float32), size)[0] for one in (explicit, implicit))
-        unresolved.append(own.held_spectrum(next(ends) - next(ends)))
+        functions = friction_spectra(own, laws, implicit)
+        overshot = own.held_spectrum(laws.total(explicit.astype(np.float32), size))
+        friction.append(functions)
+        unresolved.append(overshot - np.einsum("kceba,ka->ceba", functions[: len(size)], size))
     return np.concatenate(friction, axis=1), covariance_of(np.concatenate(unresolved))
 
 
@@ -74,7 +75,7 @@ def _harmful(motion: MotionSpectra, laws: SpeedFunctions, size: FloatArray) -> F
     What replaces a noisy speed errs where friction does; noise alone widens what is sharp, with the square of their
     ratio, and else errs by chance.
     """
-    _, steepest = laws.total(np.zeros((1, size.shape[1])), size)
+    steepest = laws.slope(np.zeros((1, size.shape[1])), size)
     level = np.maximum(size.sum(axis=0), SMALLEST)
     band = 2 * np.pi * SPEED_BAND / motion.sample_time_s
     speed_noise = motion.angle_noise * band**2 * 2 * SPEED_BAND / 3

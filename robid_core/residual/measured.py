@@ -9,6 +9,7 @@ import numpy as np
 from robid_core.artifacts import DenseRun, Record
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
+from robid_core.estimation.torque.quick_lengths import quick_length
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
@@ -41,9 +42,12 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
     if record.line is None:
         n_config, n_axis = position.shape[0], position.shape[-1]
         n_time = position.shape[3] * position.shape[4]
-        shape = (n_config, -1, n_time, n_axis)
+        shape, kept = (n_config, -1, n_time, n_axis), quick_length(n_time)
         return windowed_motion_of(
-            position.reshape(shape), torque.reshape(shape), run.sample_time_s, highest_hz
+            position.reshape(shape)[:, :, :kept],
+            torque.reshape(shape)[:, :, :kept],
+            run.sample_time_s,
+            highest_hz,
         )
     if run.n_period - discard < 2:
         raise DataRejected(

@@ -61,10 +61,9 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         motion, whole = self.motion, self._smooth(robots[0].step_s)
         n_sample = motion.angle.shape[2]
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS if final else self.periods
-        several = replace(whole, acceleration=np.tile(whole.acceleration, (1, periods, 1)))
         linear = [linear_state(robot, motion, whole) for robot in robots]
         starts = linear if self.state is None else [_shifted(state, self.state, 1.0) for state in linear]
-        runs = prescribe_many(robots, several, starts)
+        runs = prescribe_many(robots, whole, starts, periods=periods)
         if final:
             runs = [self._rung_out(robots[0], whole, runs[0])]
             self.state = _shifted(runs[0].state, linear[0], -1.0)
@@ -77,7 +76,6 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """
         motion, n_sample = self.motion, self.motion.angle.shape[2]
         noise = (np.abs(motion.torque_deviation) ** 2).mean(axis=(0, 1, 2, 3))
-        several = replace(whole, acceleration=np.tile(whole.acceleration, (1, NEXT_PERIODS, 1)))
         most = int(LONGEST_S / (n_sample * motion.sample_time_s))
         changes = list[float]()
         for _ in range(max(1, most // NEXT_PERIODS)):
@@ -90,7 +88,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
             changes.append(float(np.sqrt((moved / least).max())))
             if changes[-1] <= STEADY:
                 break
-            run = robot.prescribe(several, run.state)
+            run = robot.prescribe(whole, run.state, periods=NEXT_PERIODS)
         if len(changes) > 1:
             self.periods = periods_until(REMAINS, changes[-1] / changes[-2], most)
         return run

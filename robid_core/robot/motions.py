@@ -96,7 +96,7 @@ class Motions:
         state
             Where everything else begins; by default at rest about the first angles, moving along.
         options
-            Of `mechanics.prescribe`, which says more: keep_coordinates, n_thread.
+            Of `mechanics.prescribe`, which says more: periods, keep_coordinates, n_thread.
         """
         from robid_core.robot.side_by_side import prescribe_many
 

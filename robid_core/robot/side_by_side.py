@@ -34,7 +34,7 @@ def prescribe_many(
         Where everything behind the motors of each robot begins; by default at rest about the first angles, moving
         along.
     options
-        Of `mechanics.prescribe`, which says more: keep_coordinates, n_thread.
+        Of `mechanics.prescribe`, which says more: periods, keep_coordinates, n_thread.
 
     Returns
     -------

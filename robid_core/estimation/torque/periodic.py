@@ -72,7 +72,7 @@ class PeriodicMotion(MotionSpectra):
 
     def divided(self, values: FloatArray, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
         """Return one period, shape of `angle`, over a gain as a function of omega, (n_omega, n_axis)."""
-        return divided_period(values, self.sample_time_s, gain)
+        return divided_period(scipy.fft.rfft(values, axis=2), values.shape[2], self.sample_time_s, gain)
 
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> PeriodicMotion:
         """Return the same with other angles and torques; by how much periods differ is kept."""

@@ -250,14 +250,14 @@ def _sampled(fine: ComplexArray, n: int) -> ComplexArray:
 
 
 def divided_period(
-    values: FloatArray, sample_time_s: float, gain: Callable[[FloatArray], ComplexArray]
+    spectrum: ComplexArray, n: int, sample_time_s: float, gain: Callable[[FloatArray], ComplexArray]
 ) -> FloatArray:
-    """One period over a gain as a function of omega, (n_omega, n_axis); time is the third of four axes."""
-    n = values.shape[2]
-    spectrum = scipy.fft.rfft(values, axis=2)
-    omega = 2 * np.pi * np.arange(spectrum.shape[2]) / (n * sample_time_s)
-    spectrum /= gain(omega)
-    result: FloatArray = scipy.fft.irfft(spectrum, n=n, axis=2)
+    """One period of n samples over a gain as a function of omega, (n_omega, n_axis), from the spectrum of the period.
+
+    Frequencies stand on the third of four axes, as time does in what is returned.
+    """
+    omega = 2 * np.pi / (n * sample_time_s) * np.arange(spectrum.shape[2], dtype=np.float64)
+    result: FloatArray = scipy.fft.irfft(spectrum / gain(omega), n=n, axis=2)
     return result
 
 

@@ -21,6 +21,7 @@ NEAR_ALONE = (0.5, 0.7, 1.0, 1.4, 2.0)  # likewise, of Coulomb friction alone
 FAR = 5  # widths above, up to TOP
 TOP = 2.0  # of the rms speed
 LEAST_TOP = 6.0  # of the told speed: for motions that are slower
+PART = 4096  # speeds of all axes at once
 EVEN = 0.6  # of the told speed; two more lie among the far ones
 
 
@@ -122,14 +123,43 @@ class SpeedFunctions:
             found[:, a] = own if (own >= 0).all() else scipy.optimize.nnls(values, values @ own)[0]
         return found
 
-    def total(self, speed: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sum of the odd functions at speeds, and its derivative by the speed, shape of `speed`, in its precision.
+    def total(self, speed: FloatArray, size: FloatArray) -> FloatArray:
+        """Sum of the odd functions at speeds, rad/s, N m, shape of `speed`, (..., n_axis), in its precision.
 
         `size` of each, N m, (n_odd, n_axis).
         """
-        torque, slope = np.zeros_like(speed), np.zeros_like(speed)
-        for width, own in zip(self.odd.astype(speed.dtype), size.astype(speed.dtype), strict=True):
-            value = np.tanh(speed / width)
-            torque += own * value
-            slope += own / width * (1 - value * value)
-        return torque, slope
+        torque = np.zeros_like(speed, order="C")
+        inverse, level = _rows(speed, 1 / self.odd), _rows(speed, size)
+        for part, own in zip(_parts(speed), _parts(torque), strict=True):
+            for one, height in zip(inverse, level, strict=True):
+                value = part * one[: len(part)]
+                np.tanh(value, out=value)
+                value *= height[: len(part)]
+                own += value
+        return torque
+
+    def slope(self, speed: FloatArray, size: FloatArray) -> FloatArray:
+        """Derivative of the sum by the speed, N m s/rad; arguments as of `total`."""
+        slope = np.zeros_like(speed, order="C")
+        inverse, steepness = _rows(speed, 1 / self.odd), _rows(speed, size / self.odd)
+        for part, own in zip(_parts(speed), _parts(slope), strict=True):
+            for one, steepest in zip(inverse, steepness, strict=True):
+                value = part * one[: len(part)]
+                np.tanh(value, out=value)
+                value *= value
+                np.subtract(1, value, out=value)
+                value *= steepest[: len(part)]
+                own += value
+        return slope
+
+
+def _parts(values: FloatArray) -> Iterator[FloatArray]:
+    """Values one after another, a few at a time: what is computed of them stays in the processor's cache."""
+    flat, length = np.ascontiguousarray(values).reshape(-1), PART * values.shape[-1]
+    return (flat[first : first + length] for first in range(0, flat.size, length))
+
+
+def _rows(speed: FloatArray, of_axes: FloatArray) -> FloatArray:
+    """Repeat numbers of functions and axes, (n_function, n_axis), along one part of speeds, in their precision."""
+    rows = min(PART, max(1, speed.size // speed.shape[-1]))
+    return np.tile(of_axes.astype(speed.dtype), (1, rows))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -27,6 +28,21 @@ from robid_core.mechanics import MotorMotion, periodic_motion
 
 VISIBLE = 0.5  # of the window: below, a sample says little of what was there
 TAPER = 0.06  # of the length, at either end
+
+
+@dataclass(frozen=True, eq=False)
+class _Waves:
+    """The odd continuation of values in waves, and the line that was taken off."""
+
+    spectrum: ComplexArray
+    first: FloatArray
+    slope: FloatArray
+
+    @classmethod
+    def of(cls, values: FloatArray, sample_time_s: float) -> _Waves:
+        """Of values at the samples."""
+        odd, first, slope = _odd_continuation(values, sample_time_s)
+        return cls(scipy.fft.rfft(odd, axis=2), first, slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +82,18 @@ class WindowedMotion(MotionSpectra):
 
     def divided(self, values: FloatArray, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
         """Return values at the samples over a gain as a function of omega, (n_omega, n_axis)."""
-        odd, first, slope = _odd_continuation(values, self.sample_time_s)
-        line = first + slope * (self.sample_time_s * np.arange(self.n_sample))[:, None]
-        waves = divided_period(odd, self.sample_time_s, gain)[:, :, : self.n_sample]
-        result: FloatArray = waves + line / gain(np.zeros(1)).real
+        return self._divided(_Waves.of(values, self.sample_time_s), gain)
+
+    def _divided(self, waves: _Waves, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
+        line = waves.first + waves.slope * (self.sample_time_s * np.arange(self.n_sample))[:, None]
+        period = divided_period(waves.spectrum, 2 * (self.n_sample - 1), self.sample_time_s, gain)
+        result: FloatArray = period[:, :, : self.n_sample] + line / gain(np.zeros(1)).real
         return result
+
+    @cached_property
+    def _torque_waves(self) -> _Waves:
+        """Of the torques: they are asked for with one delay after another."""
+        return _Waves.of(self.torque, self.sample_time_s)
 
     def advanced_torque(self, delay: FloatArray) -> ComplexArray:
         """Likewise; what moves is the torque, not the window."""
@@ -79,7 +102,9 @@ class WindowedMotion(MotionSpectra):
             turn: ComplexArray = np.exp(-1j * omega[:, None] * delay)
             return turn
 
-        return self.spectrum_of(self.divided(self.torque, late)) if np.any(delay) else self.torque_spectrum
+        if not np.any(delay):
+            return self.torque_spectrum
+        return self.spectrum_of(self._divided(self._torque_waves, late))
 
     def advancing(self, torque: ComplexArray) -> ComplexArray:
         """Likewise, less what a window that moves with them would add."""

@@ -29,8 +29,10 @@ Measured = Callable[..., Record]
 
 
 def diagnosed(record: Record, robot: Robot, **settings: object) -> Diagnosis:
+    """Diagnose, without the witness and the experiments for ties, which have tests of their own."""
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
-    return Effects.model_validate(settings).run((record,), robot, context)
+    stage = Effects.model_validate({"separate": False, "witness": ()} | settings)
+    return stage.run((record,), robot, context)
 
 
 BY_LOAD = {"coulomb": 0.0, "load_coulomb": 0.04, "load_excess": 0.0}

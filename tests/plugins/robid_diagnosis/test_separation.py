@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -24,9 +23,9 @@ from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.proposals import drawn_configurations, proposals
 from robid_diagnosis.results import finding_of, model_of
 from robid_diagnosis.selection import Selection
-from robid_diagnosis.separation import beside, ratios, separation
-from robid_diagnosis.steps import Outcome, Step
-from robid_diagnosis.trials import TIE, Trial
+from robid_diagnosis.separation import ratios, separation
+from robid_diagnosis.steps import Outcome
+from robid_diagnosis.trials import TIE
 from robid_diagnosis.wording import finding_line, gravity_text, separation_line
 
 PERIOD, T = 3000, 1e-3
@@ -159,25 +158,6 @@ def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(
     ]
     assert len(found) >= 2
     assert np.concatenate(found, axis=1).max() < SeparatingExperiment.TELLING
-
-
-def test_a_rival_is_fitted_beside_what_was_found_after_it(waves: tuple[Case, Fitted, Fitted]) -> None:
-    """It takes the place of its cause and nothing else; without anything found later its own fit is taken."""
-    case, cogging, ripple = waves
-    nothing = np.empty(0)
-    names = cogging.hypothesis.additions[0].names
-    step = Step(
-        "effect", "drive.cogging", "axis_1", "torque", names, 0.0, 0.0, *3 * [nothing], (), float("nan")
-    )
-    rival = Trial(ripple, 0.0, cast("Any", None), 0.0, 0.0)
-    assert beside(case, cogging, step, rival, lambda *_: None) is ripple
-    later = replace(cogging, hypothesis=cogging.hypothesis.with_widened(("rotor_inertia.axis_1",)))
-    found = beside(case, later, step, rival, lambda *_: None)
-    assert found is not None
-    assert found.hypothesis.widened == ("rotor_inertia.axis_1",)
-    assert [one.use for one in found.hypothesis.additions] == ["drive.torque_ripple"]
-    amplitude, error = found.estimate(found.hypothesis.additions[0].names[0])
-    assert abs(amplitude - 0.15) < 4 * error
 
 
 def test_what_does_not_repeat_is_proposed_as_a_whole(told: Robot) -> None:

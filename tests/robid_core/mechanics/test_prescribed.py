@@ -135,6 +135,19 @@ def test_a_run_goes_on_from_the_state_it_ended_in(tmp_path: Path) -> None:
     np.testing.assert_array_equal(second.torque, whole.torque[:, 20:])
 
 
+def test_a_motion_made_several_times_is_that_of_its_accelerations_one_time_after_another(
+    tmp_path: Path,
+) -> None:
+    robot = robot_of(tmp_path, EVERYTHING)
+    once = 300 * np.random.default_rng(6).standard_normal((3, 40, 6))
+    motor, still = robot.motor_angle(ANGLE), np.zeros((3, 6))
+    rest = standing(robot, motor)
+    thrice = robot.prescribe(MotorMotion(motor, still, np.tile(once, (1, 3, 1))), rest)
+    again = robot.prescribe(MotorMotion(motor, still, once), rest, periods=3)
+    np.testing.assert_array_equal(again.torque, thrice.torque)
+    np.testing.assert_array_equal(again.state.position, thrice.state.position)
+
+
 def test_a_closed_loop_in_steady_state_gives_back_its_held_torques_below_a_tenth_of_the_sampling_rate() -> (
     None
 ):
