@@ -32,6 +32,7 @@ class Revision:
         case: Case,
         searched: Searches,
         next_cause: NextCause,
+        bare: Fitted,
         failures: list[Failure],
         progress: Callable[[float, float, str], None],
     ) -> None:
@@ -45,13 +46,15 @@ class Revision:
             Holds every effect against what a fit leaves.
         next_cause
             Fits what such a search promises beside causes that are known; the best, where it is one.
+        bare
+            The fit without any cause.
         failures
             Grows by what could not be fitted.
         progress
             Told (done, all, what).
         """
         self.case, self.searched, self.next_cause = case, searched, next_cause
-        self.failures, self.progress = failures, progress
+        self.bare, self.failures, self.progress = bare, failures, progress
 
     def run(
         self, current: Fitted, steps: list[Step], motion: Motion | None, exchanges: int | None = None
@@ -69,12 +72,15 @@ class Revision:
             except RobidError as error:
                 self.failures.append(Failure(*step.key, str(error)))
                 continue
+            if without.misfit > self.bare.misfit:  # which holds nothing more: no minimum was found
+                self.failures.append(Failure(*step.key, "the fit without it went astray"))
+                continue
             lost = without.cost(current.about) - current.cost(current.about)
             if lost < LEAST * max(1.0, current.misfit):
                 return self.run(without, [*before, *after], motion, left)
             margin = max(nearness(current), BETTER * lost if current.misfit > WRONG else 0.0)
             other = self._other(without, step, [*before, *after], lost + margin, motion) if left else None
-            if other is not None:
+            if other is not None and other[0].cost(current.about) < current.cost(current.about) - margin:
                 fitted, better = other
                 return self.run(fitted, [*before, better, *after], motion, left - 1)
         return current, steps

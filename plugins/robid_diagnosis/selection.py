@@ -75,7 +75,7 @@ class Selection:
                 break
             current, step = taken
             current = self._with_its_width(current)
-            revision = Revision(self.case, self.searched, self.next_cause, self.failures, self.progress)
+            revision = Revision(self.case, self.searched, self.next_cause, base, self.failures, self.progress)
             current, steps = revision.run(current, [*steps, step], motion)
         left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))[0]
         visible = visible_sizes(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from robid_core import RobidError
 from robid_diagnosis.additions import addition_of, label_of
-from robid_diagnosis.hypothesis import Addition, Case, Fitted
+from robid_diagnosis.hypothesis import FEW, Addition, Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Failure, Hit, Search
 from robid_diagnosis.values import PRICE, ValueHit
@@ -84,6 +84,7 @@ class Trials:
         self.progress = progress
         self.failures: list[Failure] = []
         self._kept: dict[tuple[str, str | None, str | None], float] = {}
+        self._ended = set[Trial]()
 
     def run(self, rivals: Sequence[Rival], others: Sequence[Rival]) -> list[Trial]:
         """Return the rivals that gain, the best first; `others` have their turn where these leave much."""
@@ -114,7 +115,7 @@ class Trials:
             if best is not None and total(hit) * reach * luck < best.gain and not alike(hit, rivals[0]):
                 continue
             trial = self._fitted(hit, self.current)
-            if trial is not None and trial.gain < FAILED * total(hit):
+            if trial is not None and trial.gain < FAILED * total(hit) and self.case.passes > FEW:
                 trial = self._fitted(hit, self.current, roughly=False) or trial
             self._kept[key_of(hit)] = 0.0 if trial is None else trial.gain
             if trial is not None and trial.gain > self.least.of(hit):
@@ -139,11 +140,12 @@ class Trials:
         most = max((trial.gain for trial in trials), default=0.0)
         found = []
         for trial in trials:
-            if trial.gain <= CLOSE * most or trial.fitted.solution.converged:
+            if trial.gain <= CLOSE * most or trial.fitted.solution.converged or trial in self._ended:
                 found.append(trial)
                 continue
             try:
                 found.append(self._to_the_end(trial))
+                self._ended.add(found[-1])
             except RobidError as error:
                 self.failures.append(Failure(*key_of(trial.hit), str(error)))
         return sorted(found, key=lambda trial: -trial.worth)
@@ -164,7 +166,10 @@ class Trials:
         return trial
 
     def _restarted(self, hit: Hit, trials: list[Trial]) -> list[Trial]:
-        """Fit from all values of the search's grid, from here and from the told robot: a gap has many minima."""
+        """Fit from all values of the search's grid: a gap has many minima.
+
+        From here and, as long as nothing was found, from the told robot, too.
+        """
         best: Trial | None = None
         for start, begin in self._starts(hit):
             trial = self._fitted(start, begin)
@@ -186,7 +191,8 @@ class Trials:
             hits.sort(key=lambda one: -one.gain.total)
         for one in hits[:STARTS]:
             yield one, self.current
-            yield one, None
+            if not self.current.hypothesis.additions:
+                yield one, None
 
     def _fitted(self, hit: Rival, begin: Fitted | None, *, roughly: bool = True) -> Trial | None:
         """Fit the robot with one cause more, in a few passes; none where the engine cannot, which is noted."""

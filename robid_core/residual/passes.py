@@ -2,7 +2,8 @@
 
 What a prescribed motion adds to the linear model is held within a pass, so that passes are a fixed-point iteration; it
 contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated, and where passes
-do not keep what they gain, what springs, dampers and bodies change of that addition is in the derivatives.
+do not keep what they gain, what springs, dampers and bodies change of that addition is in the derivatives. A step that
+the motion shows to have led astray is made again, shorter; the point that is returned was seen to be the best.
 """
 
 from __future__ import annotations
@@ -32,6 +33,10 @@ NEARLY = 1.0  # likewise: after such a pass one that finds no way down is the la
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 KEPT = 0.3  # of the gain that derivatives promise: below, they miss what a prescribed motion does
+ASTRAY = (
+    2.0  # times the cost of the best pass, or more: what the linear model promised of its step is not there
+)
+RETREAT = 0.3  # of such a step: so much of it is tried next, with derivatives of its own
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
 
@@ -108,14 +113,19 @@ def solve(
     watched = _watched(problem)
     changes: list[float] = []
     about: Linearisation | None = None
+    best = point
     fresh, settled, doubted, before, gained = True, False, False, 0.0, 0.0
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
         _renew_signals(problem, point)
         _renew(problem, point, model_error, improve=number < IMPROVED)
-        if about is not None and changes[-1] > NEARLY:
-            kept = before - problem.cost(point, problem.weighted(point, about.weights))
-            if kept < KEPT * gained * before:
+        if about is not None:
+            reached = problem.cost(point, problem.weighted(point, about.weights))
+            if reached > ASTRAY * before:
+                point, fresh = best + RETREAT * (point - best), True
+                history = History(MEMORY)
+                continue
+            if changes[-1] > NEARLY and before - reached < KEPT * gained * before:
                 better = _better_derivatives(problem, "all" if thorough else "bent")
                 fresh |= thorough or better
         if fresh or about is None:
@@ -126,7 +136,7 @@ def solve(
             seen = visibility(problem, about)
             tell(seen)
             seen.check(np.isin(np.arange(problem.n_free), watched))
-        before = problem.cost(point, problem.weighted(point, about.weights))
+        best, before = point, problem.cost(point, problem.weighted(point, about.weights))
         found = minimised(problem, point, about)
         gained = 1 - problem.cost(found, problem.weighted(found, about.weights)) / before
         left = misfit(problem, found)
@@ -148,8 +158,31 @@ def solve(
             point = ahead if all(robot.is_possible for robot in problem.robots(ahead)) else found
     progress(passes + 1, passes + 1, "")
     assert about is not None
+    if not settled:
+        point = _better(problem, best, point, about, before, model_error)
     covariance = _covariance(problem, point, about) + np.outer(last, last)
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
+
+
+def _better(
+    problem: TorqueProblem,
+    best: FloatArray,
+    point: FloatArray,
+    about: Linearisation,
+    cost: float,
+    model_error: float,
+) -> FloatArray:
+    """Return where passes ended, or the best point before, if the motion there shows that its `cost` was less.
+
+    What a linear model promises of a long step need not be there; the next pass would have shown it.
+    """
+    _renew_signals(problem, point)
+    _renew(problem, point, model_error, improve=False)
+    if problem.cost(point, problem.weighted(point, about.weights)) <= cost:
+        return point
+    _renew_signals(problem, best)
+    _renew(problem, best, model_error, improve=False)
+    return best
 
 
 def linearise_at(

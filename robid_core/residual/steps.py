@@ -11,11 +11,12 @@ from robid_core.residual.problem import Linearisation, TorqueProblem
 
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
 DAMPING = 1e-9  # of the first step: friction functions are nearly dependent, and the torque linear in them
+TRUSTED = 1.0  # of an effect's parameter, in natural scales: further away its derivative is another one
 SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 
 
 def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
-    """Take damped Gauss-Newton steps with the derivatives of one point."""
+    """Take damped Gauss-Newton steps with the derivatives of one point, of effects no further than these hold."""
     precision, whole = 1 / problem.prior**2, about.whole
 
     latest: dict[bytes, list[FloatArray]] = {}  # a step that is taken was tried just before
@@ -37,13 +38,17 @@ def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -
         slope = precision * at - problem.gradients(weighted(at), about).sum(axis=0)
         return cost(at), slope, whole
 
+    reach, free = np.full(problem.n_unknown, np.inf), problem.free
+    reach[: problem.n_free] = [
+        TRUSTED if free.robot.parameter_kind(name) == "effect" else np.inf for name in free.names
+    ]
     open_end = np.full(problem.n_unknown - problem.n_free, np.inf)
     return levenberg_marquardt(
         equations,
         cost,
         point,
-        np.concatenate((problem.free.lower, -open_end)),
-        np.concatenate((problem.free.upper, open_end)),
+        np.maximum(np.concatenate((free.lower, -open_end)), point - reach),
+        np.minimum(np.concatenate((free.upper, open_end)), point + reach),
         STEPS,
         SMALL_GAIN,
         DAMPING,

@@ -19,6 +19,8 @@ from robid_core.robot.file.parameter_places import (
     DYNAMIC,
     ParameterPlace,
     TableRow,
+    is_prismatic,
+    linear_unit,
     places_of_structure,
 )
 from robid_core.robot.file.part import Part, line_errors
@@ -56,10 +58,13 @@ def places_of_effects(description: RobotDescription) -> dict[str, ParameterPlace
     for label, entry in description.effects.items():
         table = effect_table(entry.use)
         _refuse_misfits(description, label, entry, table)
+        slides = is_prismatic(description, entry.on)
         for row in table:
             name = f"effect.{label}.{row.name}"
             path = ("effects", label, "with", row.name)
-            found[name] = ParameterPlace(name, "effect", DYNAMIC, row.unit, path, row)
+            # the phase of a wave is an angle on any axis
+            unit = linear_unit(row.unit) if slides and row.name != "phase" else row.unit
+            found[name] = ParameterPlace(name, "effect", DYNAMIC, unit, path, row)
     return found
 
 

@@ -49,6 +49,7 @@ _LINEAR_UNITS = {  # across a prismatic axis
     "rad": "m",
     "rad/s": "m/s",
     "1/rad": "1/m",
+    "1/turn": "1/(2 pi m)",
 }
 
 
@@ -94,14 +95,26 @@ def places_of_structure(description: RobotDescription) -> dict[str, ParameterPla
     return {place.name: place for place in found}
 
 
+def linear_unit(unit: str) -> str:
+    """Return the unit that a number has across a prismatic axis."""
+    return _LINEAR_UNITS.get(unit, unit)
+
+
+def is_prismatic(description: RobotDescription, axis: str | None) -> bool:
+    """Whether there is an axis of that name whose joint slides."""
+    if axis is None or axis not in description.axes:
+        return False
+    joint = description.axes[axis].joint or axis
+    return any(body.joint == joint and body.type == "prismatic" for body in description.bodies)
+
+
 def _of_axes(description: RobotDescription) -> list[ParameterPlace]:
-    prismatic = {body.joint for body in description.bodies if body.type == "prismatic"}
     found = []
     for pattern, kind, group, unit, path in _AXIS:
         for name, axis in description.axes.items():
             if path[0] == "gear" and axis.gear is None:
                 continue
-            here = _LINEAR_UNITS.get(unit, unit) if (axis.joint or name) in prismatic else unit
+            here = linear_unit(unit) if is_prismatic(description, name) else unit
             if path == ("sensors", "encoder_counts"):
                 here = "1"  # a motor turn, or a metre
             found.append(ParameterPlace(pattern.format(name), kind, group, here, ("axes", name, *path)))

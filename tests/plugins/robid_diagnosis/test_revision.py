@@ -35,7 +35,9 @@ def test_a_cause_that_stood_in_for_another_is_exchanged(
     outcome = first.run()
     assert {step.use for step in outcome.steps} == {STANDS_IN, RIPPLE}
     whole = selection(first.case, [STANDS_IN, TRUE, RIPPLE])
-    revision = Revision(whole.case, whole.searched, whole.next_cause, whole.failures, lambda *_: None)
+    revision = Revision(
+        whole.case, whole.searched, whole.next_cause, outcome.base, whole.failures, lambda *_: None
+    )
     fitted, steps = revision.run(outcome.final, list(outcome.steps), None)
     assert {step.use for step in steps} == {TRUE, RIPPLE}
     about = outcome.final.about
