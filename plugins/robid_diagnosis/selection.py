@@ -25,7 +25,7 @@ from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
 from robid_diagnosis.steps import Outcome, Searched, Step
 from robid_diagnosis.ties import with_final_ties
-from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, key_of, total
+from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, total
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
 
@@ -203,7 +203,6 @@ class Selection:
         """Return the step that a trial is, none where held-out data do not agree."""
         search, groups = seen.search, seen.groups
         near = [other for other in trials if other is not trial and other.is_like(trial)]
-        ties = [key_of(other.hit) for other in near]
         if isinstance(trial.hit, ValueHit):
             hit, nothing = trial.hit, np.full(len(groups), np.nan)
             p_value = float(min(1.0, n_value * np.exp(hit.log_p)))
@@ -218,7 +217,6 @@ class Selection:
                 nothing,
                 nothing,
                 nothing,
-                tuple(ties),
                 float("nan"),
                 trial.freedom,
                 tuple(near),
@@ -244,7 +242,6 @@ class Selection:
             held,
             projection.by_group(whole.sums, whole.gain, groups),
             projection.by_own_size(whole.sums, whole.gain, groups),
-            tuple(ties),
             self._share(trial, search),
             trial.freedom,
             tuple(near),

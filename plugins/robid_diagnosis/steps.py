@@ -11,7 +11,7 @@ from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.pictures import Picture
 from robid_diagnosis.search import Found, Search
-from robid_diagnosis.trials import Trial
+from robid_diagnosis.trials import Trial, key_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,20 +35,23 @@ class Step:
     """Gain in each configuration, (n_config,)."""
     by_own_size: FloatArray
     """Likewise, by a size of its own in each."""
-    ties: tuple[tuple[str, str | None, str | None], ...]
-    """Effects and places that explain the data as well, one for each of the rivals."""
     share: float
     """Gain over that of the best free functions at the axis; NaN where there are none."""
     freedom: int
     """Numbers that were fitted."""
     rivals: tuple[Trial, ...] = ()
-    """How these were fitted."""
+    """What explains the data as well, and how it was fitted."""
     picture: Picture | None = None
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:
         """Effect and place."""
         return self.use, self.on, self.side
+
+    @property
+    def ties(self) -> tuple[tuple[str, str | None, str | None], ...]:
+        """Effects and places of the rivals."""
+        return tuple(key_of(one.hit) for one in self.rivals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ def _with_ties(case: Case, final: Fitted, step: Step, failures: list[Failure], p
             1.0, final.misfit
         ):
             kept.append(replace(rival, fitted=fitted))
-    return replace(step, ties=tuple(key_of(one.hit) for one in kept), rivals=tuple(kept))
+    return replace(step, rivals=tuple(kept))
 
 
 def _lacks(fitted: Fitted, final: Fitted) -> float:

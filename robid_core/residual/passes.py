@@ -3,7 +3,7 @@
 What a prescribed motion adds to the linear model is held within a pass, so that passes are a fixed-point iteration; it
 contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated, and where passes
 do not keep what they gain, what springs, dampers and bodies change of that addition is in the derivatives. A step that
-the motion shows to have led astray is made again, shorter; the point that is returned was seen to be the best.
+the motion shows to have led astray is made again, shorter; passes that end unsettled return a point that was tried.
 """
 
 from __future__ import annotations
@@ -33,9 +33,7 @@ NEARLY = 1.0  # likewise: after such a pass one that finds no way down is the la
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 KEPT = 0.3  # of the gain that derivatives promise: below, they miss what a prescribed motion does
-ASTRAY = (
-    2.0  # times the cost of the best pass, or more: what the linear model promised of its step is not there
-)
+ASTRAY = 2.0  # times the cost of the pass before, or more: what the linear model promised is not there
 RETREAT = 0.3  # of such a step: so much of it is tried next, with derivatives of its own
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses

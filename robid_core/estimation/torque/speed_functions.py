@@ -8,7 +8,7 @@ median less than 4e-4 of the Coulomb level, and of a fifth between directions 0.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,29 +128,22 @@ class SpeedFunctions:
 
         `size` of each, N m, (n_odd, n_axis).
         """
-        torque = np.zeros_like(speed, order="C")
-        inverse, level = _rows(speed, 1 / self.odd), _rows(speed, size)
-        for part, own in zip(_parts(speed), _parts(torque), strict=True):
-            for one, height in zip(inverse, level, strict=True):
-                value = part * one[: len(part)]
-                np.tanh(value, out=value)
-                value *= height[: len(part)]
-                own += value
-        return torque
+        return self._summed(speed, size, lambda turned: turned)
 
     def slope(self, speed: FloatArray, size: FloatArray) -> FloatArray:
         """Derivative of the sum by the speed, N m s/rad; arguments as of `total`."""
-        slope = np.zeros_like(speed, order="C")
-        inverse, steepness = _rows(speed, 1 / self.odd), _rows(speed, size / self.odd)
-        for part, own in zip(_parts(speed), _parts(slope), strict=True):
-            for one, steepest in zip(inverse, steepness, strict=True):
-                value = part * one[: len(part)]
-                np.tanh(value, out=value)
-                value *= value
-                np.subtract(1, value, out=value)
-                value *= steepest[: len(part)]
-                own += value
-        return slope
+        return self._summed(speed, size / self.odd, lambda turned: 1 - turned * turned)
+
+    def _summed(
+        self, speed: FloatArray, size: FloatArray, of: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Sum of what is made of each odd function, times a size, (n_odd, n_axis)."""
+        found = np.zeros_like(speed, order="C")
+        inverse, level = _rows(speed, 1 / self.odd), _rows(speed, size)
+        for part, own in zip(_parts(speed), _parts(found), strict=True):
+            for one, height in zip(inverse, level, strict=True):
+                own += height[: len(part)] * of(np.tanh(part * one[: len(part)]))
+        return found
 
 
 def _parts(values: FloatArray) -> Iterator[FloatArray]:

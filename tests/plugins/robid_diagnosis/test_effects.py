@@ -29,9 +29,9 @@ Measured = Callable[..., Record]
 
 
 def diagnosed(record: Record, robot: Robot, **settings: object) -> Diagnosis:
-    """Diagnose, without the witness and the experiments for ties, which have tests of their own."""
+    """Diagnose, without the experiments for ties, which have tests of their own."""
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
-    stage = Effects.model_validate({"separate": False, "witness": ()} | settings)
+    stage = Effects.model_validate({"separate": False} | settings)
     return stage.run((record,), robot, context)
 
 

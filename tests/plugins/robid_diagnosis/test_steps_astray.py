@@ -1,4 +1,4 @@
-"""Passes that lead astray: the point that a fit returns was seen in a prescribed motion to be the best."""
+"""Passes that lead astray: what an unsettled fit returns was seen in a prescribed motion."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def true_cost(problem: TorqueProblem, point: FloatArray, weights: TorqueProblem,
 def test_after_however_few_passes_a_fit_is_better_than_its_start(
     told: Robot, measured: Callable[..., Record], use: str, passes: int
 ) -> None:
-    """Steps as long as the linear model has them multiply the cost by up to 900, and end there after few passes."""
+    """Steps as long as the linear model has them multiply the cost by up to 960, and end there (by hand)."""
     true, far = LAWS[use]
     plant = told.with_effect("hidden", use, "axis_1", values=true)
     case = Case((measured(plant, 8, 2),), told, {}, 100.0, 0, passes, MODEL_ERROR)

@@ -57,9 +57,8 @@ def step(waves: tuple[Case, dict[str, Fitted]]) -> Step:
         Trial(fits["other"], 0.0, hits["drive.cogging"], 0.0, 0.0),
     )
     names, nothing = fits["cogging"].hypothesis.additions[0].names, np.empty(0)
-    ties = tuple(key_of(one.hit) for one in rivals)
     return Step(
-        "effect", *key_of(hits["drive.cogging"]), names, 0.0, 0.0, nothing, nothing, nothing, ties,
+        "effect", *key_of(hits["drive.cogging"]), names, 0.0, 0.0, nothing, nothing, nothing,
         float("nan"), 3, rivals,
     )  # fmt: skip
 
