@@ -1,57 +1,45 @@
-"""Rigid-body identification by inverse-dynamics least squares.
+"""Rigid-body identification by inverse dynamics: bodies, rotors, friction and effects from motion and torque.
 
-The torque of a rigid robot is linear in inertia and friction (`rigid_model`), so that sampled motion and torque
-give them in one step. Only base parameters can be told apart (Gautier 1991): of parameters that every motion
-shows together the first one is estimated, the others stand at the robot file's values. Filters and differences
-as Janot, Gautier and Brunot (2019) do it for the benchmark "EMPS".
+The torque of a rigid robot is linear in inertia and friction (`rigid_model`). Only base parameters can be told apart
+(Gautier 1991), so that the robot file's bodies and their tolerances stand beside the data: what comes out is a whole
+robot whose bodies can be (Wensing, Kim and Slotine 2018), and a report of its base parameters. Filters and differences
+as Janot, Gautier and Brunot (2019) do it for the benchmark "EMPS"; instruments as in Janot, Vandanjon and Gautier
+(2014).
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
     BoolArray,
-    DataRejected,
     Estimator,
     Fit,
     FloatArray,
     IntArray,
-    Model,
+    NotIdentifiable,
     ParameterTable,
     Record,
     Robot,
     TimeComparison,
+    pattern_problems,
 )
-from robid_core.estimation.rigid.regression import (
-    BaseParameters,
-    LinearFit,
-    base_parameters,
-    decimate,
-    decimated_index,
-    linear_least_squares,
-)
-from robid_fit.mass_matrix import mass_matrix_doubts
-from robid_fit.rigid_bodies import model_of
-from robid_fit.rigid_effects import refuse_effects
-from robid_fit.rigid_model import (
-    KINDS,
-    Columns,
-    Kind,
-    RigidMotion,
-    experiments,
-    motion_of,
-    random_motion,
-    torque_columns,
-    without_bearings,
-)
+from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
+from robid_fit.rigid_doubts import doubts
+from robid_fit.rigid_effects import rigid_robot
+from robid_fit.rigid_equations import RigidEquations, Sampling
+from robid_fit.rigid_model import KINDS, Columns, Kind, random_motion, torque_columns
+from robid_fit.rigid_solution import RigidProblem, RigidSolution
+from robid_fit.rigid_unknowns import RigidUnknowns
 
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
 # A fit that leaves more than this share of the torque unexplained describes another machine.
 LARGEST_RELATIVE_ERROR = 0.5
+SEEN = 0.5  # of what was known before: a short table shows what the data have told better
+BODIES = {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1, "rotor_inertia.*": 0.1}
 
 
 def structure(
@@ -70,22 +58,14 @@ def structure(
     return columns, wanted, base_parameters(regressor.reshape(-1, regressor.shape[2]))
 
 
-def not_physical(names: tuple[str, ...], fit: LinearFit) -> list[str]:
-    """Names of masses, rotor inertias and friction coefficients that are negative by more than two standard errors."""
-    positive = [
-        n.startswith(("mass.", "rotor_inertia.")) or n.endswith((".viscous", ".coulomb")) for n in names
-    ]
-    below = np.asarray(positive) & (fit.estimate < -2 * fit.standard_error)
-    return [names[i] for i in np.flatnonzero(below)]
-
-
 class RigidBodyFit(Estimator):
-    """Inertia and friction of a rigid robot by inverse-dynamics least squares.
+    """Inertia, friction and effects of a rigid robot by inverse-dynamics least squares.
 
-    Estimates go by the robot's own names: mass.<joint>, rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous,
-    .offset; base parameters that the robot file cannot hold are first_moment.<joint>.x and joint_inertia.<joint>.xx,
-    about the joint's frame. It knows bodies, rotors and the friction under `axes`: a robot with effects that it would
-    ignore, or count twice, is refused.
+    Estimates go by the names of the robot file: mass.<joint>, centre_of_mass.<joint>.x, inertia.<joint>.xx,
+    rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous, .offset, effect.<label>.<parameter>. The data move what
+    they show; the rest stays with the robot file's bodies, as near as their tolerances ask. Laws on motors and joints
+    are run along the measured motion, those with a memory too, with the load that the robot predicts; payloads are
+    known. `Fit.base` has the base parameters, which alone a motion can show.
 
         fit:
           use: fit.rigid
@@ -94,12 +74,22 @@ class RigidBodyFit(Estimator):
 
     unknowns: Annotated[tuple[Kind, ...], Field(min_length=1)] = KINDS
     """What is estimated; the rest stands at the robot file's values and its torque is subtracted."""
+    fixed: tuple[str, ...] = ()
+    """Patterns of parameters that are held all the same."""
+    prior: dict[str, PositiveFloat] = {}
+    """Standard deviations by pattern, in natural scales (0.01: one percent); 0.1 for bodies and rotors."""
+    widen: bool = True
+    """Whether all tolerances of bodies and rotors are widened by one factor where the data ask for it."""
+    loss: Literal["squares", "huber"] = "squares"
+    """How residuals count; huber: those beyond 1.3 deviations by their size only (knocks, drop-outs)."""
+    instruments: Literal["none", "reference"] = "none"
+    """reference: the motion that was asked for (channel position_reference) is the instrument for the noisy one."""
     cutoff_hz: PositiveFloat = 100.0
     """Edge of the low-pass on position, forward and backward; ten times the bandwidth of the motion is usual."""
     filter_order: PositiveInt = 4
     """Order of that Butterworth filter."""
     decimation: PositiveInt = 10
-    """Every such sample is kept after a common low-pass: residuals become white, standard errors honest."""
+    """Every such sample is kept after a common low-pass."""
     drop_first: NonNegativeInt = 50
     """Samples left out at the start of each experiment, where filters have no past."""
     drop_last: NonNegativeInt = 50
@@ -109,106 +99,136 @@ class RigidBodyFit(Estimator):
     discard: NonNegativeInt = 0
     """Leading periods left out of a periodic record."""
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """Patterns that mean nothing in this robot."""
+        return pattern_problems(robot, list(robot.layout), self.fixed, self.prior, lambda name: "")
+
     def run(self, record: Record, robot: Robot) -> Fit:
         """Smooth, differentiate, decimate, solve."""
+        stiff = rigid_robot(robot)
         speed = robot.drives.friction_speed
         if self.friction_speed is not None:
             speed = np.full(robot.n_axis, self.friction_speed)
-        nominal, robot = robot, without_bearings(robot)
-        refuse_effects(robot, self.unknowns)
-        columns, wanted, base = structure(robot, self.unknowns, speed)
-        named = np.flatnonzero(wanted)[base.independent]
-        held = np.setdiff1d(np.arange(len(columns.names)), named)
-        regressors, explained, torques, times, positions = [], [], [], [], []
-        elapsed = 0.0
-        for run in record.runs:
-            for position, torque in experiments(run, robot, self.discard):
-                motion = motion_of(position, run.sample_time_s, self.cutoff_hz, self.filter_order)
-                kept = self._window(len(torque))
-                full = torque_columns(robot, _cut(motion, kept), speed)
-                regressors.append(decimate(full.regressor[:, :, named], self.decimation))
-                explained.append(decimate(full.regressor[:, :, held] @ full.value[held], self.decimation))
-                torques.append(decimate(torque[kept], self.decimation))
-                positions.append(motion.position[kept])
-                index = np.arange(len(position))[kept][decimated_index(len(torque[kept]), self.decimation)]
-                times.append(elapsed + index * run.sample_time_s)
-                elapsed += len(position) * run.sample_time_s
-        measured, known = np.concatenate(torques), np.concatenate(explained)
-        names = tuple(columns.names[i] for i in named)
-        fit = linear_least_squares(np.concatenate(regressors), measured - known, names)
-        symbol = record.runs[0].channel("motor_torque").unit_symbol
-        value = columns.value.copy()
-        value[named] = fit.estimate
-        doubts = mass_matrix_doubts(robot, value, np.concatenate(positions))
-        model = model_of(nominal, columns, named, fit)
-        result = _result(
-            columns, named, fit, model, symbol, np.concatenate(times), measured, robot.axis_names
+        sampling = Sampling(
+            self.cutoff_hz,
+            self.filter_order,
+            self.decimation,
+            self.drop_first,
+            self.drop_last,
+            self.discard,
         )
-        return result.replace(stated_doubts=doubts)
+        equations = RigidEquations.of_record(record, stiff, speed, sampling)
+        instruments = None
+        if self.instruments == "reference":
+            instruments = RigidEquations.of_record(record, stiff, speed, sampling, "position_reference")
+        known = {k: v for k, v in BODIES.items() if k.partition(".")[0] in self._kinds_of_bodies()}
+        unknowns = RigidUnknowns.of_robot(
+            stiff, equations.columns, self.unknowns, self.fixed, {**known, **self.prior}
+        )
+        columns, wanted, base = structure(stiff, self.unknowns, speed)
+        _refuse_still(equations, np.flatnonzero(wanted)[base.independent])
+        problem = RigidProblem(
+            equations, unknowns, instruments, robust=self.loss == "huber", widen=self.widen
+        )
+        solution = problem.solve()
+        return _result(robot, record, equations, unknowns, solution, columns, wanted, base)
 
-    def _window(self, n_sample: int) -> slice:
-        if n_sample <= self.drop_first + self.drop_last + self.decimation:
-            raise DataRejected(
-                f"fit.rigid: an experiment has {n_sample} samples only; lower drop_first and drop_last"
-            )
-        return slice(self.drop_first, n_sample - self.drop_last)
+    def _kinds_of_bodies(self) -> tuple[str, ...]:
+        bodies = ("mass", "centre_of_mass", "inertia") if "inertia" in self.unknowns else ()
+        return (*bodies, "rotor_inertia") if "rotor_inertia" in self.unknowns else bodies
 
 
-def _cut(motion: RigidMotion, kept: slice) -> RigidMotion:
-    return RigidMotion(motion.position[kept], motion.velocity[kept], motion.acceleration[kept])
+def _refuse_still(equations: RigidEquations, independent: IntArray) -> None:
+    """Refuse a record in which a base parameter does not act at all."""
+    regressor = equations.regressor[:, :, independent]
+    still = np.flatnonzero(~regressor.any(axis=(0, 1)))
+    if len(still):
+        unseen = ", ".join(equations.columns.names[independent[i]] for i in still)
+        raise NotIdentifiable(f"the motion does not excite {unseen}; move these axes or hold the parameters")
 
 
 def _result(
+    robot: Robot,
+    record: Record,
+    equations: RigidEquations,
+    unknowns: RigidUnknowns,
+    solution: RigidSolution,
     columns: Columns,
-    named: IntArray,
-    fit: LinearFit,
-    model: Model,
-    symbol: str,
-    time: FloatArray,
-    measured: FloatArray,
-    axis_names: tuple[str, ...],
+    wanted: BoolArray,
+    base: BaseParameters,
 ) -> Fit:
-    names = tuple(columns.names[i] for i in named)
-    relative = float(np.linalg.norm(fit.residual) / np.linalg.norm(measured))
-    wrong = not_physical(names, fit)
+    point, covariance, residual = solution.at.point, solution.covariance, solution.at.residual
+    names, layout = unknowns.names, robot.layout
+    slope = unknowns.slopes(point)
+    values = unknowns.values(point)
+    own = slope @ covariance @ slope.T
+    at_bound = (point <= unknowns.lower) | (point >= unknowns.upper)
+    seen = ~(np.diag(covariance) > (SEEN * solution.prior) ** 2)
+    # Base parameters: independent columns, and what stands for others with them.
+    combined = np.zeros((len(base.independent), len(columns.names)))
+    places = np.flatnonzero(wanted)
+    combined[np.arange(len(base.independent)), places[base.independent]] = 1.0
+    combined[:, places[base.dependent]] = base.grouping
+    by_unknown = combined @ unknowns.linear_slopes(point)
+    base_names = tuple(columns.names[i] for i in places[base.independent])
+    base_error = np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", by_unknown, covariance, by_unknown), 0.0))
+    measured = equations.torque
+    relative = float(np.linalg.norm(residual) / np.linalg.norm(measured))
+    known = int((base_error < 0.1 * np.abs(combined @ unknowns.linear(point))).sum())
     status = (
-        f"linear least squares, {measured.size} equations, {len(names)} base parameters, condition number "
-        f"{fit.condition:.3g}, relative torque error {100 * relative:.2f} %"
+        f"{measured.size} equations, {len(names)} unknowns; {len(base_names)} base parameters, {known} of them known "
+        f"to a tenth; relative torque error {100 * relative:.2f} %"
     )
-    if wrong:
-        status = f"not physical: {', '.join(wrong)} negative; {status}"
-    elif relative > LARGEST_RELATIVE_ERROR:
+    if solution.widened > 1:
+        status += f"; tolerances of bodies widened {solution.widened:.3g} times"
+    if relative > LARGEST_RELATIVE_ERROR:
         status = f"the model leaves more than half of the torque unexplained; {status}"
+    elif not solution.converged:
+        status = f"{solution.n_rounds} rounds were not enough; {status}"
     return Fit(
         method="rigid body, inverse-dynamics least squares",
         status=status,
-        converged=not wrong and relative <= LARGEST_RELATIVE_ERROR,
+        converged=solution.converged and relative <= LARGEST_RELATIVE_ERROR,
         misfit=1.0,
         misfit_against="",  # the residual itself gives the noise level
         n_starts=1,
         n_agree=1,
         parameters=ParameterTable(
             names=names,
-            units=tuple(columns.units[i] for i in named),
-            groups=tuple(columns.groups[i] for i in named),
-            start=columns.value[named],
-            estimate=fit.estimate,
-            standard_error=fit.standard_error,
-            reported=np.ones(len(names), dtype=bool),
-            at_bound=np.zeros(len(names), dtype=bool),
+            units=tuple(layout[name].unit for name in names),
+            groups=tuple(layout[name].kind for name in names),
+            start=unknowns.values(unknowns.start),
+            estimate=values,
+            standard_error=np.sqrt(np.maximum(np.diag(own), 0.0)),
+            reported=seen,
+            at_bound=at_bound,
+            prior=np.sqrt(
+                ((slope * np.where(np.isfinite(solution.prior), solution.prior, 0.0)) ** 2).sum(axis=1)
+            ),
         ),
-        covariance=fit.covariance,
+        base=ParameterTable(
+            names=base_names,
+            units=tuple(columns.units[i] for i in places[base.independent]),
+            groups=tuple(columns.groups[i] for i in places[base.independent]),
+            start=combined @ unknowns.linear(unknowns.start),
+            estimate=combined @ unknowns.linear(point),
+            standard_error=base_error,
+            reported=np.ones(len(base_names), dtype=bool),
+            at_bound=np.zeros(len(base_names), dtype=bool),
+        ),
+        covariance=covariance,
         free_names=names,
         time=(
             TimeComparison(
-                axis_names=axis_names,
+                axis_names=robot.axis_names,
                 channel="motor_torque",
-                unit_symbol=symbol,
+                unit_symbol=record.runs[0].channel("motor_torque").unit_symbol,
                 relative_error=relative,
-                time_s=time,
+                time_s=equations.time_s,
                 measured=measured,
-                modelled=measured - fit.residual,
+                modelled=measured - residual,
             ),
         ),
-        model=model,
+        stated_doubts=doubts(equations, unknowns, solution, by_unknown, base_names),
+        model=robot.model(dict(zip(names, values.tolist(), strict=True)), names, own),
     )

@@ -1,52 +1,107 @@
-"""Effects that a rigid-body fit would ignore or count twice: it refuses robots that have them, by name.
+"""Effects in a rigid fit: laws that act on motors or joints are run along the measured motion, with the predicted load.
 
-What the torque shows of a law, a signal or an elastic coordinate would go into the estimates, and act once more beside
-them in the robot that has them. So would a payload that is part of an estimated mass. Where inertia is not estimated
-a payload is known, like any body.
+What a law does to the load of another is known from the prediction of the present robot, never from the measured
+torque, whose noise would come in twice. Laws on signals and along springs are none of a rigid robot and are refused.
 """
 
 from __future__ import annotations
 
-from robid_core import ConfigurationError, Robot
-from robid_fit.rigid_model import random_motion, torque_columns
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from robid_core import (
+    ConfigurationError,
+    FloatArray,
+    ForceEffect,
+    Robot,
+    RobotMotion,
+    effect_columns,
+    forces_along,
+)
+from robid_core.mechanics import ForceTerm
+from robid_fit.rigid_model import RigidMotion, random_motion, torque_columns
+
+ELASTIC = ("gear", "bearing")
 
 
-def refuse_effects(robot: Robot, unknowns: tuple[str, ...]) -> None:
-    """Check that the rigid model of a robot is whole without its effects.
-
-    Parameters
-    ----------
-    robot
-        Without elastic coordinates of its own.
-    unknowns
-        Kinds of parameters that are estimated.
+def rigid_robot(robot: Robot) -> Robot:
+    """Return the robot with stiff bearings, gears and links, its payloads and laws on motors and joints in place.
 
     Raises
     ------
     ConfigurationError
-        Where it is not; the message names the effects and says what to do.
+        Where it has an effect that means nothing without springs, or acts on signals; the message names it.
     """
-    entries = robot.description.effects
-    bare, beside = robot.without_effect(*entries), []
-    for label in entries:
-        others = [other for other in entries if other != label]
-        if _acts_beside(robot.without_effect(*others), bare, unknowns):
-            beside.append(label)
-    if beside:
-        told = ", ".join(f"{label} ({entries[label].use})" for label in beside)
+    wrong = [bound.label for bound in robot.effects if bound.place.side in ELASTIC]
+    wrong += [bound.label for bound in robot.effects if not issubclass(bound.effect, ForceEffect)]
+    description = robot.description
+    axes = {name: axis.model_copy(update={"gear": None}) for name, axis in description.axes.items()}
+    bodies = tuple(body.model_copy(update={"flexible": None}) for body in description.bodies)
+    kept = {label: entry for label, entry in description.effects.items() if label not in wrong}
+    changes = {"bearings": {}, "bodies": bodies, "axes": axes, "effects": kept}
+    stiff = dataclasses.replace(robot, description=description.model_copy(update=changes))
+    bare = torque_columns(stiff.without_effect(*kept), *_anywhere(robot))
+    for label in kept:
+        others = [other for other in kept if other != label]
+        if torque_columns(stiff.without_effect(*others), *_anywhere(robot)).names != bare.names:
+            wrong.append(label)  # more coordinates
+    if wrong:
+        entries = description.effects
+        told = ", ".join(f"{label} ({entries[label].use})" for label in dict.fromkeys(wrong))
         raise ConfigurationError(
-            f"fit.rigid knows bodies, rotors and the friction under axes, no effects; {robot.name} has {told}: take "
-            "them out of the robot file (friction of a motor goes to axes.<name>.friction, a payload into the bodies), "
-            "or fit periodic records with fit.torque_residual"
+            f"fit.rigid knows bodies, payloads, and laws on motors and joints; {robot.name} has {told}: take that out "
+            "of the robot file, or fit with fit.torque_residual"
         )
+    return stiff
 
 
-def _acts_beside(robot: Robot, bare: Robot, unknowns: tuple[str, ...]) -> bool:
-    """Tell whether a robot with one effect does what its rigid model cannot, or has another value of an unknown."""
-    if robot.structure.effects:
-        return True  # a law on a motion or a signal
-    here, there = (torque_columns(r, random_motion(r, 1), r.drives.friction_speed) for r in (robot, bare))
-    if here.names != there.names:
-        return True  # more coordinates
-    moved = {k for k, mine, its in zip(here.kinds, here.value, there.value, strict=True) if mine != its}
-    return not moved.isdisjoint(unknowns)
+def _anywhere(robot: Robot) -> tuple[RigidMotion, FloatArray]:
+    return random_motion(robot, 1), robot.drives.friction_speed
+
+
+def needs_load(robot: Robot) -> bool:
+    """Whether a law asks for the torque that a gear passes."""
+    return any(term.load.any() for term in robot.forces if isinstance(term, ForceTerm))
+
+
+def effect_torque(
+    robot: Robot, names: Sequence[str], motion: RigidMotion, sample_time: float, bodies: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Torque of all effects along a motion, and its derivative for some of their parameters.
+
+    Parameters
+    ----------
+    robot
+        Rigid.
+    names
+        Of parameters, `effect.<label>.<name>`.
+    motion, sample_time
+        Of the motors, and s.
+    bodies
+        Torque of bodies and rotors along it, N m at the motors, (n_sample, n_axis).
+
+    Returns
+    -------
+    torque : (n_sample, n_axis)
+    columns : (n_sample, n_axis, n_name)
+    """
+    labels = [bound.label for bound in robot.effects]
+    behind = [bound.label for bound in robot.effects if bound.place.side == "arm"]
+    along = RobotMotion(motion.position[None], motion.velocity[None], sample_time, torque=bodies[None])
+    if behind and needs_load(robot):
+        along = dataclasses.replace(along, torque=(bodies + _exerted(robot, along, behind))[None])
+    columns = np.zeros((*bodies.shape, len(names)))
+    for column in effect_columns(robot, names, along):
+        columns[:, :, names.index(column.name)] += column.values[0, :, None] * column.direction
+    return _exerted(robot, along, labels), columns
+
+
+def _exerted(robot: Robot, along: RobotMotion, labels: Sequence[str]) -> FloatArray:
+    """Motor torque that laws take, (n_sample, n_axis)."""
+    total = np.zeros(along.position.shape[1:])
+    for force in forces_along(robot, along, labels).forces:
+        if force.term.label in labels:
+            total += force.run.force[0, :, None] * force.term.direction
+    return total

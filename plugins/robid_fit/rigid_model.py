@@ -8,7 +8,6 @@ Names are those of the robot's parameters, so that estimates can be put back int
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -20,8 +19,8 @@ from robid_core.estimation.rigid.regression import differentiate, smooth
 from robid_core.estimation.rigid.rigid_body import PARAMETERS, UNITS
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
 
-Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset"]
-KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")
+Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset", "effects"]
+KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset", "effects")
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,10 @@ class Columns:
     regressor: FloatArray  # (n_sample, n_axis, n_parameter), N m (N) at the motor per unit
 
 
-def experiments(run: DenseRun, robot: Robot, discard: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield motor position and motor torque of every experiment, periods joined, each (n_sample, n_axis).
+def experiments(
+    run: DenseRun, robot: Robot, discard: int, channel: str = "motor_position"
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield motor position, from a channel, and motor torque of every experiment, periods joined, (n_sample, n_axis).
 
     Raises
     ------
@@ -54,10 +55,10 @@ def experiments(run: DenseRun, robot: Robot, discard: int) -> Iterator[tuple[Flo
         If torque or position was not recorded, of every axis and at every sample.
     """
     torque = run.values("motor_torque")
-    if "motor_position" not in run.channels and "joint_position" in run.channels:
+    if channel == "motor_position" and channel not in run.channels and "joint_position" in run.channels:
         position = robot.motor_angle(run.values("joint_position"))
     else:
-        position = run.values("motor_position")
+        position = run.values(channel)
     for name, values in (("position", position), ("motor_torque", torque)):
         if not (np.isfinite(values).all() and run.valid[:, :, :, discard:].all()):
             raise DataRejected(
@@ -77,13 +78,6 @@ def motion_of(position: FloatArray, sample_time: float, cutoff_hz: float, order:
     smoothed = smooth(position, sample_time, cutoff_hz, order)
     velocity = differentiate(smoothed, sample_time)
     return RigidMotion(smoothed, velocity, differentiate(velocity, sample_time))
-
-
-def without_bearings(robot: Robot) -> Robot:
-    """Return the robot with stiff bearings and links: each body is again on its own joint."""
-    bodies = tuple(body.model_copy(update={"flexible": None}) for body in robot.description.bodies)
-    rigid = robot.description.model_copy(update={"bearings": {}, "bodies": bodies})
-    return dataclasses.replace(robot, description=rigid)
 
 
 def random_motion(robot: Robot, n_sample: int) -> RigidMotion:

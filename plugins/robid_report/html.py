@@ -225,6 +225,7 @@ class HtmlReport(ReportStage):
             "residuals": residual_sections(diagnosis),
             "rows": [row for row in table if row.reported],
             "nuisances": [row for row in table if not row.reported],
+            "base": rows(fit.base, None)[0] if fit is not None and fit.base is not None else [],
             "plant": truth.plant if truth is not None else "",
             "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],

@@ -1,7 +1,7 @@
 """Why the numbers of a fit should be doubted: one list for screen, page, manifest and exit code.
 
 Judged from the `Fit` alone, so that the fit of a stranger and one of an earlier version are judged by the same rules;
-what only an estimator can know (a mass matrix, say) it states itself in `Fit.stated_doubts`.
+what only an estimator can know (that experiments disagree, say) it states itself in `Fit.stated_doubts`.
 """
 
 from __future__ import annotations

@@ -100,7 +100,8 @@ class Fit(Artifact):
     checks nothing. `model_error` is the relative error that the weights grant to the model. `stated_doubts` are what
     only the estimator can know; `doubts` are all. `covariance` is that of the unknowns as the method has them
     (logarithms, natural scales); `model` is the robot that was found, its covariance in the parameters' own units:
-    `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`.
+    `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`. `base` are the combinations of inertial
+    parameters that motion can show at all, where the estimator knows them.
     """
 
     method: str
@@ -119,6 +120,7 @@ class Fit(Artifact):
     model_error: float | None = None
     stated_doubts: tuple[Doubt, ...] = ()
     model: Model | None = None
+    base: ParameterTable | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:

@@ -30,6 +30,7 @@ from robid_core.robot.file.parameter_places import MOMENTS
 
 SMALLEST_SHARE = 1e-6  # of the largest second moment: below it a body counts as flat, and stays so
 
+NEAR = 1e-5  # of eigenvalues: the mean of two exponentials is their divided difference to 1e-11
 INSIDE = 2e-3  # of coordinates: a difference may still be taken beside a bound
 
 
@@ -127,10 +128,7 @@ class FreeParameters:
         found = dict(zip(self.names, value.tolist(), strict=True))
         index = {name: i for i, name in enumerate(self.names)}
         for joint, root in self.root.items():
-            change = np.zeros((3, 3))
-            for moment, (i, j) in MOMENTS.items():
-                change[i, j] = change[j, i] = point[index[f"inertia.{joint}.{moment}"]]
-            eigen, axes = np.linalg.eigh(change)
+            eigen, axes = np.linalg.eigh(self._change(joint, point, index))
             second = root @ (axes * np.exp(eigen)) @ axes.T @ root
             inertia = np.trace(second) * np.eye(3) - second
             found |= {f"inertia.{joint}.{moment}": float(inertia[entry]) for moment, entry in MOMENTS.items()}
@@ -154,16 +152,33 @@ class FreeParameters:
         )
 
     def jacobian(self, point: FloatArray) -> FloatArray:
-        """Derivative of the values for the coordinates, shape (n, n), by central differences of 1e-6: exact to 1e-9."""
-        step, columns = 1e-6, []
-        for i in range(len(point)):
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = point.copy()
-                moved[i] += sign * step
-                ends.append(np.array(list(self.values(moved).values())))
-            columns.append((ends[0] - ends[1]) / (2 * step))
-        return np.stack(columns, axis=1)
+        """Derivative of the values for the coordinates, shape (n, n)."""
+        result = np.diag(self.slopes(point))
+        index = {name: i for i, name in enumerate(self.names)}
+        for joint, root in self.root.items():
+            rows = [index[f"inertia.{joint}.{moment}"] for moment in MOMENTS]
+            eigen, axes = np.linalg.eigh(self._change(joint, point, index))
+            growth = np.exp(eigen)
+            apart = eigen[:, None] - eigen
+            # Divided differences of the exponential (Daleckii and Krein); (e^a - e^b) / (a - b) without cancelling.
+            mean = np.exp((eigen[:, None] + eigen) / 2)
+            ratio = np.where(
+                np.abs(apart) < NEAR, mean, (growth[:, None] - growth) / np.where(apart == 0, 1.0, apart)
+            )
+            for column, (i, j) in zip(rows, MOMENTS.values(), strict=True):
+                unit = np.zeros((3, 3))
+                unit[i, j] = unit[j, i] = 1.0
+                second = root @ axes @ (ratio * (axes.T @ unit @ axes)) @ axes.T @ root
+                inertia = np.trace(second) * np.eye(3) - second
+                result[rows, column] = [inertia[entry] for entry in MOMENTS.values()]
+        return result
+
+    def _change(self, joint: str, point: FloatArray, index: Mapping[str, int]) -> FloatArray:
+        """Symmetric E of a body, (3, 3)."""
+        change = np.zeros((3, 3))
+        for moment, (i, j) in MOMENTS.items():
+            change[i, j] = change[j, i] = point[index[f"inertia.{joint}.{moment}"]]
+        return change
 
 
 def held_moments(names: Sequence[str]) -> dict[str, list[str]]:

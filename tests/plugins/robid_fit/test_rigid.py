@@ -7,118 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide
 
-from robid_core import (
-    Channel,
-    ConfigurationError,
-    DataRejected,
-    DenseRun,
-    Fit,
-    NotIdentifiable,
-    Record,
-    Robot,
-)
+from robid_core import ConfigurationError, DataRejected, Fit, NotIdentifiable, Robot
 from robid_core.testing import check_stage
-from robid_fit.mass_matrix import mass_matrix
 from robid_fit.rigid import RigidBodyFit
-from robid_fit.rigid_model import random_motion, torque_columns
-
-STEP = 1e-3
-DRIVE = {"torque_limit": 1e3, "speed_limit": 1e3, "controller": {"speed_gain": 0.1}}
-TILT = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]  # turns the z axis into the horizontal
-# Two coupled revolute axes and a slide on top, all excited by gravity or motion.
-ARM: dict[str, Any] = {
-    "robid_robot": 1,
-    "name": "arm",
-    "bodies": [
-        {"joint": "j1", "rotation": TILT, "mass": 8.0, "centre_of_mass": [0.2, 0.05, 0.0],
-         "inertia": [[0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.25]]},
-        {"joint": "j2", "parent": "j1", "translation": [0.5, 0, 0], "mass": 5.0, "centre_of_mass": [0.15, 0, 0.02],
-         "inertia": [[0.05, 0, 0], [0, 0.06, 0], [0, 0, 0.08]]},
-        {"joint": "j3", "parent": "j2", "type": "prismatic", "axis": [1, 0, 0], "translation": [0.3, 0, 0], "mass": 2.0,
-         "inertia": [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]},
-    ],
-    "axes": {
-        f"j{i}": {**DRIVE, "rotor_inertia": j, "friction": {"coulomb": c, "viscous": v, "offset": o, "speed": 0.05}}
-        for i, j, c, v, o in ((1, 2e-3, 0.4, 0.02, 0.05), (2, 1e-3, 0.3, 0.01, -0.04), (3, 0.5, 3.0, 5.0, 0.2))
-    },
-    "coupling": [[0.02, 0, 0], [0.004, -0.025, 0], [0, 0, 1.0]],
-}  # fmt: skip
-
-
-def loaded(folder: Path, data: dict[str, Any]) -> Robot:
-    path = folder / f"{data['name']}.yaml"
-    path.write_text(json.dumps(data))
-    return Robot.load(path.name, folder)
-
-
-def pinocchio_model(robot: Robot) -> pin.Model:
-    chain, model = robot.chain, pin.Model()
-    for j in range(chain.n_coordinate):
-        axis = chain.axis[j]
-        prismatic = chain.joint_type[j] == 1
-        joint = pin.JointModelPrismaticUnaligned(axis) if prismatic else pin.JointModelRevoluteUnaligned(axis)
-        placement = pin.SE3(chain.rotation[j], chain.translation[j])
-        index = model.addJoint(int(chain.parent[j]) + 1, joint, placement, chain.names[j])
-        model.appendBodyToJoint(
-            index, pin.Inertia(chain.mass[j], chain.centre_of_mass[j], chain.inertia[j]), pin.SE3.Identity()
-        )
-    model.gravity.linear = chain.gravity
-    return model
-
-
-def waves(
-    n_axis: int, size: np.ndarray, seconds: float, seed: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Joint motion as a sum of slow sines, with exact derivatives."""
-    draw, time = np.random.default_rng(seed), np.arange(round(seconds / STEP)) * STEP
-    omega = 2 * np.pi * draw.uniform(0.2, 1.2, (6, n_axis))
-    phase, amplitude = draw.uniform(0, 2 * np.pi, (6, n_axis)), size * draw.uniform(0.2, 1, (6, n_axis))
-    angle = omega[None] * time[:, None, None] + phase
-    return (
-        (amplitude * np.sin(angle)).sum(axis=1),
-        (amplitude * omega * np.cos(angle)).sum(axis=1),
-        -(amplitude * omega**2 * np.sin(angle)).sum(axis=1),
-    )
-
-
-def recording(
-    robot: Robot, seed: int, seconds: float = 20.0, noise: float = 0.0, smooth_friction: bool = True
-) -> Record:
-    """What a drive would record: the torque comes from pinocchio and from friction written out here."""
-    size = np.where(robot.chain.joint_type == 1, 0.05, 0.4)
-    q, v, a = waves(robot.n_axis, size, seconds, seed)
-    model = pinocchio_model(robot)
-    data = model.createData()
-    joint_torque = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
-    motor = [np.linalg.solve(robot.drives.gear, part.T).T for part in (q, v, a)]
-    d = robot.drives
-    direction = np.tanh(motor[1] / d.friction_speed) if smooth_friction else np.sign(motor[1])
-    torque = joint_torque @ d.gear + d.rotor_inertia * motor[2] + d.viscous * motor[1]
-    torque = torque + d.coulomb * direction + d.friction_offset
-    torque += noise * np.random.default_rng(seed + 1000).normal(size=torque.shape)
-    return record_of(robot, motor[0], torque)
-
-
-def record_of(robot: Robot, position: np.ndarray, torque: np.ndarray, valid: bool = True) -> Record:
-    def channel(values: np.ndarray, unit: str) -> Channel:
-        return Channel("motor", unit, values[None, None, None, None])
-
-    n = len(position)
-    run = DenseRun(
-        sample_time_s=STEP,
-        channels={"motor_position": channel(position, "rad"), "motor_torque": channel(torque, "N m")},
-        time_s=np.arange(n) * STEP,
-        valid=np.full((1, 1, 1, 1, n), valid),
-    )
-    return Record(robot.axis_names, "computed", "continuous", (run,), np.zeros((1, robot.n_axis)))
 
 
 def relative_deviation(fit: Fit, robot: Robot) -> dict[str, float]:
     known = robot.parameters()
-    return {n: v / known[n] - 1 for n, v in fit.parameters.as_mapping().items() if n in known}
+    return {n: v / known[n] - 1 for n, v in fit.parameters.as_mapping().items() if known[n]}
 
 
 def test_a_coupled_arm_with_a_slide_is_recovered(tmp_path: Path) -> None:
@@ -127,41 +26,48 @@ def test_a_coupled_arm_with_a_slide_is_recovered(tmp_path: Path) -> None:
         recording(robot, 1), robot
     )
     assert fit.converged
-    # The start values are the truth here: what the file says of dependent parameters is right. Errors left are those
-    # of central differences at 1.2 Hz, (w h)^2/3 = 2e-5, of friction that is smoothed, and of the filters' ends.
-    table = fit.parameters
-    scale = np.maximum(np.abs(table.start), 0.01 * np.abs(table.start).max())
-    assert (np.abs(table.estimate - table.start) / scale).max() < 0.02
-    for name, deviation in relative_deviation(fit, robot).items():
-        assert abs(deviation) < 0.005, name
+    # The start values are the truth here. Errors left are those of central differences at 1.2 Hz, (w h)^2/3 = 2e-5, of
+    # friction that is smoothed, and of the filters' ends.
+    assert fit.base is not None
+    for table in (fit.base, fit.parameters):
+        scale = np.maximum(np.abs(table.start), 0.01 * np.abs(table.start).max())
+        assert (np.abs(table.estimate - table.start) / scale).max() < 0.02
+    assert fit.parameters.standard_error[fit.parameters.names.index("mass.j3")] < 0.01
     assert fit.time[0].relative_error < 2e-3
 
 
-def test_the_mass_matrix_of_the_estimates_is_pinocchios(tmp_path: Path) -> None:
+def test_a_torque_of_the_wrong_sign_gives_no_fit_and_still_a_robot_that_can_be(tmp_path: Path) -> None:
     robot = loaded(tmp_path, ARM)
-    columns = torque_columns(robot, random_motion(robot, 2), robot.drives.friction_speed)
-    model, drives = pinocchio_model(robot), robot.drives
-    angle = np.random.default_rng(0).uniform(-1, 1, (4, 3))
-    found = mass_matrix(robot, columns.value, robot.motor_angle(angle))
-    for pose, own in zip(angle, found, strict=True):
-        joints = pin.crba(model, model.createData(), pose)
-        joints = np.triu(joints) + np.triu(joints, 1).T
-        expected = drives.gear.T @ joints @ drives.gear + np.diag(drives.rotor_inertia)
-        np.testing.assert_allclose(own, expected, rtol=1e-10, atol=1e-12)
-
-
-def test_N11_a_torque_of_the_wrong_sign_gives_inertias_that_no_robot_has(tmp_path: Path) -> None:
-    robot = loaded(tmp_path, ARM)
-    right = recording(robot, 1)
+    right = recording(robot, 1, noise=0.05)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
-    assert settings.run(right, robot).doubts == ()
+    assert [doubt.kind for doubt in settings.run(right, robot).doubts] == []
     flipped = record_of(
         robot, *(right.run.values(f"motor_{n}")[0, 0, 0, 0] * s for n, s in (("position", 1), ("torque", -1)))
     )
-    (doubt,) = settings.run(flipped, robot).stated_doubts
-    assert doubt.kind == "mass matrix"
-    assert "not positive in 50 of 50 poses" in doubt.sentence
-    assert "sign of torque" in doubt.remedy
+    fit = settings.run(flipped, robot)
+    assert not fit.converged
+    assert "more than half of the torque unexplained" in fit.status
+    assert {doubt.kind for doubt in fit.doubts} >= {"convergence", "tolerance"}
+    assert fit.model is not None
+    angle = np.random.default_rng(0).uniform(-3, 3, (200, 3)) * [1, 1, 0.1]
+    assert (np.linalg.eigvalsh(Robot.of_model(fit.model).second_order(angle).mass) > 0).all()
+
+
+def test_the_mass_matrix_is_positive_everywhere_however_little_a_motion_shows(tmp_path: Path) -> None:
+    """Base parameters alone, by least squares, have a negative eigenvalue somewhere in 9 of 10 such records."""
+    truth = loaded(tmp_path, ARM)
+    wrong = json.loads(json.dumps(ARM))
+    wrong["name"] = "nominal"
+    for body in wrong["bodies"]:
+        body["mass"] *= 1.5
+        body["centre_of_mass"] = [0.6 * x for x in body.get("centre_of_mass", [0, 0, 0])]
+    robot = loaded(tmp_path, wrong)
+    settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=100, drop_last=100)
+    angle = np.random.default_rng(0).uniform(-3, 3, (300, 3)) * [1, 1, 0.1]
+    for seed in range(5):
+        fit = settings.run(recording(truth, seed, seconds=1.0, noise=0.3), robot)
+        assert fit.model is not None
+        assert (np.linalg.eigvalsh(Robot.of_model(fit.model).second_order(angle).mass) > 0).all()
 
 
 def test_what_was_fitted_predicts_another_motion(tmp_path: Path) -> None:
@@ -172,14 +78,18 @@ def test_what_was_fitted_predicts_another_motion(tmp_path: Path) -> None:
         body["mass"] *= 1.4
     robot = loaded(tmp_path, wrong)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
-    fitted = settings.run(recording(truth, 1), robot).parameters
-    # Refit on another motion: base parameters, conditional on the same held ones, must come out alike.
-    again = settings.run(recording(truth, 2), robot).parameters
+    fitted = settings.run(recording(truth, 1), robot).base
+    again = settings.run(recording(truth, 2), robot).base
+    assert fitted is not None
+    assert again is not None
     assert fitted.names == again.names
     scale = np.maximum(np.abs(fitted.estimate), 0.01 * np.abs(fitted.estimate).max())
     assert (np.abs(fitted.estimate - again.estimate) / scale).max() < 0.03
     # The mass of the slide stands alone; the wrong file does not reach it.
     assert fitted.value("mass.j3") == pytest.approx(2.0, rel=0.01)
+    known = settings.run(recording(truth, 1), truth).base
+    assert known is not None
+    assert (np.abs(fitted.estimate - known.start) / scale).max() < 0.03
 
 
 def test_held_parameters_keep_the_robot_files_values(tmp_path: Path) -> None:
@@ -193,44 +103,35 @@ def test_held_parameters_keep_the_robot_files_values(tmp_path: Path) -> None:
         assert abs(deviation) < 0.005, name
 
 
-def slide(folder: Path, **changes: Any) -> Robot:
-    data = {
-        "robid_robot": 1,
-        "name": "slide",
-        "bodies": [{"joint": "x", "type": "prismatic", "axis": [1, 0, 0], "mass": 90.0}],
-        "axes": {"x": {**DRIVE, "rotor_inertia": 5.0, "friction": {"coulomb": 20.0, "viscous": 200.0, "offset": -3.0,
-                                                                 "speed": 1e-3}}},
-        **changes,
-    }  # fmt: skip
-    return loaded(folder, data)
-
-
 def test_rotor_inertia_of_a_slide_goes_with_its_mass_and_keeps_its_value(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     fit = RigidBodyFit(cutoff_hz=50.0).run(recording(robot, 4), robot)
-    assert fit.parameters.names == ("mass.x", "friction.x.viscous", "friction.x.coulomb", "friction.x.offset")
-    assert fit.parameters.units == ("kg", "N s/m", "N", "N")
-    assert fit.parameters.groups == ("inertia", "friction", "friction", "friction")
-    # Of 95 kg in motion, 5 kg stand in the file as the rotor's.
+    assert fit.base is not None
+    assert fit.base.names == ("mass.x", "friction.x.viscous", "friction.x.coulomb", "friction.x.offset")
+    assert fit.base.units == ("kg", "N s/m", "N", "N")
+    assert fit.base.groups == ("inertia", "friction", "friction", "friction")
+    # Of 95 kg in motion, 5 kg stand in the file as the rotor's; the sum is known, the shares to a tenth of the rotor's.
+    assert fit.base.value("mass.x") == pytest.approx(95.0, rel=1e-3)
+    assert fit.base.standard_error[0] < 0.01
+    error = dict(zip(fit.parameters.names, fit.parameters.standard_error.tolist(), strict=True))
+    assert error["mass.x"] == pytest.approx(error["rotor_inertia.x"], rel=0.05)
+    assert error["rotor_inertia.x"] == pytest.approx(0.5, rel=0.05)
     assert fit.parameters.value("mass.x") == pytest.approx(90.0, rel=1e-3)
-    assert robot.with_parameters(fit.parameters.as_mapping()).parameters()["mass.x"] == fit.parameters.value(
-        "mass.x"
-    )
 
 
 def test_standard_errors_cover_the_truth(tmp_path: Path) -> None:
     robot = slide(tmp_path)
-    true = np.array([90.0, 200.0, 20.0, -3.0])
+    true = np.array([95.0, 200.0, 20.0, -3.0])
     clean = recording(robot, 5, seconds=5.0, smooth_friction=False)
     draw = np.random.default_rng(6)
     settings = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0)
-    bias = settings.run(clean, robot).parameters.estimate - true
+    bias = settings.run(clean, robot).base.estimate - true
     normalised = []
     for _ in range(50):
         values = clean.run.values("motor_torque")[0, 0, 0, 0]
         position = clean.run.values("motor_position")[0, 0, 0, 0]
         noisy = record_of(robot, position, values + draw.normal(size=values.shape))
-        table = settings.run(noisy, robot).parameters
+        table = settings.run(noisy, robot).base
         normalised.append((table.estimate - true - bias) / table.standard_error)
     # White torque noise, band-limited and decimated by ten, is white again but for the filter's edge: the mean of 200
     # squares scatters by 0.1 about 1.
@@ -276,7 +177,9 @@ def test_torque_of_the_wrong_sign_does_not_pass_as_a_robot(tmp_path: Path) -> No
     record = record_of(robot, good.run.values("motor_position")[0, 0, 0, 0], -values)
     fit = RigidBodyFit(cutoff_hz=50.0).run(record, robot)
     assert not fit.converged
-    assert fit.status.startswith("not physical: mass.x, friction.x.viscous, friction.x.coulomb negative")
+    assert fit.parameters.value("mass.x") > 0
+    at_bound = [n for n, own in zip(fit.parameters.names, fit.parameters.at_bound, strict=True) if own]
+    assert at_bound[-2:] == ["friction.x.viscous", "friction.x.coulomb"]
 
 
 def test_torque_that_has_nothing_to_do_with_the_motion_is_not_a_fit(tmp_path: Path) -> None:
@@ -323,36 +226,40 @@ def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("effect", "unknowns", "told"),
+    ("effect", "told"),
     [
-        ({"use": "friction.stribeck", "on": "j2"}, ("inertia",), r"grease \(friction.stribeck\)"),
-        ({"use": "load.cable_spring", "on": "j1"}, ("inertia",), "load.cable_spring"),
-        ({"use": "drive.torque_ripple", "on": "j1"}, ("coulomb",), "drive.torque_ripple"),
-        ({"use": "structure.foundation"}, ("viscous",), "structure.foundation"),
-        ({"use": "structure.elastic_coordinate", "on": "j1", "with": {"axis_x": 1, "axis_z": 0}}, ("viscous",),
+        ({"use": "transmission.backlash", "on": "j1"}, r"grease \(transmission.backlash\)"),
+        ({"use": "drive.torque_ripple", "on": "j1"}, "drive.torque_ripple"),
+        ({"use": "structure.foundation"}, "structure.foundation"),
+        ({"use": "structure.elastic_coordinate", "on": "j1", "with": {"axis_x": 1, "axis_z": 0}},
          "structure.elastic_coordinate"),
-        ({"use": "load.payload", "on": "j2"}, ("inertia", "coulomb"), "a payload into the bodies"),
-        ({"use": "drive.rotor_inertia", "on": "j1"}, ("rotor_inertia",), "drive.rotor_inertia"),
     ],
 )  # fmt: skip
-def test_effects_that_the_fit_would_ignore_or_count_twice_are_refused_by_name(
-    tmp_path: Path, effect: dict[str, Any], unknowns: Any, told: str
+def test_effects_that_mean_nothing_in_a_rigid_robot_are_refused_by_name(
+    tmp_path: Path, effect: dict[str, Any], told: str
 ) -> None:
-    bare, robot = loaded(tmp_path, ARM), loaded(tmp_path, {**ARM, "effects": {"grease": effect}})
+    axes = {name: {**axis, "gear": {"stiffness": 1e5, "damping": 1.0}} for name, axis in ARM["axes"].items()}
+    bare = loaded(tmp_path, ARM)
+    robot = loaded(tmp_path, {**ARM, "name": "elastic", "axes": axes, "effects": {"grease": effect}})
     with pytest.raises(ConfigurationError, match=told):
-        RigidBodyFit(unknowns=unknowns).run(recording(bare, 1, seconds=1.0), robot)
+        RigidBodyFit().run(recording(bare, 1, seconds=1.0), robot)
 
 
-def test_a_payload_is_known_where_inertia_is_not_estimated(tmp_path: Path) -> None:
+@pytest.mark.parametrize("unknowns", [("viscous", "coulomb"), ("inertia", "viscous", "coulomb")])
+def test_a_payload_is_known(tmp_path: Path, unknowns: Any) -> None:
     bare = loaded(tmp_path, ARM)
     tool = {"use": "load.payload", "on": "j2", "with": {"mass": 4, "x": 0.3}}
     robot = loaded(tmp_path, {**ARM, "name": "loaded", "effects": {"tool": tool}})
     record = recording(robot, 3)
-    settings = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20)
+    settings = RigidBodyFit(unknowns=unknowns, cutoff_hz=50.0, decimation=20, drop_first=200, drop_last=200)
     told, untold = settings.run(record, robot), settings.run(record, bare)
-    for deviation in relative_deviation(told, robot).values():
-        assert abs(deviation) < 0.005
-    assert untold.time[0].relative_error > 20 * told.time[0].relative_error
+    for name, deviation in relative_deviation(told, robot).items():
+        assert abs(deviation) < 0.005, name
+    if "inertia" in unknowns:
+        # The body of the fourth kilogram more is found where nobody told of it.
+        assert untold.parameters.value("mass.j2") > 1.2 * robot.parameter("mass.j2")
+    else:
+        assert untold.time[0].relative_error > 20 * told.time[0].relative_error
 
 
 def test_the_model_has_the_bodies_that_were_measured(tmp_path: Path) -> None:
@@ -367,7 +274,6 @@ def test_the_model_has_the_bodies_that_were_measured(tmp_path: Path) -> None:
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
     model = settings.run(recording(truth, 1, noise=0.02), robot).model
     assert model is not None
-    assert model.left_out == ()
     found = Robot.of_model(model)
     angle = np.random.default_rng(3).uniform(-0.5, 0.5, (20, 3)) * [1, 1, 0.05]
     (right, heavy), (ours, moved) = (
@@ -391,20 +297,8 @@ def test_friction_that_scatters_below_zero_is_none_in_the_model(tmp_path: Path) 
     position = record.run.values("motor_position")[0, 0, 0, 0]
     push = 0.05 * np.sign(np.gradient(position, axis=0))  # the other way: a level of -0.05 N
     fit = RigidBodyFit(cutoff_hz=50.0).run(record_of(robot, position, values - push), robot)
-    assert fit.parameters.value("friction.x.coulomb") < 0
+    assert fit.parameters.value("friction.x.coulomb") == 0
+    assert fit.parameters.at_bound[fit.parameters.names.index("friction.x.coulomb")]
     assert fit.model is not None
     assert Robot.of_model(fit.model).parameter("friction.x.coulomb") == 0.0
     assert fit.model.standard_errors()["friction.x.coulomb"] > 0
-    assert fit.model.left_out == ()
-
-
-def test_a_body_that_cannot_be_stays_as_it_was_and_is_named(tmp_path: Path) -> None:
-    robot = slide(tmp_path)
-    good = recording(robot, 9)
-    values = good.run.values("motor_torque")[0, 0, 0, 0]
-    fit = RigidBodyFit(cutoff_hz=50.0).run(
-        record_of(robot, good.run.values("motor_position")[0, 0, 0, 0], -values), robot
-    )
-    assert fit.model is not None
-    assert fit.model.left_out == ("mass.x",)
-    assert Robot.of_model(fit.model).parameter("mass.x") == 90.0

@@ -264,13 +264,13 @@ def test_pictures_place_the_joints_behind_a_straight_link(folder: Path) -> None:
 
 def test_ten_numbers_a_body_do_not_describe_a_flexible_link(folder: Path) -> None:
     from robid_core.estimation.rigid.rigid_body import inverse_dynamics_regressor
-    from robid_fit.rigid_model import without_bearings
+    from robid_fit.rigid_effects import rigid_robot
 
     robot = robot_of(ARM, folder)
     still = np.zeros((2, robot.chain.n_coordinate))
     with pytest.raises(ConfigurationError, match="joint 2 .* is a mode of a flexible link"):
         inverse_dynamics_regressor(robot.chain, still, still, still)
-    stiff = without_bearings(robot)
+    stiff = rigid_robot(robot)
     assert stiff.chain.names == ("shoulder", "elbow")
     assert stiff.chain.mass[0] == pytest.approx(BEAM.mass)
 

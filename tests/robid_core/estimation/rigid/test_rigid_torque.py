@@ -15,7 +15,8 @@ from robid_core.estimation.rigid.rigid_torque import (
 from robid_core.mechanics import dynamics
 from robid_core.residual import rigid_drives
 from robid_fit.rigid import structure
-from robid_fit.rigid_model import KINDS, RigidMotion, torque_columns, without_bearings
+from robid_fit.rigid_effects import rigid_robot
+from robid_fit.rigid_model import KINDS, RigidMotion, torque_columns
 
 ROBOT = Robot.load("six_axis")
 
@@ -32,7 +33,7 @@ def states(n_sample: int = 5) -> np.ndarray:
 
 def test_torque_is_that_of_mass_matrix_gravity_rotors_and_friction() -> None:
     q, v, a = states()
-    rigid = without_bearings(ROBOT)
+    rigid = rigid_robot(ROBOT)
     gear, d = ROBOT.drives.gear, ROBOT.drives
     # The compiled recursion (composite bodies, world frame) against Newton and Euler's regressor.
     terms = dynamics(rigid.chain, q @ gear.T, v @ gear.T)
@@ -44,7 +45,7 @@ def test_torque_is_that_of_mass_matrix_gravity_rotors_and_friction() -> None:
 
 def test_inertia_at_the_motor_is_the_diagonal_of_the_mass_matrix() -> None:
     q = states()[0]
-    rigid, gear = without_bearings(ROBOT), ROBOT.drives.gear
+    rigid, gear = rigid_robot(ROBOT), ROBOT.drives.gear
     mass = dynamics(rigid.chain, q @ gear.T).mass
     expected = np.einsum("ja,sjk,ka->sa", gear, mass, gear) + ROBOT.drives.rotor_inertia
     np.testing.assert_allclose(motor_inertia(drives(), q), expected, rtol=1e-9)
@@ -52,7 +53,7 @@ def test_inertia_at_the_motor_is_the_diagonal_of_the_mass_matrix() -> None:
 
 def test_columns_and_base_parameters_are_those_that_the_rigid_body_fit_estimates() -> None:
     q, v, a = states()
-    rigid = without_bearings(ROBOT)
+    rigid = rigid_robot(ROBOT)
     speed = ROBOT.drives.friction_speed
     theirs = torque_columns(rigid, RigidMotion(q, v, a), speed)
     ours = motor_torque_regressor(drives(), q, v, a)

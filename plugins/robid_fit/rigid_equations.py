@@ -1,0 +1,161 @@
+"""Equations of a rigid fit: torque and its columns at the samples that are kept, experiments one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robid_core import DataRejected, FloatArray, Record, Robot
+from robid_core.estimation.rigid.regression import decimate, decimated_index
+from robid_fit.rigid_effects import effect_torque
+from robid_fit.rigid_model import Columns, RigidMotion, experiments, motion_of, torque_columns
+
+BODIES = ("inertia", "rotor_inertia")
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """One experiment at all samples, its start and end left out."""
+
+    motion: RigidMotion
+    sample_time: float
+    torque: FloatArray
+    """As measured, (n_sample, n_axis)."""
+    first: int
+    """Sample of the record at which it begins, counted from the record's start."""
+    regressor: FloatArray
+    """Torque per unit of every column, (n_sample, n_axis, n_column)."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a record becomes equations."""
+
+    cutoff_hz: float
+    filter_order: int
+    decimation: int
+    drop_first: int
+    drop_last: int
+    discard: int
+
+    def window(self, n_sample: int) -> slice:
+        """Samples of an experiment that are kept."""
+        if n_sample <= self.drop_first + self.drop_last + self.decimation:
+            raise DataRejected(
+                f"fit.rigid: an experiment has {n_sample} samples only; lower drop_first and drop_last"
+            )
+        return slice(self.drop_first, n_sample - self.drop_last)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidEquations:
+    """Torque of a record and what it is linear in, decimated."""
+
+    each: tuple[Experiment, ...]
+    sampling: Sampling
+    columns: Columns
+    """Names, units and values; the regressor is that of the first state only."""
+
+    @classmethod
+    def of_record(
+        cls,
+        record: Record,
+        robot: Robot,
+        speed: FloatArray,
+        sampling: Sampling,
+        position: str = "motor_position",
+    ) -> RigidEquations:
+        """Smooth, differentiate and cut every experiment.
+
+        Parameters
+        ----------
+        record, robot
+            Of training experiments; rigid.
+        speed
+            v_s of tanh(v / v_s), (n_axis,).
+        sampling
+            Filters and cuts.
+        position
+            Channel that the motion is taken from: the measured one, or a reference.
+        """
+        found, elapsed = list[Experiment](), 0
+        for run in record.runs:
+            for angle, torque in experiments(run, robot, sampling.discard, position):
+                smooth = motion_of(angle, run.sample_time_s, sampling.cutoff_hz, sampling.filter_order)
+                kept = sampling.window(len(torque))
+                motion = RigidMotion(smooth.position[kept], smooth.velocity[kept], smooth.acceleration[kept])
+                columns = torque_columns(robot, motion, speed)
+                found.append(
+                    Experiment(
+                        motion,
+                        run.sample_time_s,
+                        torque[kept],
+                        elapsed + sampling.drop_first,
+                        columns.regressor,
+                    )
+                )
+                elapsed += len(angle)
+        return cls(tuple(found), sampling, columns)
+
+    def kept(self, of: Callable[[Experiment], FloatArray]) -> FloatArray:
+        """What each experiment gives at all its samples, (n_sample, ...), decimated, one after the other."""
+        return np.concatenate([decimate(of(one), self.sampling.decimation) for one in self.each])
+
+    @cached_property
+    def regressor(self) -> FloatArray:
+        """Shape (n_equation, n_axis, n_column)."""
+        return self.kept(lambda one: one.regressor)
+
+    @cached_property
+    def torque(self) -> FloatArray:
+        """Shape (n_equation, n_axis)."""
+        return self.kept(lambda one: one.torque)
+
+    @cached_property
+    def parts(self) -> tuple[slice, ...]:
+        """Equations of each experiment."""
+        ends = np.cumsum(
+            [0, *(len(decimated_index(len(o.torque), self.sampling.decimation)) for o in self.each)]
+        )
+        return tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Of each equation, experiments one after the other, (n_equation,)."""
+        return np.concatenate(
+            [
+                (one.first + decimated_index(len(one.torque), self.sampling.decimation)) * one.sample_time
+                for one in self.each
+            ]
+        )
+
+    def of_effects(
+        self, robot: Robot, names: Sequence[str], linear: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Torque of effects, (n_equation, n_axis), and its derivatives, (n_equation, n_axis, n_name).
+
+        Parameters
+        ----------
+        robot
+            Rigid, with the effects as they are supposed.
+        names
+            Of their parameters.
+        linear
+            Values of all columns of the torque, (n_column,): loads are predicted.
+        """
+        if not robot.effects:
+            return np.zeros_like(self.torque), np.zeros((*self.torque.shape, 0))
+        carried = np.isin(self.columns.kinds, BODIES) * linear
+        both = []
+        for one in self.each:
+            torque, columns = effect_torque(
+                robot, names, one.motion, one.sample_time, one.regressor @ carried
+            )
+            both.append(
+                decimate(np.concatenate((torque[..., None], columns), axis=2), self.sampling.decimation)
+            )
+        found = np.concatenate(both)
+        return found[..., 0], found[..., 1:]

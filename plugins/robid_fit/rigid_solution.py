@@ -1,0 +1,287 @@
+"""Solution of a rigid fit: rounds of {laws run along the motion, weights, Gauss-Newton steps} until nothing moves.
+
+Each axis is weighted by what it leaves, and by how coloured that is. The tolerances of bodies and rotors are widened
+by one common factor where the data ask for it: that which makes them most likely (D. J. C. MacKay, Bayesian
+interpolation, 1992).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from robid_core import FloatArray
+from robid_core.estimation.least_squares import levenberg_marquardt
+from robid_core.estimation.rigid.coloured import bandwidth, inflation, sandwich, score_covariance
+from robid_fit.rigid_equations import RigidEquations
+from robid_fit.rigid_unknowns import RigidUnknowns
+
+ROUNDS = 40
+STAYS = 0.02  # standard errors, and share of a weight or a tolerance: less is no change
+DEPENDS = 1e-12  # of the largest singular value: instruments that say nothing of their own
+HUBER = 1.345  # deviations beyond which a sample counts less: 95 % efficient where noise is normal
+NORMAL = 1.4826  # standard deviations in a median of absolute values
+WIDEST = 100.0  # times a tolerance
+ROUNDING = 1e-12  # of the torque: a residual of that is none
+SHORTER = 0.5
+SAME = 1e-9  # of a cost
+SMALL = 1e-6  # of coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Everything about one point."""
+
+    point: FloatArray
+    residual: FloatArray
+    """Torque that is left, (n_equation, n_axis)."""
+    rows: FloatArray
+    """Derivative of the predicted torque, (n_equation, n_axis, n_unknown)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidSolution:
+    """Where the rounds ended."""
+
+    at: Linearised
+    covariance: FloatArray
+    """Of the coordinates, (n_unknown, n_unknown)."""
+    prior: FloatArray
+    """Standard deviations as they were used, (n_unknown,)."""
+    widened: float
+    """By which the tolerances of bodies and rotors are wider than stated."""
+    deviation: FloatArray
+    """Of what is left, (n_axis,)."""
+    inflation: FloatArray
+    """Long-run variance over variance of what is left, (n_axis,)."""
+    influence: FloatArray
+    """By how many coordinates move when an experiment is left out, (n_experiment, n_unknown)."""
+    n_rounds: int
+    converged: bool
+
+
+class RigidProblem:
+    """Equations, unknowns, and instruments where there are any."""
+
+    def __init__(
+        self,
+        equations: RigidEquations,
+        unknowns: RigidUnknowns,
+        instruments: RigidEquations | None,
+        *,
+        robust: bool,
+        widen: bool,
+    ) -> None:
+        self.equations, self.unknowns, self.instruments = equations, unknowns, instruments
+        self.robust, self.widen = robust, widen
+        self.laws = tuple(name for name in unknowns.free.names if name.startswith("effect."))
+        self._place = [unknowns.names.index(name) for name in self.laws]
+        self._still = len(unknowns.names) - len(unknowns.friction)
+
+    def linearised(self, point: FloatArray) -> Linearised:
+        """Run all laws about a point."""
+        return Linearised(point, *self._of(self.equations, point))
+
+    def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What is left, and its derivative with the sign turned."""
+        unknowns = self.unknowns
+        linear = unknowns.linear(point)
+        robot = unknowns.free.robot_at(point[: self._still]) if self.laws else unknowns.free.robot
+        torque, columns = equations.of_effects(robot, self.laws, linear)
+        residual = equations.torque - equations.regressor @ linear - torque
+        rows = equations.regressor @ unknowns.linear_slopes(point)
+        if self.laws:
+            rows = rows + columns @ unknowns.slopes(point)[self._place]
+        return residual, rows
+
+    def solve(self) -> RigidSolution:
+        """Go on until weights, tolerances and unknowns stay."""
+        unknowns = self.unknowns
+        here = self.linearised(unknowns.start)
+        scale, widened = np.sqrt((self.equations.torque**2).mean(axis=0)), 1.0
+        scale = np.where(scale > 0, scale, 1.0)
+        kappa, weights, n_rounds = np.ones_like(scale), np.ones_like(here.residual), 0
+        settled = False
+        while not settled and n_rounds < ROUNDS:
+            n_rounds += 1
+            prior = self._prior(widened)
+            there = self._moved(here, weights / (scale * np.sqrt(kappa)), prior)
+            deviation, ratio, weights = self._weights(there)
+            error = np.sqrt(np.diag(self._posterior(there, weights / (deviation * np.sqrt(ratio)), prior)))
+            wider = self._widened(there.point, error, prior, widened)
+            moved = np.abs(there.point - here.point) / np.where(error > 0, error, 1.0)
+            changes = np.abs(np.log(np.concatenate((deviation / scale, ratio / kappa, [wider / widened]))))
+            here, scale, kappa, widened = there, deviation, ratio, wider
+            rounding = ROUNDING * float(np.abs(self.equations.torque).max())
+            settled = max(moved.max(initial=0.0), changes.max()) < STAYS or bool(
+                (deviation <= rounding).any()
+            )
+        return self._solution(here, scale, kappa, weights, widened, n_rounds, settled)
+
+    # One round
+
+    def _prior(self, widened: float) -> FloatArray:
+        return np.where(self.unknowns.promised, widened, 1.0) * self.unknowns.prior
+
+    def _moved(self, here: Linearised, weight: FloatArray, prior: FloatArray) -> Linearised:
+        """Minimise with laws as linear as they are here; less far where the laws themselves say that it was too far."""
+        unknowns, start = self.unknowns, self.unknowns.start
+        precision = 1 / prior**2
+        linear = unknowns.linear(here.point)
+        basis = None if self.instruments is None else self._basis(here, weight)
+        told, laws, left = self._reduced(basis, here, weight)
+
+        def priors(point: FloatArray) -> float:
+            return float((precision * (point - start) ** 2).sum())
+
+        def off(point: FloatArray) -> FloatArray:
+            law = laws @ (point - here.point)[self._place]
+            return left - told @ (unknowns.linear(point) - linear) - law
+
+        def cost(point: FloatArray) -> float:
+            return 0.5 * (float((off(point) ** 2).sum()) + priors(point))
+
+        def equations(point: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+            slope = told @ unknowns.linear_slopes(point)
+            slope[:, self._place] += laws
+            gradient = precision * (point - start) - slope.T @ off(point)
+            return cost(point), gradient, slope.T @ slope + np.diag(precision)
+
+        found = levenberg_marquardt(equations, cost, here.point, unknowns.lower, unknowns.upper, damping=1e-9)
+        step = found.point - here.point
+        before = float((left**2).sum()) + priors(here.point)
+        while True:
+            there = self.linearised(here.point + step)
+            after = _size(basis, there.residual * weight) + priors(there.point)
+            if not self.laws or after <= before * (1 + SAME) or np.abs(step).max() < SMALL:
+                return there
+            step = SHORTER * step
+
+    def _reduced(
+        self, basis: list[FloatArray] | None, here: Linearised, weight: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Columns of the torque, of laws, and what is left, by few rows that have the same products.
+
+        With instruments, as far as these show them: two-stage least squares.
+        """
+        both = (self.equations.regressor, here.rows[..., self._place], here.residual[..., None])
+        columns = np.concatenate(both, axis=2) * weight[..., None]
+        if basis is None:
+            parts = [scipy.linalg.qr(columns[:, axis], mode="r")[0] for axis in range(columns.shape[1])]
+        else:
+            parts = [own.T @ columns[:, axis] for axis, own in enumerate(basis)]
+        rows, n = np.concatenate(parts), both[0].shape[2]
+        return rows[:, :n], rows[:, n:-1], rows[:, -1]
+
+    def _basis(self, here: Linearised, weight: FloatArray) -> list[FloatArray]:
+        """Orthonormal functions that the instruments of each axis span, (n_equation, n)."""
+        assert self.instruments is not None
+        seen = self._of(self.instruments, here.point)[1]
+        columns = np.concatenate((self.instruments.regressor, seen[..., self._place]), axis=2)
+        found = []
+        for axis in range(weight.shape[1]):
+            own = columns[:, axis] * weight[:, axis, None]
+            length = np.linalg.norm(own, axis=0)
+            vectors, values, _ = np.linalg.svd(own[:, length > 0] / length[length > 0], full_matrices=False)
+            found.append(vectors[:, values > DEPENDS * values.max(initial=0.0)])
+        return found
+
+    # Weights and tolerances
+
+    def _weights(self, at: Linearised) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Deviation and long-run ratio of each axis, and what each sample counts, (n_equation, n_axis)."""
+        residual, n = at.residual, len(at.residual)
+        each = np.ones_like(residual)
+        if self.robust:
+            middle = NORMAL * np.median(np.abs(residual), axis=0)
+            size = np.abs(residual) / np.where(middle > 0, middle, 1.0)
+            each = np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
+        freedom = max(n - len(at.point) / residual.shape[1], 1.0)
+        power = ((each * residual) ** 2).sum(axis=0)
+        floor = ROUNDING * float(np.abs(self.equations.torque).max())
+        deviation = np.maximum(np.sqrt(power / freedom), max(floor, 1e-300))
+        parts = [(each * residual)[part] for part in self.equations.parts]
+        ratios = [inflation(part, bandwidth(part)) for part in parts]
+        lengths = np.array([len(part) for part in parts], dtype=np.float64)
+        ratio = np.average(ratios, axis=0, weights=lengths)
+        return deviation, ratio, each
+
+    def _posterior(self, at: Linearised, weight: FloatArray, prior: FloatArray) -> FloatArray:
+        """Covariance as if residuals were white in their long-run variance, (n_unknown, n_unknown)."""
+        rows = self._seen(at, weight).reshape(-1, len(at.point))
+        return _inverse(rows.T @ rows + np.diag(1 / prior**2))
+
+    def _seen(self, at: Linearised, weight: FloatArray) -> FloatArray:
+        """Weighted derivatives as far as instruments show them, (n_equation, n_axis, n_unknown)."""
+        if self.instruments is None:
+            return at.rows * weight[..., None]
+        rows = (at.rows * weight[..., None]).swapaxes(0, 1)
+        return np.stack(
+            [own @ (own.T @ row) for own, row in zip(self._basis(at, weight), rows, strict=True)], axis=1
+        )
+
+    def _widened(self, point: FloatArray, error: FloatArray, prior: FloatArray, before: float) -> float:
+        """Factor on the tolerances with which the data are most likely; as stated at least."""
+        among = self.unknowns.promised
+        if not self.widen or not among.any():
+            return 1.0
+        seen = float((1 - np.minimum((error / prior)[among] ** 2, 1.0)).sum())
+        far = float((((point - self.unknowns.start) / prior)[among] ** 2).sum())
+        return float(np.clip(before * np.sqrt(far / max(seen, 1e-9)), 1.0, WIDEST))
+
+    # The end
+
+    def _solution(
+        self,
+        at: Linearised,
+        scale: FloatArray,
+        kappa: FloatArray,
+        each: FloatArray,
+        widened: float,
+        n_rounds: int,
+        converged: bool,
+    ) -> RigidSolution:
+        prior, weight = self._prior(widened), each / (scale * np.sqrt(kappa))
+        precision = 1 / prior**2
+        rows = self._seen(at, weight)
+        by_sample = np.einsum("sap,sa->sp", rows, weight * at.residual)
+        scores, halves = np.zeros((len(precision),) * 2), []
+        for part in self.equations.parts:
+            length = bandwidth((each * at.residual)[part])
+            scores += score_covariance(by_sample[part], length)
+            own = rows[part].reshape(-1, len(precision))
+            halves.append((own.T @ own, by_sample[part].sum(axis=0)))
+        hessian = sum((half for half, _ in halves), np.diag(precision))
+        freedom = float((len(each) / kappa).sum())
+        covariance = sandwich(hessian, scores, precision, freedom)
+        influence = [
+            np.linalg.lstsq(hessian - half, -slope, rcond=None)[0]
+            for half, slope in halves
+            if len(halves) > 1
+        ]
+        return RigidSolution(
+            at,
+            covariance,
+            prior,
+            widened,
+            scale,
+            kappa,
+            np.array(influence).reshape(-1, len(precision)),
+            n_rounds,
+            converged,
+        )
+
+
+def _size(basis: list[FloatArray] | None, residual: FloatArray) -> float:
+    """Squared size of a weighted residual, (n_equation, n_axis), as far as instruments show it."""
+    if basis is None:
+        return float((residual**2).sum())
+    return float(sum(((own.T @ residual[:, axis]) ** 2).sum() for axis, own in enumerate(basis)))
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse: FloatArray = scipy.linalg.pinvh(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+    return inverse

@@ -1,0 +1,202 @@
+"""Unknowns of a rigid fit: bodies, rotors and effects in natural scales, friction of the motors in its own units.
+
+The ten numbers of a body are its mass, centre of mass and moments about it, so that whatever is found is a body that
+can be: second moments stay positive (`FreeParameters`). The torque is linear in mass, first moments and inertia about
+the joint, which these are turned into here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+
+import numpy as np
+
+from robid_core import BoolArray, FloatArray, FreeParameters, Robot
+from robid_core.estimation.rigid.rigid_body import PARAMETERS
+from robid_fit.rigid_model import Columns
+
+MOMENTS = tuple(noun.partition(".")[2] for noun in PARAMETERS[4:])
+ENTRIES = tuple(zip(*(index.tolist() for index in np.triu_indices(3)), strict=True))
+FRICTION = ("viscous", "coulomb", "offset")
+PROMISED = ("mass", "centre_of_mass", "inertia", "rotor_inertia")  # by drawings and data sheets
+
+
+@dataclass(frozen=True, eq=False)
+class RigidUnknowns:
+    """What a rigid fit moves: a point is the coordinates of `free`, then `friction` in its own units."""
+
+    free: FreeParameters
+    """Bodies, rotors and effects."""
+    friction: tuple[str, ...]
+    """Viscous and Coulomb friction and offsets that are estimated."""
+    columns: Columns
+    """Of the torque; their values are those of the robot with all its effects, payloads among them."""
+
+    @classmethod
+    def of_robot(
+        cls,
+        robot: Robot,
+        columns: Columns,
+        kinds: Sequence[str],
+        fixed: Sequence[str],
+        priors: Mapping[str, float],
+    ) -> RigidUnknowns:
+        """Free what is of some kinds, less what is held; a body without mass is none.
+
+        Parameters
+        ----------
+        robot
+            Rigid, with its effects.
+        columns
+            Of its torque.
+        kinds
+            Some of `inertia`, `rotor_inertia`, `viscous`, `coulomb`, `offset`, `effects`.
+        fixed
+            Patterns of names that are held.
+        priors
+            Standard deviations in natural scales, by pattern.
+        """
+        bodies = {body.joint for body in robot.description.bodies if body.mass > 0}
+        laws = {bound.label for bound in robot.effects}
+
+        def kind_of(name: str) -> str:
+            noun, _, place = name.partition(".")
+            if noun in PROMISED[:3]:
+                return "inertia" if place.partition(".")[0] in bodies else ""
+            if noun == "effect":
+                return "effects" if place.partition(".")[0] in laws else ""
+            return noun if noun == "rotor_inertia" else place.rpartition(".")[2]
+
+        names = [
+            name
+            for name in robot.layout
+            if kind_of(name) in kinds and not any(fnmatchcase(name, pattern) for pattern in fixed)
+        ]
+        free = [name for name in names if not name.startswith("friction.")]
+        friction = tuple(name for name in columns.names if name in names and name.startswith("friction."))
+        return cls(FreeParameters.of_robot(robot, free, dict(priors)), friction, columns)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all unknowns, as robot files have them."""
+        return self.free.names + self.friction
+
+    @property
+    def start(self) -> FloatArray:
+        """The told robot, (n_unknown,)."""
+        told = dict(zip(self.columns.names, self.columns.value.tolist(), strict=True))
+        return np.concatenate((np.zeros(len(self.free.names)), [told[name] for name in self.friction]))
+
+    @property
+    def prior(self) -> FloatArray:
+        """Standard deviations, (n_unknown,); infinite for friction."""
+        return np.concatenate((self.free.prior, np.full(len(self.friction), np.inf)))
+
+    @cached_property
+    def promised(self) -> BoolArray:
+        """Which unknowns a drawing or a data sheet promises, (n_unknown,)."""
+        return np.array([name.partition(".")[0] in PROMISED for name in self.names], dtype=np.bool_)
+
+    @property
+    def lower(self) -> FloatArray:
+        """Smallest coordinates, (n_unknown,): friction does not push."""
+        pushes = [name.endswith(".offset") for name in self.friction]
+        return np.concatenate((self.free.lower, np.where(pushes, -np.inf, 0.0)))
+
+    @property
+    def upper(self) -> FloatArray:
+        """Largest coordinates, (n_unknown,)."""
+        return np.concatenate((self.free.upper, np.full(len(self.friction), np.inf)))
+
+    def values(self, point: FloatArray) -> FloatArray:
+        """Unknowns in the units of a robot file, (n_unknown,)."""
+        n = len(self.free.names)
+        return np.concatenate((list(self.free.values(point[:n]).values()), point[n:]))
+
+    def slopes(self, point: FloatArray) -> FloatArray:
+        """Derivative of `values`, (n_unknown, n_unknown)."""
+        n = len(self.free.names)
+        result = np.eye(len(point))
+        result[:n, :n] = self.free.jacobian(point[:n])
+        return result
+
+    # What the torque is linear in
+
+    def linear(self, point: FloatArray) -> FloatArray:
+        """Values of all columns of the torque, (n_column,); what is held, and payloads, as told."""
+        value = self.columns.value.copy()
+        found = dict(zip(self.names, self.values(point).tolist(), strict=True))
+        start = dict(zip(self.names, self.values(self.start).tolist(), strict=True))
+        for joint, first in self._bodies.items():
+            value[first : first + len(PARAMETERS)] += _ten(self._numbers(joint, found)) - _ten(
+                self._numbers(joint, start)
+            )
+        for name, column in self._own.items():
+            value[column] += found[name] - start[name]
+        return value
+
+    def linear_slopes(self, point: FloatArray) -> FloatArray:
+        """Derivative of `linear`, (n_column, n_unknown)."""
+        index = {name: i for i, name in enumerate(self.names)}
+        found = dict(zip(self.names, self.values(point).tolist(), strict=True))
+        by_value = np.zeros((len(self.columns.names), len(point)))
+        for joint, first in self._bodies.items():
+            slope = _ten_slopes(self._numbers(joint, found))
+            for k, name in enumerate(_body_names(joint)):
+                if name in index:
+                    by_value[first : first + len(PARAMETERS), index[name]] = slope[:, k]
+        for name, column in self._own.items():
+            by_value[column, index[name]] = 1.0
+        result: FloatArray = by_value @ self.slopes(point)
+        return result
+
+    @cached_property
+    def _bodies(self) -> dict[str, int]:
+        """Bodies of which something is free, and where their columns begin."""
+        joints = {name.split(".")[1] for name in self.names if name.partition(".")[0] in PROMISED[:3]}
+        return {
+            name.removeprefix("mass."): column
+            for column, name in enumerate(self.columns.names)
+            if name.startswith("mass.") and name.removeprefix("mass.") in joints
+        }
+
+    @cached_property
+    def _own(self) -> dict[str, int]:
+        """Unknowns that are columns themselves: rotors and friction."""
+        columns = {name: column for column, name in enumerate(self.columns.names)}
+        return {n: columns[n] for n in self.names if n.startswith(("rotor_inertia.", "friction."))}
+
+    def _numbers(self, joint: str, found: Mapping[str, float]) -> FloatArray:
+        """Mass, centre and moments of a body, (10,), held ones from the robot file."""
+        robot = self.free.robot
+        return np.array([found.get(name, robot.parameter(name)) for name in _body_names(joint)])
+
+
+def _body_names(joint: str) -> list[str]:
+    """Names of a body's ten numbers in a robot file."""
+    centre = [f"centre_of_mass.{joint}.{axis}" for axis in "xyz"]
+    return [f"mass.{joint}", *centre, *(f"inertia.{joint}.{moment}" for moment in MOMENTS)]
+
+
+def _ten(numbers: FloatArray) -> FloatArray:
+    """Parameters of the torque, in the order of `PARAMETERS`, from mass, centre and moments about it, (10,) each."""
+    mass, centre = numbers[0], numbers[1:4]
+    steiner = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return np.concatenate(([mass], mass * centre, numbers[4:] + [steiner[entry] for entry in ENTRIES]))
+
+
+def _ten_slopes(numbers: FloatArray) -> FloatArray:
+    """Derivative of `_ten`, (10, 10)."""
+    mass, centre = numbers[0], numbers[1:4]
+    result = np.eye(len(PARAMETERS))
+    result[1:4, 0] = centre
+    result[1:4, 1:4] = mass * np.eye(3)
+    steiner = centre @ centre * np.eye(3) - np.outer(centre, centre)
+    result[4:, 0] = [steiner[entry] for entry in ENTRIES]
+    for k, unit in enumerate(np.eye(3)):
+        turned = 2 * centre[k] * np.eye(3) - np.outer(unit, centre) - np.outer(centre, unit)
+        result[4:, 1 + k] = [mass * turned[entry] for entry in ENTRIES]
+    return result
