@@ -73,13 +73,15 @@ class RigidBodyFit(Estimator):
     """
 
     unknowns: Annotated[tuple[Kind, ...], Field(min_length=1)] = KINDS
-    """What is estimated; the rest stands at the robot file's values and its torque is subtracted."""
+    """What is estimated; the rest stands at the robot file's values and its torque is subtracted. `effects`: the
+    parameters of laws on motors and joints, too."""
     fixed: tuple[str, ...] = ()
     """Patterns of parameters that are held all the same."""
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations by pattern, in natural scales (0.01: one percent); 0.1 for bodies and rotors."""
-    widen: bool = True
-    """Whether all tolerances of bodies and rotors are widened by one factor where the data ask for it."""
+    widen: bool = False
+    """Whether all tolerances of bodies and rotors are widened by one factor where the data ask for it; a doubt says
+    where they ask for three times as much. What the model lacks asks for it, too."""
     loss: Literal["squares", "huber"] = "squares"
     """How residuals count; huber: those beyond 1.3 deviations by their size only (knocks, drop-outs)."""
     instruments: Literal["none", "reference"] = "none"

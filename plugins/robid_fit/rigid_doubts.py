@@ -77,11 +77,11 @@ def _weak(solution: RigidSolution, base: FloatArray, names: Sequence[str]) -> It
 
 
 def _unlike(solution: RigidSolution) -> Iterator[Doubt]:
-    if solution.widened > WIDENED:
+    if solution.asked > WIDENED:
         yield Doubt(
             "tolerance",
-            f"bodies differ from the robot file {solution.widened:.3g} times as much as their tolerances promise",
-            "state what is known of them (prior), or look for what acts in the machine and is not in the model",
+            f"bodies differ from the robot file {solution.asked:.3g} times as much as their tolerances promise",
+            "state what is known of them (prior, widen), or look for what acts in the machine and is not in the model",
         )
 
 

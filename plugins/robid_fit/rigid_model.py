@@ -20,7 +20,7 @@ from robid_core.estimation.rigid.rigid_body import PARAMETERS, UNITS
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
 
 Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset", "effects"]
-KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset", "effects")
+KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from robid_core import FloatArray
+from robid_core import ConfigurationError, FloatArray
 from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.estimation.rigid.coloured import bandwidth, inflation, sandwich, score_covariance
 from robid_fit.rigid_equations import RigidEquations
@@ -28,6 +28,7 @@ ROUNDING = 1e-12  # of the torque: a residual of that is none
 SHORTER = 0.5
 SAME = 1e-9  # of a cost
 SMALL = 1e-6  # of coordinates
+TRUSTED = 1.0  # natural units that a law's number moves at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,8 @@ class RigidSolution:
     """Standard deviations as they were used, (n_unknown,)."""
     widened: float
     """By which the tolerances of bodies and rotors are wider than stated."""
+    asked: float
+    """By which they would be the likeliest, with unknowns as they are."""
     deviation: FloatArray
     """Of what is left, (n_axis,)."""
     inflation: FloatArray
@@ -103,14 +106,16 @@ class RigidProblem:
         scale, widened = np.sqrt((self.equations.torque**2).mean(axis=0)), 1.0
         scale = np.where(scale > 0, scale, 1.0)
         kappa, weights, n_rounds = np.ones_like(scale), np.ones_like(here.residual), 0
-        settled = False
+        settled, asked, last = False, 1.0, np.zeros_like(here.point)
         while not settled and n_rounds < ROUNDS:
             n_rounds += 1
             prior = self._prior(widened)
-            there = self._moved(here, weights / (scale * np.sqrt(kappa)), prior)
+            there = self._moved(here, weights / (scale * np.sqrt(kappa)), prior, last)
+            last = there.point - here.point
             deviation, ratio, weights = self._weights(there)
             error = np.sqrt(np.diag(self._posterior(there, weights / (deviation * np.sqrt(ratio)), prior)))
-            wider = self._widened(there.point, error, prior, widened)
+            asked = self._asked(there.point, error, prior, widened)
+            wider = asked if self.widen else 1.0
             moved = np.abs(there.point - here.point) / np.where(error > 0, error, 1.0)
             changes = np.abs(np.log(np.concatenate((deviation / scale, ratio / kappa, [wider / widened]))))
             here, scale, kappa, widened = there, deviation, ratio, wider
@@ -118,15 +123,18 @@ class RigidProblem:
             settled = max(moved.max(initial=0.0), changes.max()) < STAYS or bool(
                 (deviation <= rounding).any()
             )
-        return self._solution(here, scale, kappa, weights, widened, n_rounds, settled)
+        return self._solution(here, scale, kappa, weights, (widened, asked), n_rounds, settled)
 
     # One round
 
     def _prior(self, widened: float) -> FloatArray:
         return np.where(self.unknowns.promised, widened, 1.0) * self.unknowns.prior
 
-    def _moved(self, here: Linearised, weight: FloatArray, prior: FloatArray) -> Linearised:
-        """Minimise with laws as linear as they are here; less far where the laws themselves say that it was too far."""
+    def _moved(self, here: Linearised, weight: FloatArray, prior: FloatArray, last: FloatArray) -> Linearised:
+        """Minimise with laws as linear as they are here; less far where the laws themselves say that it was too far.
+
+        A step of the laws that turns back on the `last` one is halved: that one went too far, and so would this.
+        """
         unknowns, start = self.unknowns, self.unknowns.start
         precision = 1 / prior**2
         linear = unknowns.linear(here.point)
@@ -151,13 +159,28 @@ class RigidProblem:
 
         found = levenberg_marquardt(equations, cost, here.point, unknowns.lower, unknowns.upper, damping=1e-9)
         step = found.point - here.point
+        step[self._place] = np.clip(step[self._place], -TRUSTED, TRUSTED)
+        if step[self._place] @ last[self._place] < 0:
+            step = SHORTER * step
         before = float((left**2).sum()) + priors(here.point)
         while True:
-            there = self.linearised(here.point + step)
-            after = _size(basis, there.residual * weight) + priors(there.point)
-            if not self.laws or after <= before * (1 + SAME) or np.abs(step).max() < SMALL:
-                return there
+            there = self._reached(here.point + step)
+            if there is not None:
+                after = _size(basis, there.residual * weight) + priors(there.point)
+                if not self.laws or after <= before * (1 + SAME):
+                    return there
+            if np.abs(step).max() < SMALL:
+                return here
             step = SHORTER * step
+
+    def _reached(self, point: FloatArray) -> Linearised | None:
+        """Run all laws about a point; none where some cannot have such numbers together."""
+        try:
+            return self.linearised(point)
+        except ConfigurationError:
+            if not self.laws:
+                raise
+            return None
 
     def _reduced(
         self, basis: list[FloatArray] | None, here: Linearised, weight: FloatArray
@@ -222,10 +245,10 @@ class RigidProblem:
             [own @ (own.T @ row) for own, row in zip(self._basis(at, weight), rows, strict=True)], axis=1
         )
 
-    def _widened(self, point: FloatArray, error: FloatArray, prior: FloatArray, before: float) -> float:
+    def _asked(self, point: FloatArray, error: FloatArray, prior: FloatArray, before: float) -> float:
         """Factor on the tolerances with which the data are most likely; as stated at least."""
         among = self.unknowns.promised
-        if not self.widen or not among.any():
+        if not among.any():
             return 1.0
         seen = float((1 - np.minimum((error / prior)[among] ** 2, 1.0)).sum())
         far = float((((point - self.unknowns.start) / prior)[among] ** 2).sum())
@@ -239,11 +262,11 @@ class RigidProblem:
         scale: FloatArray,
         kappa: FloatArray,
         each: FloatArray,
-        widened: float,
+        tolerances: tuple[float, float],
         n_rounds: int,
         converged: bool,
     ) -> RigidSolution:
-        prior, weight = self._prior(widened), each / (scale * np.sqrt(kappa))
+        prior, weight = self._prior(tolerances[0]), each / (scale * np.sqrt(kappa))
         precision = 1 / prior**2
         rows = self._seen(at, weight)
         by_sample = np.einsum("sap,sa->sp", rows, weight * at.residual)
@@ -265,7 +288,7 @@ class RigidProblem:
             at,
             covariance,
             prior,
-            widened,
+            *tolerances,
             scale,
             kappa,
             np.array(influence).reshape(-1, len(precision)),

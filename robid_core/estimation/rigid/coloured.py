@@ -8,6 +8,7 @@ Bartlett's kernel (Newey and West 1987), its bandwidth by the correlation from s
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from robid_core.arrays import FloatArray
 
@@ -90,7 +91,8 @@ def sandwich(hessian: FloatArray, scores: FloatArray, precision: FloatArray, fre
     freedom
         Independent residuals: fitted unknowns have made them smaller.
     """
-    inverse = np.linalg.inv(hessian)
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    inverse = scipy.linalg.pinvh(hessian / np.outer(scale, scale)) / np.outer(scale, scale)
     fitted = float(np.trace(inverse @ (hessian - np.diag(precision))))
     lost = min(freedom / max(freedom - fitted, freedom / MOST_FOR_FREEDOM), MOST_FOR_FREEDOM)
     result: FloatArray = inverse @ (lost * scores + np.diag(precision)) @ inverse

@@ -15,6 +15,7 @@ from robid_core import Fit, Record, Robot
 from robid_fit.rigid import RigidBodyFit
 
 SETTINGS = RigidBodyFit(
+    unknowns=("inertia", "rotor_inertia", "viscous", "coulomb", "offset", "effects"),
     cutoff_hz=50.0,
     decimation=10,
     drop_first=500,
