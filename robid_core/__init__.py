@@ -28,6 +28,7 @@ _HOME = {
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
+    "robid_core.robot.file.left_out": ("AxisKey",),
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
@@ -153,6 +154,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.robot.effect_columns import (
         EffectColumn as EffectColumn,
         effect_columns as effect_columns,
+    )
+    from robid_core.robot.file.left_out import (
+        AxisKey as AxisKey,
     )
     from robid_core.robot.forces_along import (
         ForceAlong as ForceAlong,

@@ -80,7 +80,8 @@ class Place:
     """Motor turns per joint turn."""
     rotor_inertia: float
     torque_constant: float
-    torque_limit: float
+    torque_limit: float | None
+    """None: the robot file tells none."""
     sample_time: float
     """Of control and measurement, s."""
     step: float

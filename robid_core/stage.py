@@ -35,6 +35,7 @@ from robid_core.artifacts import (
 from robid_core.drives import Drives
 from robid_core.errors import PluginError
 from robid_core.robot import Robot
+from robid_core.robot.file.left_out import AxisKey
 from robid_core.yaml_file.problems import KeyPath
 
 
@@ -134,6 +135,13 @@ class Stage(Settings):
         del data_root
         return []
 
+    def needs_of_axes(self) -> Sequence[AxisKey]:
+        """Say which keys of the robot file's axes it cannot do without, of those that a file may leave out.
+
+        `robid validate` and `robid run` refuse a robot file that lacks one, before anything runs.
+        """
+        return ()
+
     def problems_with(self, robot: Robot) -> Mapping[KeyPath, str]:
         """Say which settings this robot cannot have, before anything runs; empty where there are none.
 
@@ -203,10 +211,14 @@ class CandidateDesign(Stage):
 
 
 class ExcitationDesign(Stage):
-    """Kind `excitation`: decides how the motors are moved."""
+    """Kind `excitation`: decides how the motors are moved, within limits that must be known."""
 
     kind = "excitation"
     output = Excitation
+
+    def needs_of_axes(self) -> Sequence[AxisKey]:
+        """Limits, and the controller whose loop the references act on."""
+        return ("torque_limit", "speed_limit", "controller")
 
 
 class Acquisition(Stage):

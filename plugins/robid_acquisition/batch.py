@@ -18,6 +18,7 @@ from robid_acquisition.drives import check_axes, plan_experiments, reject_drift,
 from robid_acquisition.simulated import saturation_level
 from robid_core import (
     Acquisition,
+    AxisKey,
     Channel,
     ConfigurationError,
     Configurations,
@@ -101,12 +102,22 @@ class SimulatedAcquisition(Acquisition):
         effects = Robot.load(self.plant).description.effects.values()
         return sorted({("robid.effects", effect.use) for effect in effects})
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """What the plant's file lacks for a simulation."""
+        del robot
+        missing = Robot.load(self.plant).left_out(("torque_limit", "controller"))
+        return {("plant",): missing} if missing else {}
+
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say for `robid plan` that nothing moves."""
         del upstream
         return [
             f"simulates '{self.plant}', nothing moves; {self.periods} periods after {self.settle_periods} to settle"
         ]
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """Limits, which the safety gate asks for as if something moved."""
+        return ("torque_limit", "speed_limit")
 
     def run(
         self, configurations: Configurations, excitation: Excitation, robot: Robot, context: Context

@@ -17,6 +17,7 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
     Acquisition,
+    AxisKey,
     ConfigurationError,
     Configurations,
     Context,
@@ -192,6 +193,10 @@ class DriveAcquisition(Acquisition):
     """Drift of a motor angle from period to period above which data with lines are rejected, rad at the motor."""
     raw_log: str | None = "mcap"
     """Format (`robid records`) of the raw log beside the record; null keeps none."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """Limits: what is not known is no permission to move."""
+        return ("torque_limit", "speed_limit")
 
     def run(
         self,

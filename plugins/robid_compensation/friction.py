@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, PositiveInt
 
 from robid_compensation.periods import less, reference_at_lines, spectra, with_channels
-from robid_core import Context, FloatArray, Preprocessing, Record, Robot
+from robid_core import AxisKey, Context, FloatArray, Preprocessing, Record, Robot
 from robid_core.estimation.distortion.friction import friction_distortion
 from robid_core.estimation.distortion.linear_motion import LinearMotion, linear_motion, loop_response
 from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration
@@ -38,6 +38,10 @@ class FrictionCompensation(Preprocessing):
     """A law that as good a fit would come by chance with a larger probability than this is not used."""
     realizations: PositiveInt = 80
     """Motions of the nominal robot, drawn so many times as there are axes, tell the law's equivalent damping."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """The controller: the linear motion is that of the closed loop."""
+        return ("controller",)
 
     def run(self, record: Record, robot: Robot, context: Context) -> Record:
         """Compensate each configuration."""

@@ -14,6 +14,7 @@ from pydantic import PositiveInt
 
 from robid_compensation.periods import all_experiments, less, reference_at_lines, spectra, with_channels
 from robid_core import (
+    AxisKey,
     ComplexArray,
     Context,
     Fit,
@@ -134,6 +135,10 @@ class SimulationCompensation(Preprocessing):
     realizations: PositiveInt = 24
     """Drawn references tell the model's response to the reference: so many times as many as axes. Its own error is in
     no residual; with six times as many as were measured it adds a sixth of what is removed."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """All that a simulated closed loop takes."""
+        return ("torque_limit", "controller")
 
     def run(self, record: Record, robot: Robot, context: Context, fit: Fit | None = None) -> Record:
         """Compensate each configuration."""

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from robid_core import (
+    AxisKey,
     BoolArray,
     CandidateDesign,
     ConfigurationError,
@@ -109,6 +110,10 @@ class RandomCandidates(CandidateDesign):
     """Share of each joint's range that is left free at either end, for the motion about the configuration."""
     gravity_share: float = Field(default=0.5, gt=0, le=1)
     """Largest share of a motor's torque limit that holding the arm may take."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """Torque limits: what is heavy is measured against them."""
+        return ("torque_limit",)
 
     def run(self, robot: Robot, context: Context) -> Configurations:
         """Draw the configurations."""

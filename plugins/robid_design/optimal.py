@@ -13,6 +13,7 @@ import numpy.typing as npt
 from pydantic import Field, PositiveInt
 
 from robid_core import (
+    AxisKey,
     ComplexArray,
     Context,
     Design,
@@ -52,6 +53,10 @@ class OptimalDesign(ExperimentDesign):
     """Blocks of experiments to spend."""
     lines: PositiveInt = 40
     """Lines of the excitation that enter the information (evenly thinned)."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """Torque limits for the candidates, the controller whose loop the references act on."""
+        return ("torque_limit", "controller")
 
     def run(
         self,

@@ -32,7 +32,7 @@ GAPS = (0.01, 0.04, 0.15, 0.5)  # of the deflection that is hardly exceeded, bot
 WAYS = (0.01, 0.1, 1.0)  # of the rms position: until a law with memory slides
 LIMITS = (0.7, 0.85, 0.95)  # of the largest signal
 TIMES = (0.5, 2.0)  # samples
-SEEN = 0.02  # of the limit: friction where none is told
+SEEN = 0.02  # of the torque limit: friction where none is told
 HARDLY = 0.98  # quantile of a deflection
 BOTH_SPRINGS = ("gear", "bearing")
 BEHIND = (*BOTH_SPRINGS, "arm")  # the gear
@@ -201,6 +201,7 @@ def scales_at(
     speed: FloatArray,
     signal: FloatArray | None,
     friction_speed: float,
+    largest_torque: float,
     orders: tuple[float, ...] = ORDERS,
 ) -> Scales:
     """Return what the motion at a place is like.
@@ -215,13 +216,15 @@ def scales_at(
         Of the channel; None: the place has none.
     friction_speed
         Zero-speed width of the motor's friction, rad/s.
+    largest_torque
+        Of the motor as recorded, N m, for a robot file that tells no limit.
     orders
         Of waves of the motor's angle.
     """
     swing = position - position.mean(axis=1, keepdims=True)
     axis, drives = place.axis, robot.drives
     ratio = place.gear_ratio if place.side in BEHIND else 1.0
-    told = max(float(drives.coulomb[axis]), SEEN * float(drives.torque_limit[axis]))
+    told = max(float(drives.coulomb[axis]), SEEN * (place.torque_limit or largest_torque))
     at_spring = place.side in BOTH_SPRINGS
     deflection = float(np.quantile(np.abs(position), HARDLY))
     return Scales(

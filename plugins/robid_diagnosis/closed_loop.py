@@ -27,6 +27,8 @@ from robid_core import (
     simulate_record,
 )
 
+METHOD = "closed-loop simulation"
+
 
 def relative_error(measured: FloatArray, modelled: FloatArray) -> float:
     """|measured - modelled| / |measured| over all samples and axes; infinite where nothing was measured."""
@@ -135,7 +137,11 @@ class ClosedLoopSimulation(DiagnosisStage):
         """Simulate twice, the fitted robot and the robot file, and compare.
 
         Of diagnoses before it the last that extended the robot gives the one that is simulated in the fit's place.
+        Nothing is simulated, and the verdict says so, where the robot file tells no controller or torque limit.
         """
+        missing = robot.left_out(("torque_limit", "controller"))
+        if missing:
+            return Diagnosis(method=METHOD, verdict=f"The closed loop was not simulated: {missing}.")
         model, left_out = identified(robot, fit), fit.model.left_out if fit.model is not None else ()
         for found in (one.model for one in explained if one.model is not None):
             model, left_out = Robot.of_model(found), ()
@@ -161,4 +167,4 @@ class ClosedLoopSimulation(DiagnosisStage):
             )
             before.append(relative_error(values, start))
         verdict = sentence(comparisons, before, left_out)
-        return Diagnosis(method="closed-loop simulation", verdict=verdict, time=tuple(comparisons))
+        return Diagnosis(method=METHOD, verdict=verdict, time=tuple(comparisons))

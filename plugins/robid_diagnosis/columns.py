@@ -86,6 +86,7 @@ class Motion:
         ]
         self.weights = tuple(weights)
         self.predicted = problem.predicted(point)
+        self.largest_torque = problem.largest_torque
         self.friction_speed: FloatArray = np.median(problem.blocks[0].laws.odd, axis=0)
         self._before = before
         if before is not None:
@@ -115,7 +116,8 @@ class Motion:
             signal = np.concatenate([getattr(o.motion, kind)[..., axis].ravel() for o in self.along])
         position, speed = (np.concatenate(parts) for parts in zip(*seen, strict=True))
         width = float(self.friction_speed[place.axis])
-        return scales_at(self.robot, place, position, speed, signal, width, self._orders(place.axis))
+        largest = float(self.largest_torque[place.axis])
+        return scales_at(self.robot, place, position, speed, signal, width, largest, self._orders(place.axis))
 
     def _orders(self, axis: int) -> tuple[float, ...]:
         """Orders of waves that are worth a try at an axis: whole ones a turn; of a slide, those of what is left."""

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
+    AxisKey,
     ConfigurationError,
     Context,
     DataRejected,
@@ -113,7 +114,7 @@ class Effects(DiagnosisStage):
     """Whether the experiment that tells tied causes apart is looked for, by simulation."""
     closed_loop: bool | None = None
     """Whether the robot as told, refitted and extended is simulated under the recorded references, with the controllers
-    of its file; null: where references were recorded."""
+    of its file; null: where references were recorded and the file tells the controllers."""
     robots: dict[str, RobotName] = {}
     """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
 
@@ -131,6 +132,10 @@ class Effects(DiagnosisStage):
     def uses(self) -> list[tuple[str, str]]:
         """Every effect that is tried, and may come into the robot."""
         return [("robid.effects", name) for name in self._asked()]
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """What a closed loop takes, where it is asked for; else it is left out where the file lacks it."""
+        return ("torque_limit", "controller") if self.closed_loop else ()
 
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from robid_core import (
+    AxisKey,
     Context,
     Diagnosis,
     DiagnosisStage,
@@ -57,9 +58,14 @@ class Prediction(DiagnosisStage):
     block_s: PositiveFloat = 1.0
     """Length of the blocks that are drawn for intervals: errors further apart should be independent."""
     closed_loop: bool | None = None
-    """Whether to simulate the closed loop, too; null: where a reference was recorded."""
+    """Whether to simulate the closed loop, too; null: where a reference was recorded and the robot file tells the
+    controllers."""
     start: Literal["rest", "motion"] = "motion"
     """How experiments begin in closed loop."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """What a closed loop takes, where it is asked for; else it is left out where the file lacks it."""
+        return ("torque_limit", "controller") if self.closed_loop else ()
 
     def run(
         self,
@@ -74,7 +80,8 @@ class Prediction(DiagnosisStage):
         models = {TOLD: robot} | ({FITTED: identified(robot, fit)} if fit is not None else {})
         if explained is not None and explained.model is not None:
             models[EXTENDED] = Robot.of_model(explained.model)
-        closed = has_references([record]) if self.closed_loop is None else self.closed_loop
+        missing = robot.left_out(("torque_limit", "controller")) if has_references([record]) else ""
+        closed = has_references([record]) and not missing if self.closed_loop is None else self.closed_loop
         comparison = Comparison("diagnosis.prediction", self.highest_hz, self.skip_s, self.block_s)
         n_step, torques, speeds = len(models) * (1 + closed), [], []
         for number, (name, model) in enumerate(models.items()):
@@ -97,6 +104,8 @@ class Prediction(DiagnosisStage):
                 rows, gain = errors_of_models(quantity, symbol, *sums, record, still, context.generator)
                 errors += rows
                 verdict.append(errors_line(rows, gain))
+        if missing:
+            verdict.append(f"The closed loop was not simulated: {missing}.")
         if seen and len(models) > 1:
             verdict.append(
                 "The record has no experiments of the role test: if the fit saw it, this is no prediction."

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from robid_core import (
+    AxisKey,
     BoolArray,
     ComplexArray,
     ConfigurationError,
@@ -73,6 +74,10 @@ class LogResponseFit(Estimator):
     """Share of the diagonal's size below which an entry's model error does not fall."""
     max_iterations: PositiveInt = 60
     """Accepted steps of one start at most."""
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """The controller: what a slow motion makes of a response is a matter of the closed loop."""
+        return ("controller",)
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""

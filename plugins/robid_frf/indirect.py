@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid_core import ComplexArray, Context, DataRejected, Frf, Record, Robot
+from robid_core import AxisKey, ComplexArray, Context, DataRejected, Frf, Record, Robot
 from robid_core.estimation.response.controller import (
     controller_response,
     drive_signal,
@@ -56,6 +56,10 @@ class Indirect(Averaging):
 
         frf: {use: frf.indirect, with: {discard: 0}}
     """
+
+    def needs_of_axes(self) -> tuple[AxisKey, ...]:
+        """The controller that is taken out."""
+        return ("controller",)
 
     def run(self, record: Record, robot: Robot, context: Context) -> Frf:
         """Estimate the response of each configuration."""

@@ -30,7 +30,7 @@ def check_against_robot(
     problems
         Takes the mistakes.
     """
-    asking = [d for d in declared if d.stage and type(d.stage).problems_with is not Stage.problems_with]
+    asking = [d for d in declared if d.stage and _asks(d.stage)]
     if not asking:
         return
     try:
@@ -42,11 +42,17 @@ def check_against_robot(
         _check(entry, robot, problems)
 
 
+def _asks(stage: Stage) -> bool:
+    """Whether a stage looks at the robot at all before it runs."""
+    return type(stage).problems_with is not Stage.problems_with or bool(stage.needs_of_axes())
+
+
 def _check(entry: Declared, robot: Robot, problems: ProblemList) -> None:
     assert entry.stage is not None
     path = ("stages", entry.name)
     try:
-        wrong = entry.stage.problems_with(robot)
+        wrong = dict(entry.stage.problems_with(robot))
+        missing = robot.left_out(entry.stage.needs_of_axes())
     except Exception as error:  # a stranger's code: no reason to say nothing about the other stages
         what = str(error) if isinstance(error, RobidError) else f"{type(error).__name__}: {error}"
         problems.add(entry.mark, path, f"{entry.plugin} cannot be used with {robot.name}: {what}")
@@ -54,3 +60,5 @@ def _check(entry: Declared, robot: Robot, problems: ProblemList) -> None:
     for place, message in wrong.items():
         found, mark = entry.node.at(("with", *place))
         problems.add(mark if found else entry.mark, (*path, "with", *place), message)
+    if missing:
+        problems.add(entry.mark, path, f"{entry.plugin} needs more of the robot: {missing}")

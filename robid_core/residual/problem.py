@@ -6,6 +6,7 @@ functions, of each axis; delays of the measured torques, one in common or one of
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +19,10 @@ from robid_core.residual.block import TorqueBlock
 from robid_core.residual.weighting import Weighting
 from robid_core.robot import Robot
 
-FRICTION_PRIOR = 0.3  # of the torque limit: no told level, which would freeze what is told as zero
+FRICTION_PRIOR = (
+    0.3  # of the torque limit, or of the largest recorded torque where the robot file tells none: no told
+)
+# level, which would freeze what is told as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +74,17 @@ class TorqueProblem:
     @property
     def prior(self) -> FloatArray:
         """Standard deviation of each unknown about zero, shape (n_unknown,)."""
-        limit = FRICTION_PRIOR * self.free.robot.drives.torque_limit / np.sqrt(self.doubt)
+        limit = self.free.robot.drives.torque_limit_or(self.largest_torque)
+        limit = FRICTION_PRIOR * limit / np.sqrt(self.doubt)
         delay = np.full(self.n_delay, self.blocks[0].motion.sample_time_s)
         return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), delay))
+
+    @functools.cached_property
+    def largest_torque(self) -> FloatArray:
+        """Largest recorded torque of each motor, N m, shape (n_axis,): what its limit cannot be below."""
+        recorded = [np.abs(block.recorded.torque).max(axis=(0, 1, 2)) for block in self.blocks]
+        largest: FloatArray = np.max(recorded, axis=0)
+        return largest
 
     def nuisance_names(self) -> tuple[str, ...]:
         """Names of the unknowns that are no parameters of the robot, in their order."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.description import RobotDescription
 from robid_core.robot.file.flexible_links import mode_names, with_flexible_links
+from robid_core.robot.file.left_out import AxisKey, left_out
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain, Mechanism
@@ -18,13 +20,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DriveArrays:
-    """Drives as arrays over the axes, (n_axis,) each, motor side; `gear` (n_axis, n_axis) is r_g."""
+    """Drives as arrays over the axes, (n_axis,) each, motor side; `gear` (n_axis, n_axis) is r_g.
+
+    Limits and gains that the robot file left out raise ConfigurationError where they are asked for.
+    """
+
+    description: RobotDescription
+    """Of whose axes these are the numbers."""
 
     gear: FloatArray
     rotor_inertia: FloatArray
     torque_constant: FloatArray
-    torque_limit: FloatArray
-    speed_limit: FloatArray
     acceleration_limit: FloatArray
     lower: FloatArray
     upper: FloatArray
@@ -32,13 +38,51 @@ class DriveArrays:
     viscous: FloatArray
     friction_offset: FloatArray
     friction_speed: FloatArray
-    speed_gain: FloatArray
-    integral_gain: FloatArray
-    position_gain: FloatArray
-    speed_feedforward: FloatArray
     encoder_counts: FloatArray
     position_noise: FloatArray
     torque_noise: FloatArray
+
+    @property
+    def torque_limit(self) -> FloatArray:
+        """Largest torque, N m."""
+        return self._told("torque_limit", "torque_limit")
+
+    @property
+    def speed_limit(self) -> FloatArray:
+        """Largest speed, rad/s."""
+        return self._told("speed_limit", "speed_limit")
+
+    @property
+    def speed_gain(self) -> FloatArray:
+        """Torque per speed error, N m s/rad."""
+        return self._told("controller", "controller.speed_gain")
+
+    @property
+    def integral_gain(self) -> FloatArray:
+        """Torque per integrated speed error, N m/rad."""
+        return self._told("controller", "controller.integral_gain")
+
+    @property
+    def position_gain(self) -> FloatArray:
+        """Speed asked per position error, 1/s."""
+        return self._told("controller", "controller.position_gain")
+
+    @property
+    def speed_feedforward(self) -> FloatArray:
+        """Share of the reference speed that is fed forward."""
+        return self._told("controller", "controller.speed_feedforward")
+
+    def torque_limit_or(self, other: FloatArray) -> FloatArray:
+        """Return the largest torque, of an axis whose file tells none that of another array, N m, shape (n_axis,)."""
+        told = [axis.torque_limit for axis in self.description.axes.values()]
+        return np.array([o if t is None else t for t, o in zip(told, other.tolist(), strict=True)])
+
+    def _told(self, key: AxisKey, path: str) -> FloatArray:
+        missing = left_out(self.description, (key,))
+        if missing:
+            raise ConfigurationError(missing)
+        number = operator.attrgetter(path)
+        return np.array([number(axis) for axis in self.description.axes.values()], dtype=float)
 
 
 def drive_arrays(description: RobotDescription) -> DriveArrays:
@@ -47,11 +91,10 @@ def drive_arrays(description: RobotDescription) -> DriveArrays:
     unlimited = (-np.inf, np.inf)
     limits = np.array([axis.position_limits or unlimited for axis in axes], dtype=float)
     return DriveArrays(
+        description=description,
         gear=gear_matrix(description),
         rotor_inertia=np.array([axis.rotor_inertia for axis in axes]),
         torque_constant=np.array([axis.torque_constant for axis in axes]),
-        torque_limit=np.array([axis.torque_limit for axis in axes]),
-        speed_limit=np.array([axis.speed_limit for axis in axes]),
         acceleration_limit=np.array([axis.acceleration_limit for axis in axes]),
         lower=limits[:, 0],
         upper=limits[:, 1],
@@ -59,10 +102,6 @@ def drive_arrays(description: RobotDescription) -> DriveArrays:
         viscous=np.array([axis.friction.viscous for axis in axes]),
         friction_offset=np.array([axis.friction.offset for axis in axes]),
         friction_speed=np.array([axis.friction.speed for axis in axes]),
-        speed_gain=np.array([axis.controller.speed_gain for axis in axes]),
-        integral_gain=np.array([axis.controller.integral_gain for axis in axes]),
-        position_gain=np.array([axis.controller.position_gain for axis in axes]),
-        speed_feedforward=np.array([axis.controller.speed_feedforward for axis in axes]),
         encoder_counts=np.array([axis.sensors.encoder_counts for axis in axes]),
         position_noise=np.array([axis.sensors.position_noise for axis in axes]),
         torque_noise=np.array([axis.sensors.torque_noise for axis in axes]),

@@ -166,7 +166,7 @@ def place_of(robot: Robot, label: str, on: str | None, side: str) -> Place:
         gear_ratio=float(1.0 / drives.gear[axis, axis]) if drives.gear[axis, axis] else np.inf,
         rotor_inertia=float(drives.rotor_inertia[axis]),
         torque_constant=float(drives.torque_constant[axis]),
-        torque_limit=float(drives.torque_limit[axis]),
+        torque_limit=drives.description.axes[robot.axis_names[axis]].torque_limit,
         sample_time=robot.sample_time_s,
         step=robot.step_s,
         direction=direction.copy(),

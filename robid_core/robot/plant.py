@@ -27,11 +27,21 @@ IMPLICIT = "implicit_midpoint"
 def controller_of(robot: Robot) -> Controller:
     """Gains and limits of the drives' cascade."""
     d = robot.drives
-    counts = np.where(d.encoder_counts > 0, d.encoder_counts, 1.0)
-    encoder_step = np.where(d.encoder_counts > 0, 2 * np.pi / counts, 0.0)
     return Controller(
-        d.speed_gain, d.integral_gain, d.position_gain, d.speed_feedforward, d.torque_limit, encoder_step
+        d.speed_gain,
+        d.integral_gain,
+        d.position_gain,
+        d.speed_feedforward,
+        d.torque_limit,
+        _encoder_step(robot),
     )
+
+
+def _encoder_step(robot: Robot) -> FloatArray:
+    """Angle of one count of each encoder, rad; 0 where it is not quantised."""
+    counts = robot.drives.encoder_counts
+    step: FloatArray = np.where(counts > 0, 2 * np.pi / np.where(counts > 0, counts, 1.0), 0.0)
+    return step
 
 
 def sensor_noise(
@@ -91,13 +101,8 @@ def drive_open_loop(robot: Robot, torque: FloatArray, state: SimulationState, **
     """Motion under given motor torques (n_lane, n_sample, n_axis), no controller; see `Robot.drive`."""
     push = np.ascontiguousarray(torque, dtype=float)
     none = np.zeros(robot.n_axis)
-    passive = replace(
-        controller_of(robot),
-        speed_gain=none,
-        integral_gain=none,
-        position_gain=none,
-        torque_limit=np.full(robot.n_axis, np.finfo(float).max),
-    )
+    unlimited = np.full(robot.n_axis, np.finfo(float).max)
+    passive = Controller(none, none, none, none, unlimited, _encoder_step(robot))
     free = replace(
         state, holding_torque=np.zeros_like(state.holding_torque), integral=np.zeros_like(state.integral)
     )

@@ -7,7 +7,7 @@ is at the motor shaft; `angle` is always the motor angle seen through the gear (
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
-from robid_core.errors import ConfigurationError, PluginError
+from robid_core.errors import ConfigurationError, MotionRefused, PluginError
 from robid_core.gate import MotionLimits
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 from robid_core.registry import DYNAMICS, load_plugin
@@ -34,6 +34,7 @@ from robid_core.robot.effects import (
     structured,
 )
 from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.left_out import AxisKey, left_out
 from robid_core.robot.file.named_parameters import with_parameters
 from robid_core.robot.file.reading import find_robot, read_description
 from robid_core.robot.identified import Identified
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     )
 
 
+LIMITS: tuple[AxisKey, ...] = ("torque_limit", "speed_limit")  # without which nothing moves
 KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
 
@@ -110,6 +112,10 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     def n_axis(self) -> int:
         """Number of motors."""
         return len(self.description.axes)
+
+    def left_out(self, keys: Iterable[AxisKey]) -> str:
+        """Say which of these keys of `axes` the robot file left out, and where; empty where it has all of them."""
+        return left_out(self.description, keys)
 
     @property
     def sample_time_s(self) -> float:
@@ -205,7 +211,13 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
     @property
     def limits(self) -> MotionLimits:
-        """Limits at the motors, as the safety gate takes them."""
+        """Limits at the motors, as the safety gate takes them.
+
+        Raises MotionRefused where the robot file tells no speed or torque limit: what is not known is no permission.
+        """
+        missing = self.left_out(LIMITS)
+        if missing:
+            raise MotionRefused(f"D03: {missing}; nothing was sent")
         ends = np.stack([self.motor_angle(self.drives.lower), self.motor_angle(self.drives.upper)])
         return MotionLimits(
             self.axis_names,

@@ -3,6 +3,9 @@
 Everything is at the motor shaft with the sign of the joint's axis, except `gear` (stiffness and damping at the joint,
 thesis eq. 2.2) and `position_limits`. A prismatic axis has metres and newtons wherever a revolute one has radians and
 newton metres.
+
+Recordings are read and fitted without limits and controllers, so a file may leave these out; `left_out` tells a stage
+that needs one.
 """
 
 from __future__ import annotations
@@ -87,10 +90,10 @@ class Axis(Part):
     """Inertia of rotor, brake and gear input, kg m^2."""
     torque_constant: Positive = 1.0
     """N m/A."""
-    torque_limit: Positive
-    """Largest torque, N m."""
-    speed_limit: Positive
-    """Largest speed, rad/s."""
+    torque_limit: Positive | None = None
+    """Largest torque, N m; null: not known, and asked for by whatever moves or simulates the robot."""
+    speed_limit: Positive | None = None
+    """Largest speed, rad/s; null: not known, and asked for by whatever moves the robot."""
     acceleration_limit: Positive = 1.0e6
     """Largest commanded acceleration, rad/s^2."""
     position_limits: Annotated[tuple[Number, Number], AfterValidator(_in_order)] | None = None
@@ -101,5 +104,5 @@ class Axis(Part):
     """Friction at the motor."""
     sensors: Sensors = Sensors()
     """Encoder and torque measurement."""
-    controller: ControllerEntry
-    """Gains of the drive's cascade."""
+    controller: ControllerEntry | None = None
+    """Gains of the drive's cascade; null: not known, and asked for by whatever simulates it."""

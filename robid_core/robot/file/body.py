@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from robid_core.robot.file.axis import Spring
 from robid_core.robot.file.part import NonNegative, Number, Part, Positive, Vector, refusal
@@ -48,7 +48,29 @@ def _one_parent(parent: Any) -> Any:
     return parent
 
 
+def rigid_inertia(rows: Matrix) -> Matrix:
+    """Return an inertia about a centre of mass as it is; refuse what no rigid body can have."""
+    inertia = np.array(rows)
+    if not np.allclose(inertia, inertia.T, rtol=0, atol=_INERTIA_TOLERANCE * np.abs(inertia).max()):
+        i, j = np.unravel_index(np.argmax(np.abs(inertia - inertia.T)), (3, 3))
+        raise refusal(
+            f"the matrix is not symmetric: row {i + 1} has {inertia[i, j]:.6g} where row {j + 1} has "
+            f"{inertia[j, i]:.6g}; give a symmetric 3 x 3 matrix"
+        )
+    smallest, middle, largest = np.linalg.eigvalsh(inertia)
+    if smallest < -_INERTIA_TOLERANCE * abs(largest):
+        raise refusal(f"a principal moment is {smallest:.6g} kg m^2; none may be negative")
+    if smallest + middle < largest * (1 - _INERTIA_TOLERANCE):
+        raise refusal(
+            f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g} kg m^2: no body has the largest above "
+            "the sum of the others; are they about the centre of mass and in the joint's frame?"
+        )
+    return rows
+
+
 Direction = Annotated[Vector, AfterValidator(_of_unit_length)]
+Rotation = Annotated[Matrix, AfterValidator(_a_rotation)]
+Inertia = Annotated[Matrix, AfterValidator(rigid_inertia)]
 
 
 class LinkMode(Part):
@@ -106,7 +128,7 @@ class FlexibleLink(Part):
     """Damping ratio of every mode of the link."""
     translation: Vector = (0.0, 0.0, 0.0)
     """Origin of the file's frame in the joint's frame, m."""
-    rotation: Annotated[Matrix, AfterValidator(_a_rotation)] = IDENTITY
+    rotation: Rotation = IDENTITY
     """Rows of the rotation matrix from the file's frame to the joint's."""
     reduced: ReducedLink | None = None
     """What the file comes down to, as robid writes it: with it the file is not read; delete it to read it again."""
@@ -140,35 +162,15 @@ class Body(Part):
     """Direction of motion in the joint's frame, unit length."""
     translation: Vector = (0.0, 0.0, 0.0)
     """Origin of the joint's frame in the parent's frame, m."""
-    rotation: Annotated[Matrix, AfterValidator(_a_rotation)] = IDENTITY
+    rotation: Rotation = IDENTITY
     """Rows of the rotation matrix from the joint's frame to the parent's."""
     mass: NonNegative = 0.0
     """Mass in kg."""
     centre_of_mass: Vector = (0.0, 0.0, 0.0)
     """Centre of mass in the joint's frame, m."""
-    inertia: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    inertia: Inertia = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     """Inertia about the centre of mass, axes of the joint's frame, kg m^2."""
     elastic: Spring | None = None
     """Spring and damper of a joint that no drive moves, such as a foundation that gives way; null: a drive moves it."""
     flexible: FlexibleLink | None = None
     """Finite elements in place of the rigid body; null: rigid."""
-
-    @field_validator("inertia")
-    @classmethod
-    def _an_inertia(cls, rows: Matrix) -> Matrix:
-        inertia = np.array(rows)
-        if not np.allclose(inertia, inertia.T, rtol=0, atol=_INERTIA_TOLERANCE * np.abs(inertia).max()):
-            i, j = np.unravel_index(np.argmax(np.abs(inertia - inertia.T)), (3, 3))
-            raise refusal(
-                f"the matrix is not symmetric: row {i + 1} has {inertia[i, j]:.6g} where row {j + 1} has "
-                f"{inertia[j, i]:.6g}; give a symmetric 3 x 3 matrix"
-            )
-        smallest, middle, largest = np.linalg.eigvalsh(inertia)
-        if smallest < -_INERTIA_TOLERANCE * abs(largest):
-            raise refusal(f"a principal moment is {smallest:.6g} kg m^2; none may be negative")
-        if smallest + middle < largest * (1 - _INERTIA_TOLERANCE):
-            raise refusal(
-                f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g} kg m^2: no body has the largest above "
-                "the sum of the others; are they about the centre of mass and in the joint's frame?"
-            )
-        return rows

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from robid_core.robot.file.clock import clock_contradictions
 from robid_core.robot.file.tree import tree_contradictions
 from robid_core.yaml_file.problems import KeyPath
 
@@ -38,7 +39,7 @@ def contradictions(data: Mapping[str, Any]) -> Iterator[Contradiction]:
     yield from _elastic_coordinates(bearings, bodies, joints)
     yield from _places_of_effects(effects, (*axes, *bearings, *joints, "base"))
     yield from _coupling(data.get("coupling"), list(axes))
-    yield from _clock(data.get("sample_time_s", 0.001), data.get("step_s", 0.00025))
+    yield from clock_contradictions(data.get("sample_time_s", 0.001), data.get("step_s"))
 
 
 def _table(value: Any) -> dict[str, Mapping[str, Any]]:
@@ -165,16 +166,4 @@ def _coupling(coupling: Any, axes: list[str]) -> Iterator[Contradiction]:
             ("coupling",),
             f"coupling is singular (singular values {singular[0]:.3g} to {singular[-1]:.3g}): motors "
             f"{', '.join(alike)} can turn together without moving a joint; every motor must move its own axis",
-        )
-
-
-def _clock(sample_time: Any, step: Any) -> Iterator[Contradiction]:
-    if not all(isinstance(time, float | int) and 0 < time < np.inf for time in (sample_time, step)):
-        return
-    ratio = sample_time / step
-    if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-9 * ratio:
-        yield (
-            ("step_s",),
-            f"sample_time_s {sample_time:g} s is not a whole number of steps of {step:g} s; give a step of "
-            f"{sample_time / max(1, round(ratio)):g} s",
         )

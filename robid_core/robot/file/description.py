@@ -19,6 +19,7 @@ from pydantic_core import InitErrorDetails
 
 from robid_core.robot.file.axis import Axis, ControllerEntry, Friction, Sensors, Spring
 from robid_core.robot.file.body import Body, Direction, FlexibleLink
+from robid_core.robot.file.clock import LONGEST_STEP_S, whole_step
 from robid_core.robot.file.contradictions import contradictions
 from robid_core.robot.file.part import (
     Identifier,
@@ -83,8 +84,8 @@ class RobotDescription(Part):
     """Gravity in the base frame, m/s^2."""
     sample_time_s: Positive = 0.001
     """Control, torque hold and trace share this time."""
-    step_s: Positive = 0.00025
-    """Integration step inside a sample."""
+    step_s: Positive = LONGEST_STEP_S
+    """Integration step inside a sample; by default the longest up to 0.25 ms of which a sample has a whole number."""
     bodies: Annotated[tuple[Body, ...], Field(min_length=1)]
     """The chain or tree, parents before children."""
     axes: Annotated[dict[str, Axis], Field(min_length=1)]
@@ -100,6 +101,8 @@ class RobotDescription(Part):
     @classmethod
     def _without_contradictions(cls, data: Any, handler: ValidatorFunctionWrapHandler) -> RobotDescription:
         data = with_tuples(data)
+        if isinstance(data, dict) and "step_s" not in data:
+            data = {**data, "step_s": whole_step(data.get("sample_time_s", 0.001))}
         errors: list[InitErrorDetails] = []
         try:
             description: RobotDescription = handler(data)

@@ -2,14 +2,16 @@
 
 Only the characters of the numbers are replaced; comments, order and layout are the file's. A number that the file does
 not have goes under `parameters:` of a derived file, or into its mapping. What comes from somewhere else (a data
-sheet, a model file) cannot be changed here. The result is read again: it is the model's robot, or it is refused.
+sheet, a model file) cannot be changed here; bodies of a Denavit-Hartenberg table can. The result is read again: it is
+the model's robot, to rounding where a table stands, or it is refused.
 """
 
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, SequenceNode
@@ -17,12 +19,17 @@ from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, Seq
 from robid_core.artifacts import Model
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.robot.file.changes import described
+from robid_core.robot.file.denavit_hartenberg import DenavitHartenbergTable, in_table
 from robid_core.robot.file.derived_file import COLUMN, key_text, known_of
 from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.document import parse_document
 from robid_core.robot.file.named_parameters import layout_of, number_at
+from robid_core.robot.file.part import with_tuples
 from robid_core.robot.file.reading import parse_description
 from robid_core.robot.file.writing import robot_sha256
 from robid_core.yaml_file.problems import KeyPath
+
+ROUNDING = 1e-13  # of lengths in a table, m, that are taken off and put on again
 
 
 class Edit(NamedTuple):
@@ -47,6 +54,10 @@ def with_model(text: str, path: Path, model: Model) -> str:
             f"{path}: {base.name} has changed since the fit was made from it; run the pipeline again"
         )
     root = YAML(typ="safe", pure=True).compose(io.StringIO(text))
+    table = None
+    if _find(root, ("dh",)) is not None:
+        written = parse_document(text.encode("utf-8"), path.name).data["dh"]
+        table = DenavitHartenbergTable.model_validate(with_tuples(written))
     derived = _find(root, ("base",)) is not None
     edits: list[Edit] = []
     added: dict[str, str] = {}
@@ -55,7 +66,10 @@ def with_model(text: str, path: Path, model: Model) -> str:
     for name, value in zip(model.names, model.value.tolist(), strict=True):
         if name in homeless or value == number_at(base, layout[name]):
             continue
-        found = _in_place(text, root, name, layout[name].path, value, derived)
+        place, number = layout[name].path, value
+        if table is not None:
+            place, number = in_table(table, place, number)
+        found = _in_place(text, root, name, place, number, derived)
         edits += found
         if derived and not found:
             added[name] = f"{key_text(name)}: {value!r}"
@@ -67,7 +81,7 @@ def with_model(text: str, path: Path, model: Model) -> str:
         ::-1
     ]:  # from the end; the first at a place goes in last
         text = text[: edit.start] + edit.text + text[edit.end :]
-    if homeless or not _is(text, path, fitted):
+    if homeless or not _is(text, path, fitted, exactly=table is None):
         what = ", ".join(homeless) or "some effect, or a number that stands for others too (an alias)"
         raise ConfigurationError(
             f"{path}: there is no place of its own for {what}; take the robot file that the run wrote: it names this "
@@ -76,11 +90,23 @@ def with_model(text: str, path: Path, model: Model) -> str:
     return text
 
 
-def _is(text: str, path: Path, wanted: RobotDescription) -> bool:
+def _is(text: str, path: Path, wanted: RobotDescription, exactly: bool) -> bool:
     try:
-        return parse_description(text, path) == wanted
+        found = parse_description(text, path)
     except RobidError:
         return False
+    return found == wanted if exactly else _alike(found.model_dump(), wanted.model_dump())
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether plain data are the same but for the rounding of numbers."""
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=ROUNDING, abs_tol=ROUNDING)
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(_alike(a, b) for a, b in zip(one, other, strict=True))
+    return bool(one == other)
 
 
 def _in_place(text: str, root: Node, name: str, path: KeyPath, value: float, derived: bool) -> list[Edit]:

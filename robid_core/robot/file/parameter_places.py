@@ -112,7 +112,7 @@ def _of_axes(description: RobotDescription) -> list[ParameterPlace]:
     found = []
     for pattern, kind, group, unit, path in _AXIS:
         for name, axis in description.axes.items():
-            if path[0] == "gear" and axis.gear is None:
+            if getattr(axis, path[0]) is None:
                 continue
             here = linear_unit(unit) if is_prismatic(description, name) else unit
             if path == ("sensors", "encoder_counts"):

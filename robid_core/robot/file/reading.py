@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from robid_core.errors import ConfigurationError, RobidError
+from robid_core.robot.file.denavit_hartenberg import table_written_out
 from robid_core.robot.file.description import EffectEntry, RobotDescription
 from robid_core.robot.file.document import Document, parse_document, read_document
 from robid_core.robot.file.expansion import sheets_written_out
@@ -70,8 +71,9 @@ def find_robot(name_or_path: str, folder: Path | None = None) -> Path:
 def read_description(path: Path) -> RobotDescription:
     """Read a robot file into its canonical description: bodies inline, data sheets written out.
 
-    A file has either `bodies`, or `model` (a path read through the `robid.models` plugin of its suffix), or
-    `base` (another robot) with the `parameters` that differ and the `effects` that come on top.
+    A file has either `bodies`, or `dh` (a Denavit-Hartenberg table), or `model` (a path read through the `robid.models`
+    plugin of its suffix), or `base` (another robot) with the `parameters` that differ and the `effects` that come on
+    top.
 
     Raises
     ------
@@ -102,6 +104,7 @@ def _read(document: Document, path: Path, above: tuple[Path, ...]) -> RobotDescr
 def _whole(data: dict[str, Any], document: Document, folder: Path) -> RobotDescription | None:
     if "model" in data:
         data = _with_model(data, document, folder)
+    data = table_written_out(data, document)
     bodies = data.get("bodies")
     for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
         if isinstance(body, dict) and isinstance(body.get("joint"), str):

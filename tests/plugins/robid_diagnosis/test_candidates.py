@@ -76,7 +76,7 @@ def test_scales_are_those_of_the_place(robot: Robot) -> None:
     for use in ("friction.dahl", "load.cable_spring"):
         place = place_at(robot, next(spot for spot in spots(robot, load(use)) if spot.on == "axis_2"))
         assert place is not None
-        found.append(scales_at(robot, place, seen, 2 * seen, None, 0.7))
+        found.append(scales_at(robot, place, seen, 2 * seen, None, 0.7, 10.0))
     motor, arm = found
     ratio = motor.friction_speed / arm.friction_speed
     assert ratio == pytest.approx(abs(1 / robot.drives.gear[1, 1]))

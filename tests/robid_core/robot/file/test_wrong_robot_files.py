@@ -283,8 +283,8 @@ CASES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
         ),
     ),
     "nothing written": (
-        ("speed_limit: 500", "speed_limit:"),
-        ("25:5: axes.elbow.speed_limit: nothing is written here, it must be a number",),
+        ("rotor_inertia: 5.0e-4", "rotor_inertia:"),
+        ("23:5: axes.elbow.rotor_inertia: nothing is written here, it must be a number",),
     ),
     "yes as a number": (
         ("rotor_inertia: 5.0e-4", "rotor_inertia: true"),
@@ -305,8 +305,8 @@ CASES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
         ("23:5: axes.elbow.rotor_inerta: unknown key 'rotor_inerta'; did you mean 'rotor_inertia'?",),
     ),
     "key missing": (
-        ("    torque_limit: 10\n", ""),
-        ("21:3: axes.elbow.torque_limit: the key 'torque_limit' is missing: Largest torque, N m",),
+        ("    rotor_inertia: 5.0e-4\n", ""),
+        ("21:3: axes.elbow.rotor_inertia: the key 'rotor_inertia' is missing: Inertia of rotor",),
     ),
     "joint of another kind": (
         ("parent: shoulder", "type: ball\n    parent: shoulder"),
