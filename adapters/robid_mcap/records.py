@@ -195,7 +195,8 @@ def _decoder(channel: Channel, log: Log) -> Decoder:
             log.problems.append(f"{channel.topic}: its schema cannot be used ({error})")
             return lambda data: iter(())
         return lambda data: _numbers(cls.FromString(data), "")
-    log.problems.append(f"{channel.topic}: encoding '{channel.message_encoding}' is not decoded")
+    other = "; --format rosbag, or format: rosbag, reads it" if channel.message_encoding == "cdr" else ""
+    log.problems.append(f"{channel.topic}: encoding '{channel.message_encoding}' is not decoded{other}")
     return lambda data: iter(())
 
 
