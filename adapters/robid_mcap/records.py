@@ -80,7 +80,8 @@ class McapRecords:
                 found.setdefault(f"{channel.topic}{name}", []).append(value)
         _tell(path, log.problems)
         if not found:
-            raise DataRejected(f"{path}: no channel has numbers that can be decoded (protobuf or JSON)")
+            why = f"; {log.problems[-1]}" if log.problems else ""
+            raise DataRejected(f"{path}: no channel has numbers that can be decoded (protobuf or JSON){why}")
         return {name: np.array(values) for name, values in found.items()}
 
     @staticmethod

@@ -110,7 +110,9 @@ def test_units_of_joint_states_are_known(tmp_path: Path) -> None:
 
 def test_the_reader_of_mcap_says_who_reads_messages_of_ros(tmp_path: Path) -> None:
     path = written(tmp_path, "mcap", [("joint_1",)] * 5)
-    with pytest.raises(DataRejected, match="no channel has numbers"):
+    with pytest.raises(
+        DataRejected, match="no channel has numbers.*; --format rosbag, or format: rosbag, reads it"
+    ):
         McapRecords.read(path)
 
 
