@@ -38,7 +38,25 @@ NOUNS = {
 }
 
 # What an extra brings, for the hint when its packages are missing.
-EXTRAS = {"torch": "torch", "pytorch_kinematics": "torch", "distributed": "dask", "dask": "dask"}
+EXTRAS = {
+    "torch": "torch",
+    "pytorch_kinematics": "torch",
+    "distributed": "dask",
+    "dask": "dask",
+    "pyarrow": "formats",
+    "rosbags": "formats",
+}
+
+# Suffix of a recording -> its reader's name, where that is another one; a plugin's reader is called like its suffix.
+READERS = {
+    "tsv": "csv",
+    "txt": "csv",
+    "dat": "csv",
+    "h5": "hdf5",
+    "pq": "parquet",
+    "bag": "rosbag",
+    "db3": "rosbag",
+}
 
 
 @dataclass(frozen=True)

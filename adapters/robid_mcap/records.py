@@ -80,7 +80,8 @@ class McapRecords:
                 found.setdefault(f"{channel.topic}{name}", []).append(value)
         _tell(path, log.problems)
         if not found:
-            raise DataRejected(f"{path}: no channel has numbers that can be decoded (protobuf or JSON)")
+            why = f"; {log.problems[-1]}" if log.problems else ""
+            raise DataRejected(f"{path}: no channel has numbers that can be decoded (protobuf or JSON){why}")
         return {name: np.array(values) for name, values in found.items()}
 
     @staticmethod
@@ -195,7 +196,8 @@ def _decoder(channel: Channel, log: Log) -> Decoder:
             log.problems.append(f"{channel.topic}: its schema cannot be used ({error})")
             return lambda data: iter(())
         return lambda data: _numbers(cls.FromString(data), "")
-    log.problems.append(f"{channel.topic}: encoding '{channel.message_encoding}' is not decoded")
+    other = "; --format rosbag, or format: rosbag, reads it" if channel.message_encoding == "cdr" else ""
+    log.problems.append(f"{channel.topic}: encoding '{channel.message_encoding}' is not decoded{other}")
     return lambda data: iter(())
 
 

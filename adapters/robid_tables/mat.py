@@ -1,61 +1,71 @@
-"""MATLAB files up to version 7 as named arrays; structures are flattened to `rec.act_pos_mot_deg`."""
+"""MATLAB files of all versions as named arrays; structures are flattened to `rec.act_pos_mot_deg`."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.io
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, mat_struct
+from scipy.sparse import issparse
 
 from robid_core import DataRejected, FloatArray
+from robid_tables.matlab_hdf5 import read_hdf5_variables
+from robid_tables.matlab_values import LeftOut, flattened
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # a v7.3 file is HDF5 behind a MATLAB header of 512 bytes
 
 
-def read_variables(path: Path) -> dict[str, FloatArray]:
-    """Return every real numeric variable and structure field, unit dimensions squeezed.
-
-    Text, cells and objects of MATLAB classes (tables, timeseries) are left out: they hold no plain numbers.
+def read_variables(path: Path) -> dict[str, FloatArray | LeftOut]:
+    """Return every real numeric variable and structure field, unit dimensions squeezed, and what others hold.
 
     Raises
     ------
     DataRejected
-        If the file is of version 7.3, damaged, or no MATLAB file.
+        If the file is damaged, or no MATLAB file.
     """
     with path.open("rb") as file:
         start = file.read(520)
-    if HDF5_SIGNATURE in (start[:8], start[512:520]):
-        raise DataRejected(f"{path}: a MATLAB v7.3 file; in MATLAB, save it again with save(..., '-v7')")
+    newer = HDF5_SIGNATURE in (start[:8], start[512:520])
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # about names that occur twice in objects that are left out anyway
-            content = scipy.io.loadmat(path, simplify_cells=True)
-    except Exception as error:  # scipy raises whatever its parser meets in a damaged file
+        variables = read_hdf5_variables(path) if newer else _older_variables(path)
+    except DataRejected:
+        raise
+    except Exception as error:  # scipy and h5py raise whatever their parsers meet in a damaged file
         raise DataRejected(
             f"{path}: cannot be read as a MATLAB file ({type(error).__name__}: {error})"
         ) from error
-    return dict(_flatten(content, ""))
+    return dict(flattened(variables, ""))
 
 
-def _flatten(content: dict[Any, Any], prefix: str) -> Iterator[tuple[str, FloatArray]]:
-    for key, value in content.items():
-        if not isinstance(key, str) or key.startswith("__"):
-            continue
-        name = prefix + key
-        if isinstance(value, dict):
-            yield from _flatten(value, name + ".")
-        elif isinstance(value, list | tuple) and value and all(isinstance(entry, dict) for entry in value):
-            for index, entry in enumerate(value):
-                yield from _flatten(entry, f"{name}({index + 1}).")
-        else:
-            array = np.asarray(value)
-            if array.dtype.kind in "fiub" and array.size:
-                yield name, array.astype(np.float64)
+def _older_variables(path: Path) -> dict[str, Any]:
+    with warnings.catch_warnings():
+        # about names that occur twice in objects that are left out anyway
+        warnings.simplefilter("ignore")
+        content = scipy.io.loadmat(path, struct_as_record=False)
+    return {name: _value(value) for name, value in content.items() if not name.startswith("__")}
+
+
+def _value(value: Any) -> Any:
+    """Bring what scipy gives into the form of `matlab_values`."""
+    if isinstance(value, mat_struct):
+        return {name: _value(getattr(value, name)) for name in value._fieldnames}
+    if issparse(value):
+        return LeftOut("a sparse matrix")
+    if isinstance(value, MatlabObject | MatlabOpaque | MatlabFunction):
+        return LeftOut("an object")
+    if value.dtype.kind in "US":
+        return LeftOut("text")
+    if value.dtype != object:
+        return value
+    entries = value.ravel(order="F")
+    if len(entries) and all(isinstance(entry, mat_struct) for entry in entries):
+        return _value(entries[0]) if len(entries) == 1 else [_value(entry) for entry in entries]
+    return tuple(
+        _value(np.asarray(entry)) if not isinstance(entry, mat_struct) else _value(entry) for entry in entries
+    )
 
 
 class MatRecords:
@@ -63,13 +73,18 @@ class MatRecords:
 
     @staticmethod
     def describe(path: Path) -> list[str]:
-        """Return one line for each variable: a number with its value, an array with its shape."""
-        return [
-            f"{name}: {values.item():g}" if values.ndim == 0 else f"{name}: {values.shape}"
-            for name, values in read_variables(path).items()
-        ]
+        """Return one line for each variable: a number with its value, an array with its shape, what is left out."""
+        lines = []
+        for name, values in read_variables(path).items():
+            if isinstance(values, LeftOut):
+                lines.append(f"{name}: {values}, left out")
+            else:
+                lines.append(f"{name}: {values.item():g}" if values.ndim == 0 else f"{name}: {values.shape}")
+        return lines
 
     @staticmethod
     def read(path: Path) -> dict[str, FloatArray]:
-        """Return the variables by name."""
-        return read_variables(path)
+        """Return the variables by name; single numbers have the shape ()."""
+        return {
+            name: values for name, values in read_variables(path).items() if not isinstance(values, LeftOut)
+        }

@@ -1,53 +1,83 @@
-"""`robid records`: what a recording holds, in any format that a reader is installed for; recovery of cut ones."""
+"""`robid records`: what recordings hold, in any format that a reader is installed for; recovery of cut ones."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from robid_core.commands.arguments import DataRoot
+
+if TYPE_CHECKING:
+    from robid_core.commands.recordings.inspection import Inspected
 
 _RECOVER = "recover"
 
 
 def command(
-    words: Annotated[list[str], typer.Argument(metavar="[recover] FILE", help="A recording.")],
+    words: Annotated[list[str], typer.Argument(metavar="[recover] PATH...", help="Recordings, or folders.")],
     form: Annotated[str, typer.Option("--format", help="Reader; by default from the file's suffix.")] = "",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Where `recover` writes the record (HDF5).")
     ] = None,
+    data: DataRoot = None,
 ) -> None:
-    """Say what a recording holds: channels, lengths, what is wrong with it.
+    """Say what recordings hold, channel by channel: what each may be and why, range, rate, gaps, missing values.
 
+    Ends with the stage that reads them, to be pasted into a pipeline; what is a guess is marked so.
     `robid records recover FILE` saves what is left of a raw log that was cut, missing samples marked as such.
     """
-    recover = len(words) == 2 and words[0] == _RECOVER
-    if len(words) != 1 and not recover:
-        raise typer.BadParameter("give one file, or `recover` and one file")
-    file = Path(words[-1])
-    reader = reader_of(file, form)
-    if recover:
+    if words[0] == _RECOVER and len(words) > 1:
+        from robid_core.commands.recordings.inspection import reader_name
+        from robid_core.registry import RECORDS, registry
+
+        if len(words) > 2:
+            raise typer.BadParameter("`recover` takes one file")
+        file = Path(words[1])
+        reader = registry().load(RECORDS, reader_name(file, form))
         typer.echo("\n".join(recovered(file, reader, output or file.with_suffix(".recovered.h5"))))
         return
-    typer.echo(
-        "\n".join([f"{file} ({file.stat().st_size} bytes)", *(f"  {line}" for line in reader.describe(file))])
-    )
+    shown = inspected([Path(word) for word in words], form)
+    if shown:
+        typer.echo("\n".join(pipeline_lines(shown, data)))
 
 
-def reader_of(file: Path, form: str) -> Any:
-    """Return the reader of a recording; raises ConfigurationError where there is no file or no reader."""
-    from robid_core.errors import ConfigurationError
-    from robid_core.registry import RECORDS, registry
+def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
+    """Show recordings one after the other, and return them; what cannot be read in a folder is told and left out."""
+    from robid_core.commands.recordings.inspection import inspect, recordings_in
+    from robid_core.commands.recordings.screen import recording_lines, short_line
+    from robid_core.errors import RobidError
 
-    if not file.is_file():
-        raise ConfigurationError(f"{file}: there is no such file")
-    suffix = file.name.removesuffix(".part").rpartition(".")[2].lower()
-    known = registry().names(RECORDS)
-    if not form and suffix not in known:
-        raise ConfigurationError(
-            f"{file}: no reader for '.{suffix}'; give --format, one of {', '.join(known)}"
-        )
-    return registry().load(RECORDS, form or suffix)
+    found: list[Inspected] = []
+    for path in paths:
+        for file in recordings_in(path) if path.is_dir() else [path]:
+            try:
+                one = inspect(file, form)
+            except RobidError as error:
+                if not path.is_dir():
+                    raise
+                typer.echo(f"{file}: left out: {error}")
+                continue
+            alike = one.guesses is not None and any(one.kind == other.kind for other in found)
+            typer.echo(short_line(one) if alike else "\n".join([*recording_lines(one), ""]))
+            found.append(one)
+    return found
+
+
+def pipeline_lines(recordings: Sequence[Inspected], data: Path | None) -> list[str]:
+    """Return the stages that read recordings, and where their paths begin."""
+    from robid_core.commands.recordings.acquisition import data_root, stage_lines
+    from robid_core.pipeline.places import find_places
+
+    known = find_places(Path.cwd() / "pipeline.yaml", data).data_root
+    root = data_root([one.file for one in recordings], known)
+    lines = stage_lines(recordings, root)
+    if not lines:
+        return ["no channel was recognised; robid stages acquisition.recorded says how to name them"]
+    where = "" if root == known else f"; paths begin in {root}: robid run --data {root}"
+    return [f"# to be pasted into a pipeline; check every guess{where}", *lines]
 
 
 def recovered(file: Path, reader: Any, output: Path) -> list[str]:

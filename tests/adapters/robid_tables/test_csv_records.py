@@ -71,12 +71,22 @@ def test_the_description_tells_rows_columns_and_ranges(tmp_path: Path) -> None:
         (b"q,tau\n1,2\n3\n", ":3: 1 cells"),
         (b"q,tau\n1,2\n3,4,5\n", ":3: 3 cells"),
         (b"q,tau\n1,2\n\n3,four\n", ":4: column 'tau' holds 'four'"),
-        (b"q;tau\n1;2\n3;4,5\n", ":3: column 'tau' holds '4,5', which is no number; write decimal points"),
+        (
+            b"q;tau\n1.5;2\n3;4,5\n",
+            ":3: column 'tau' holds '4,5', which is no number of ours but a number with a dec",
+        ),
         (b"q,q\n1,2\n", "two columns are called 'q'"),
         (b"q,,tau\n1,2,3\n", "column 2 has no name"),
         (b"q,tau\n", "no line of numbers"),
         (b"\n  \n", "empty"),
-        (b"q,t\xb0\n1,2\n", "not UTF-8 text at byte 3"),
+        (b"q,tau\n1,2\n3,4,5,6\n", "write decimal points, not commas"),
+        (b"q,tau\n1,2\n3\n", "at the very end: the file looks cut"),
+        (b"q,tau\n1,2\n3,1.5e-", "'1.5e-' is the beginning of a number: the file looks cut"),
+        (b"q\0,\0t\0\n\0", "zero bytes"),
+        (b"\xff\xfeq\0\n\0001", "the file looks cut"),
+        (b"# only\n# comments\n", "nothing but comments"),
+        (b"monday,1\ntuesday,2\n", ":1: 'monday' is a word, and other cells of this first line are numbers"),
+        (b"when,where\nmonday,here\n", "no column holds numbers"),
     ],
 )
 def test_a_wrong_table_is_told_by_line_and_column(tmp_path: Path, text: bytes, told: str) -> None:
@@ -84,3 +94,114 @@ def test_a_wrong_table_is_told_by_line_and_column(tmp_path: Path, text: bytes, t
         CsvRecords.read(written(tmp_path, text))
     assert told in str(caught.value)
     assert "table.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "q;tau\n1,234;5,678\n",
+            ":2: '1,234' may be 1.234 with a decimal comma or 1234 with thousands set apart",
+        ),
+        ("q;tau\n1,234;5.5\n", "may be 1.234 with a decimal comma or 1234 with thousands set apart"),
+        ("1,5\n2,5\n", ":1: '1,5' may be whole numbers separated by commas, or numbers with decimal commas"),
+        ("1,234\n", "may be whole numbers separated by commas"),
+        ('q,tau\n"1,5",2\n', "a number with a decimal comma; write decimal points"),
+        ('q,tau\n"1,234",2\n', "1.234 with a decimal comma or 1234"),
+        ("q;tau\n1,234,567;2\n", "thousands set apart; write the digits"),
+        ("q;tau\n1.234,5;2\n", "thousands set apart"),
+        ("q;tau\n1'234.5;2\n", "thousands set apart"),
+        ("q;tau\n1 234;2\n", "thousands set apart"),
+        ("q;tau\n1_000;2\n", "thousands set apart"),
+        ("q,tau\n5 Nm,2\n6 Nm,3\n", "a number with its unit"),
+        ("q,tau\n12.5°,2\n", "a number with its unit"),
+        ("q,tau\n1.5D+03,2\n", "exponent D"),
+        ("q,tau\n\u22121.5,2\n", "typographic minus sign"),
+        ("q,tau\nNA,2\n1,2\n", "leave the cell empty where nothing was measured"),
+        ("NA,2.5\n1.5,2.5\n", "leave the cell empty"),
+    ],
+)
+def test_a_number_in_another_notation_is_refused_and_never_taken_for_a_word(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    with pytest.raises(DataRejected) as caught:
+        CsvRecords.read(written(tmp_path, text))
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("q;tau\n1,5;2\n-0,25;,5\n", [[1.5, 2.0], [-0.25, 0.5]]),
+        ("1,5\t2,5e-3\n3\t4\n", [[1.5, 2.5e-3], [3.0, 4.0]]),
+        ("1,5 2,5\n3 4\n", [[1.5, 2.5], [3.0, 4.0]]),
+        ("q;tau\n1,234;0,5\n", [[1.234, 0.5]]),
+        ("position, rad;torque, Nm\n1,5;2\n", [[1.5, 2.0]]),
+        ("q;tau\n1,5;\n", [[1.5, np.nan]]),
+        ("1, 2\n3, 4\n", [[1.0, 2.0], [3.0, 4.0]]),
+        ("1,-2\n3,4\n", [[1.0, -2.0], [3.0, 4.0]]),
+        ("q, tau,\n1,2,\n3,4,\n", [[1.0, 2.0], [3.0, 4.0]]),
+        ("q;tau\n1;2;\n3;4;\n", [[1.0, 2.0], [3.0, 4.0]]),
+        ("1.5;2;\n3;4;\n", [[1.5, 2.0], [3.0, 4.0]]),
+        ("% made by hand\n// on monday\nq tau\n1 2\n# a pause\n3 4\n", [[1.0, 2.0], [3.0, 4.0]]),
+        ('"q";"tau"\n"1,5";"2"\n', [[1.5, 2.0]]),
+        ("q   tau\n 1    2\n3  4   \n", [[1.0, 2.0], [3.0, 4.0]]),
+        ("q\ttau [Nm]\n1\t 2\n", [[1.0, 2.0]]),
+        ("q\n1,5\n2,25\n", [[1.5], [2.25]]),
+    ],
+)
+def test_what_is_written_in_one_way_only_is_read(
+    tmp_path: Path, text: str, expected: list[list[float]]
+) -> None:
+    columns = CsvRecords.read(written(tmp_path, text))
+    np.testing.assert_array_equal(np.stack(list(columns.values()), axis=1), expected)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "told"),
+    [
+        ("utf-8", "UTF-8"),
+        ("utf-8-sig", "UTF-8 with byte order mark"),
+        ("utf-16", "UTF-16"),
+        ("cp1252", "Windows-1252"),
+        ("latin-1", "Windows-1252"),
+    ],
+)
+def test_the_encoding_is_found_from_the_bytes_and_told(tmp_path: Path, encoding: str, told: str) -> None:
+    path = written(tmp_path, "Zeit;Winkel °\n0,5;1,5\n".encode(encoding))
+    assert list(CsvRecords.read(path)) == ["Zeit", "Winkel °"]
+    first = CsvRecords.describe(path)[0]
+    assert first.endswith(f"separated by semicolon, with decimal commas, {told}")
+
+
+def test_a_line_of_units_is_told_and_is_no_data(tmp_path: Path) -> None:
+    path = written(tmp_path, "time,q,tau,note\n[s],rad,Nm,\n0.5,1,2,a\n1.0,3,4,b\n")
+    assert CsvRecords.read(path)["q"].tolist() == [1.0, 3.0]
+    assert CsvRecords.units(path) == {"time": "s", "q": "rad", "tau": "Nm"}
+    assert "line 2 holds units: time s, q rad, tau Nm" in CsvRecords.describe(path)
+
+
+def test_dates_are_words_and_told(tmp_path: Path) -> None:
+    path = written(tmp_path, "when,clock,q\n2024-01-31 10:00:01.5,10:00:01,1\n2024-01-31,10:00:02.25,2\n")
+    assert list(CsvRecords.read(path)) == ["q"]
+    lines = CsvRecords.describe(path)
+    assert "when: dates or times of day, left out" in lines
+    assert "clock: dates or times of day, left out" in lines
+
+
+def test_a_last_line_without_end_is_told(tmp_path: Path) -> None:
+    lines = CsvRecords.describe(written(tmp_path, "q,tau\n1,2.5\n3,4.2"))
+    assert any(line.startswith("line 3 has no end") for line in lines)
+
+
+def test_a_big_table_with_decimal_commas_takes_the_fast_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*_: object) -> None:
+        raise AssertionError("cell by cell")
+
+    monkeypatch.setattr("robid_tables.csv._rows", slow)
+    values = np.round(np.random.default_rng(2).normal(size=(2000, 3)), 6)
+    lines = [";".join(f"{value:.6f}".replace(".", ",") for value in row) + ";" for row in values]
+    columns = CsvRecords.read(written(tmp_path, "\n".join(["a;b;c;", *lines, ""])))
+    np.testing.assert_array_equal(np.stack(list(columns.values()), axis=1), values)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -61,12 +60,31 @@ def test_the_description_tells_shapes_and_single_values(tmp_path: Path) -> None:
     assert "rec.position: (6, 4)" in lines
 
 
-def test_version_7_3_is_refused_with_the_way_out(tmp_path: Path) -> None:
-    path = tmp_path / "new.mat"
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file["q"] = np.zeros(3)
-    with pytest.raises(DataRejected, match=r"v7\.3.*-v7"):
-        MatRecords.read(path)
+def test_what_is_left_out_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "texts.mat"
+    cells = np.array(["shoulder", "elbow"], dtype=object)
+    scipy.io.savemat(
+        path, {"q": np.arange(3.0), "joints": cells, "z": np.array([1j, 2.0]), "none": np.zeros((0, 3))}
+    )
+    lines = MatRecords.describe(path)
+    assert lines == [
+        "q: (3,)",
+        "joints: a cell array of text, left out",
+        "z: complex numbers, left out",
+        "none: an empty array, left out",
+    ]
+    assert set(MatRecords.read(path)) == {"q"}
+
+
+def test_cells_of_numbers_are_numbered_in_braces(tmp_path: Path) -> None:
+    path = tmp_path / "cells.mat"
+    cells = np.empty((1, 2), dtype=object)
+    cells[0, 0], cells[0, 1] = np.arange(3.0), np.ones((4, 2))
+    scipy.io.savemat(path, {"runs": cells})
+    assert {name: values.shape for name, values in MatRecords.read(path).items()} == {
+        "runs{1}": (3,),
+        "runs{2}": (4, 2),
+    }
 
 
 def test_a_damaged_file_is_rejected_wherever_it_was_cut(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Recordings in Parquet files, read as named arrays; needs the extra `formats` (pyarrow)."""

@@ -1,0 +1,92 @@
+"""Bags of ROS 1 (`.bag`) and ROS 2 (`.db3`, `.mcap` with CDR, or their folder) as a format of records.
+
+`/joint_states.position[elbow]` is the position of one joint, `/joint_states.time_s` its time from the headers' stamps,
+in seconds since 1970 as ROS counts them. Other messages are flattened: `/wrench.wrench.force.x`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from robid_core import DataRejected, FloatArray
+from robid_rosbag.messages import JOINT_STATE, OF_JOINTS, Topic
+
+METADATA = "metadata.yaml"  # of a ROS 2 bag; it stands for the folder
+JOINT_UNITS = ("rad", "rad/s", "N m")  # of revolute joints, as sensor_msgs/JointState says
+
+
+def read_topics(path: Path) -> tuple[list[Topic], list[str]]:
+    """Return the topics of a bag, and what cannot be decoded.
+
+    Raises
+    ------
+    DataRejected
+        If the file is no bag, or is damaged.
+    """
+    topics: dict[str, Topic] = {}
+    failed: dict[str, str] = {}
+    try:
+        with _opened(path) as reader:
+            for connection, time_ns, content in reader.messages():
+                name = connection.topic
+                if name in failed:
+                    continue
+                try:
+                    message = reader.deserialize(content, connection.msgtype)
+                except Exception as error:  # rosbags raises whatever its decoders meet
+                    failed[name] = f"{connection.msgtype} cannot be decoded ({type(error).__name__}: {error})"
+                    continue
+                topics.setdefault(name, Topic(name, connection.msgtype)).take(message, time_ns)
+    except DataRejected as error:
+        raise DataRejected(f"{path}: {error}") from error
+    except Exception as error:
+        raise DataRejected(
+            f"{path}: cannot be read as a bag of ROS ({type(error).__name__}: {error})"
+        ) from error
+    return list(topics.values()), [f"{name}: {why}, left out" for name, why in failed.items()]
+
+
+def _opened(path: Path) -> AnyReader:
+    # Bags of ROS 2 before Iron do not say what their messages look like; the common ones are the same since.
+    known = get_typestore(Stores.ROS2_HUMBLE)
+    return AnyReader([path.parent if path.name == METADATA else path], default_typestore=known)
+
+
+class RosbagRecords:
+    """Reader of bags, registered as `rosbag` in the group `robid.records`."""
+
+    @staticmethod
+    def describe(path: Path) -> list[str]:
+        """Return a line for each topic, one for each column, and what cannot be decoded."""
+        topics, problems = read_topics(path)
+        lines = []
+        for topic in topics:
+            lines.append(f"{topic.name}: {topic.n_message} messages of {topic.kind}")
+            lines += [f"{name}: {values.shape}" for name, values in topic.columns().items()]
+        return [*lines, *(remark for topic in topics for remark in topic.remarks), *problems]
+
+    @staticmethod
+    def read(path: Path) -> dict[str, FloatArray]:
+        """Return the columns of all topics by name; DataRejected where there are none."""
+        topics, problems = read_topics(path)
+        columns: dict[str, Any] = {}
+        for topic in topics:
+            found = topic.columns()
+            if set(found) - {f"{topic.name}.time_s", f"{topic.name}.log_time_s"}:
+                columns |= found
+        if not columns:
+            why = f" ({problems[0]})" if problems else ""
+            raise DataRejected(f"{path}: no topic holds numbers that can be decoded{why}")
+        return columns
+
+    @staticmethod
+    def units(path: Path) -> dict[str, str]:
+        """Return the units of joint states, by the names of their columns without the joints."""
+        with _opened(path) as reader:
+            topics = [one.topic for one in reader.connections if one.msgtype == JOINT_STATE]
+        units = dict(zip(OF_JOINTS, JOINT_UNITS, strict=True))
+        return {f"{topic}.{name}": unit for topic in topics for name, unit in units.items()}

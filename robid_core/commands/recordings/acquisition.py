@@ -1,0 +1,186 @@
+"""The stages that read recordings, as YAML to paste: whatever is a guess is marked as one."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from robid_core.commands.recordings.guesses import Guess
+from robid_core.commands.recordings.inspection import Inspected
+from robid_core.commands.recordings.screen import clock_text, listed
+
+SAMPLE_TIME_S = 0.001  # written where no file tells the sampling time
+FIELDS = {
+    "config": {"c", "cfg", "config", "configuration", "pose"},
+    "block": {"b", "block", "repetition", "rep"},
+    "exp": {"e", "exp", "experiment", "run", "trial", "test"},
+}
+_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*(?: [A-Za-z0-9_./-]+)*")
+_WORDS_OF_YAML = {"true", "false", "yes", "no", "on", "off", "null", "y", "n", "none"}
+
+
+def stage_lines(recordings: Sequence[Inspected], root: Path) -> list[str]:
+    """Return the `stages` of a pipeline that reads recordings below a data root; empty where no channel is recognised.
+
+    Recordings with one map of channels are read by one stage; so are files of equal length that hold different channels
+    of one motion.
+    """
+    groups: dict[tuple[object, ...], list[Inspected]] = {}
+    for one in recordings:
+        if one.is_record or (one.guesses is not None and one.guesses.chosen):
+            groups.setdefault(one.kind, []).append(one)
+    stages = [_stage(group, root) for group in _joined(list(groups.values()))]
+    if not stages:
+        return []
+    lines = ["stages:"]
+    for number, stage in enumerate(stages, start=1):
+        lines += [f"  acquire{'' if number == 1 else f'_{number}'}:", *(f"    {line}" for line in stage)]
+    return lines
+
+
+def _joined(groups: list[list[Inspected]]) -> list[list[list[Inspected]]]:
+    """Return groups, those of single files put together that are parts of one recording."""
+    parts = [group for group in groups if len(group) == 1 and not group[0].is_record]
+    lengths = {_length(group[0]) for group in parts}
+    meanings = [channel.meaning for group in parts for channel in _chosen(group[0])]
+    folders = {group[0].file.parent for group in parts}
+    clocks = [group for group in parts if group[0].guesses is not None and group[0].guesses.clock is not None]
+    if len(parts) < 2 or len(lengths) > 1 or len(set(meanings)) < len(meanings) or len(folders) > 1:
+        return [[group] for group in groups]
+    main = clocks[0] if clocks else parts[0]
+    whole = [main, *(group for group in parts if group is not main)]
+    return [whole, *([group] for group in groups if group not in parts)]
+
+
+def _chosen(one: Inspected) -> list[Guess]:
+    return one.guesses.chosen if one.guesses is not None else []
+
+
+def _length(one: Inspected) -> int:
+    return _chosen(one)[0].n_sample
+
+
+def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
+    """Return a stage: of one group of files with the same channels, or of files that each hold some channels."""
+    first = groups[0][0]
+    names = [_below(one.file, root) for one in groups[0]]
+    lines = ["use: acquisition.recorded", "with:"]
+    pattern = pattern_of(names) if len(names) > 1 else ""
+    if pattern:
+        lines.append(f"  pattern: {json.dumps(pattern)}  # guess: which number counts what")
+    else:
+        lines.append(f"  path: {scalar(names[0])}")
+        if len(names) > 1:
+            lines.append(
+                f"  # the same columns: {listed(names[1:])}; a table says which is which (index: ...)"
+            )
+    lines.append(f"  format: {first.reader_name}")
+    if first.guesses is None:
+        return lines
+    lines += _time_lines(first)
+    if first.guesses.constants:
+        pairs = [f"{name} = {value:g}" for name, value in first.guesses.constants.items()]
+        lines.append(f"  # constants of the file: {listed(pairs, 12)}")
+    lines.append("  channels:")
+    taken = {channel.meaning for group in groups for channel in _chosen(group[0])}
+    for group in groups:
+        other = "" if group is groups[0] else _below(group[0].file, root)
+        lines += [f"    {_channel_line(channel, taken, other)}" for channel in _chosen(group[0])]
+        left = (
+            [channel for channel in group[0].guesses.channels if not channel.first]
+            if group[0].guesses
+            else []
+        )
+        lines += _left_lines([channel for channel in left if channel.meaning != "time"])
+    return lines
+
+
+def _time_lines(one: Inspected) -> list[str]:
+    clock = one.guesses.clock if one.guesses is not None else None
+    if clock is None or clock.counts:
+        why = "no column is the time" if clock is None else f"{clock.name} only counts samples"
+        return [f"  sample_time_s: {SAMPLE_TIME_S}  # guess: {why}; put the true sampling time here"]
+    lines = [f"  time_column: {scalar(clock.name)}  # guess: {clock_text(clock)}"]
+    if clock.unit != "s":
+        lines.append(f"  time_unit: {clock.unit}  # guess: from its name, or the size of its steps")
+    return lines
+
+
+def _channel_line(channel: Guess, taken: set[str], file: str) -> str:
+    """Return the entry of a channel; what is known at the joints only is taken through the gear."""
+    name = channel.meaning
+    motor = name.replace("joint_", "motor_", 1)
+    if name.startswith("joint_") and motor not in taken:
+        name = motor
+    column = ", ".join(scalar(one) for one in channel.columns)
+    entry = f"column: {column}" if len(channel.columns) == 1 else f"column: [{column}]"
+    entry += f", unit: {channel.unit}"
+    if channel.unit == "count":
+        entry += ", scale: 1.0, unit_to: rad"
+    if channel.side == "joint":
+        entry += ", side: joint"
+    if file:
+        entry += f", file: {scalar(file)}"
+    why = list(channel.reasons)
+    if not channel.side and channel.quantity in ("position", "speed", "torque"):
+        why.append("side of the gear not told")
+    if channel.n_missing:
+        why.append(f"{channel.n_missing} values missing")
+    if channel.constant:
+        why.append(f"constant: {listed(channel.constant)}")
+    return f"{name}: {{{entry}}}  # guess: {'; '.join(why)}"
+
+
+def _left_lines(channels: Iterable[Guess]) -> list[str]:
+    another = [f"{one.label} ({one.meaning})" for one in channels if one.meaning]
+    unknown = [one.label for one in channels if not one.meaning]
+    lines = [f"    # not taken: {listed(another)}"] if another else []
+    return lines + ([f"    # not recognised: {listed(unknown)}"] if unknown else [])
+
+
+def pattern_of(names: Sequence[str]) -> str:
+    """Return the pattern of names that differ in up to three numbers, empty where there is none."""
+    parts = [re.split(r"([0-9]+)", name) for name in names]
+    if len({tuple(part[::2]) for part in parts}) > 1:
+        return ""
+    places = [index for index in range(1, len(parts[0]), 2) if len({part[index] for part in parts}) > 1]
+    if not 0 < len(places) <= len(FIELDS):
+        return ""
+    words = {place: re.split("[^a-z]", parts[0][place - 1].lower().rstrip("_-"))[-1] for place in places}
+    fields = {
+        place: next((one for one, known in FIELDS.items() if word in known), "")
+        for place, word in words.items()
+    }
+    named = [field for field in fields.values() if field]
+    if len(set(named)) < len(named):
+        fields, named = dict.fromkeys(places, ""), []
+    rest = [field for field in FIELDS if field not in named]
+    for place in reversed([place for place in places if not fields[place]]):
+        fields[place] = rest.pop()
+    template = list(parts[0])
+    for place, field in fields.items():
+        template[place] = f"{{{field}}}"
+    return "".join(template)
+
+
+def data_root(files: Sequence[Path], root: Path) -> Path:
+    """Return the data root where all files lie below it, else the folder that they have in common."""
+    full = [file.resolve() for file in files]
+    if all(file.is_relative_to(root) for file in full):
+        return root
+    folder = full[0].parent
+    while not all(file.is_relative_to(folder) for file in full):
+        folder = folder.parent
+    return folder
+
+
+def _below(file: Path, root: Path) -> str:
+    return file.resolve().relative_to(root).as_posix()
+
+
+def scalar(text: str) -> str:
+    """Return a text as YAML within braces, in quotes where it needs them."""
+    plain = _PLAIN.fullmatch(text) and text.lower() not in _WORDS_OF_YAML
+    return text if plain else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,124 @@
+"""Recordings looked at, one after the other: what their reader says, their columns, and what these may be."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robid_core.arrays import FloatArray
+from robid_core.commands.recordings.guesses import Guesses, guess_channels
+from robid_core.errors import ConfigurationError, RobidError
+from robid_core.registry import READERS, RECORDS, registry
+
+BAG_METADATA = "metadata.yaml"  # beside the files of a ROS 2 bag
+
+
+@dataclass(frozen=True)
+class Inspected:
+    """A recording: `lines` are for people; `guesses` is None where it is a record of robid, or holds no columns."""
+
+    file: Path
+    reader_name: str
+    lines: tuple[str, ...]
+    guesses: Guesses | None = None
+    is_record: bool = False
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What recordings have in common that one map of channels fits."""
+        if self.guesses is None:
+            return self.reader_name, self.is_record
+        columns = tuple(sorted((one.columns, one.meaning) for one in self.guesses.channels))
+        return self.reader_name, columns
+
+
+def reader_name(file: Path, form: str) -> str:
+    """Return the name of a recording's reader; raises ConfigurationError where there is no file or no reader."""
+    if not file.is_file():
+        raise ConfigurationError(f"{file}: there is no such file")
+    if form:
+        return form
+    name = _known_reader(file)
+    if not name:
+        known = ", ".join(registry().names(RECORDS))
+        raise ConfigurationError(f"{file}: no reader for '{file.suffix}'; give --format, one of {known}")
+    return name
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Return the recordings in a folder and those below; raises ConfigurationError where there are none."""
+    files = [
+        file
+        for file in sorted(folder.rglob("*"))
+        if file.is_file()
+        and not any(part.startswith(".") for part in file.relative_to(folder).parts)
+        and _known_reader(file)
+    ]
+    if not files:
+        known = ", ".join(registry().names(RECORDS))
+        raise ConfigurationError(f"{folder}: holds no recording; there are readers for {known}")
+    return files
+
+
+def _known_reader(file: Path) -> str:
+    suffix = file.name.removesuffix(".part").rpartition(".")[2].lower()
+    if suffix == "mcap" and (file.parent / BAG_METADATA).is_file():
+        return "rosbag"
+    name = READERS.get(suffix, suffix)
+    return name if name in registry().names(RECORDS) else ""
+
+
+def inspect(file: Path, form: str = "") -> Inspected:
+    """Read a recording and guess what it holds; raises what its reader raises."""
+    name = reader_name(file, form)
+    reader = registry().load(RECORDS, name)
+    lines = tuple(reader.describe(file))
+    with _quiet():  # what readers log stands in the description
+        if _is_record(reader, file):
+            return Inspected(file, name, lines, is_record=True)
+        try:
+            columns = reader.read(file)
+        except RobidError as error:
+            return Inspected(file, name, (*lines, str(error)))
+    units = reader.units(file) if hasattr(reader, "units") else {}
+    return Inspected(file, name, _further(lines, columns), guess_channels(columns, units, file.stem))
+
+
+def _is_record(reader: Any, file: Path) -> bool:
+    if not hasattr(reader, "read_record"):
+        return False
+    try:
+        reader.read_record(file)
+    except RobidError:
+        return False
+    return True
+
+
+def _further(lines: tuple[str, ...], columns: dict[str, FloatArray]) -> tuple[str, ...]:
+    """Return what a reader says beyond the shapes of columns and single numbers."""
+    shapes = {
+        f"{name}: {values.shape}" if values.ndim else f"{name}: {values.item():g}"
+        for name, values in columns.items()
+    }
+    return tuple(
+        line
+        for line in lines
+        if not any(
+            line == shape or line.startswith((f"{shape} from ", f"{shape}, a constant")) for shape in shapes
+        )
+    )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    log = logging.getLogger("robid")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)

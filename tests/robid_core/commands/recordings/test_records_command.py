@@ -1,0 +1,257 @@
+"""`robid records`: right about real recordings, and what it prints to paste is a pipeline that loads and reads them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from ruamel.yaml import YAML
+
+from robid_core import Channel, Context, DenseRun, Record, Robot
+from robid_core.commands import records
+from robid_core.commands.recordings.acquisition import data_root, pattern_of, scalar, stage_lines
+from robid_core.commands.recordings.inspection import Inspected, inspect, recordings_in
+from robid_core.commands.recordings.screen import recording_lines
+from robid_core.errors import ConfigurationError, DataRejected, ExtraMissing
+from robid_core.pipeline import Pipeline
+from robid_core.stage import map_in_process
+
+REPOSITORY = Path(__file__).parents[4]
+DATA = Path(os.environ.get("ROBID_DATA", REPOSITORY.parent / "shared" / "data")).resolve()
+HEAD = "robid: 1\nname: pasted\nseed: 1\nrobot: six_axis\n"
+
+
+def real(name: str) -> Path:
+    if not (DATA / name).is_file():
+        pytest.skip(f"there is no {name} in {DATA}; set ROBID_DATA")
+    return DATA / name
+
+
+def pasted(folder: Path, recordings: list[Inspected], root: Path) -> Pipeline:
+    """Load what is printed as a pipeline; a wrong one raises."""
+    file = folder / "pipeline.yaml"
+    file.write_text(HEAD + "\n".join(stage_lines(recordings, root)) + "\n")
+    return Pipeline.load(file, data_root=root)
+
+
+def settings(pipeline: Pipeline, stage: str = "acquire") -> dict[str, Any]:
+    found: dict[str, Any] = next(one for one in pipeline.stages if one.name == stage).stage.model_dump()
+    return found
+
+
+def meanings(one: Inspected) -> dict[str, tuple[str, str]]:
+    assert one.guesses is not None
+    return {guess.meaning: (guess.label, guess.unit) for guess in one.guesses.chosen}
+
+
+def test_emps(tmp_path: Path) -> None:
+    one = inspect(real("emps/DATA_EMPS.mat"))
+    assert one.guesses is not None
+    assert meanings(one) == {"motor_position": ("qm", "rad"), "position_reference": ("qg", "rad")}
+    assert one.guesses.clock is not None
+    assert one.guesses.clock.name == "t"
+    assert one.guesses.clock.even
+    assert 1 / one.guesses.clock.step_s == pytest.approx(1000, rel=1e-4)
+    assert one.guesses.constants["gtau"] == pytest.approx(35.15, abs=0.01)
+    assert settings(pasted(tmp_path, [one], DATA))["time_column"] == "t"
+
+
+def test_kuka(tmp_path: Path) -> None:
+    one = inspect(real("kuka_kr300/trajectory_A.mat"))
+    found = meanings(one)
+    assert found["motor_position"] == ("rec.act_pos_mot_deg", "deg")
+    assert found["motor_speed"] == ("rec.act_vel_mot_deg_per_s", "deg/s")
+    assert found["joint_position"] == ("rec.act_pos_se_deg", "deg")
+    assert found["motor_torque"] == ("rec.act_torque_abs_nm", "N m")
+    assert found["position_reference"] == ("rec.ref_pos_deg", "deg")
+    assert any("250 Hz, even steps of 4 ms, no gaps" in line for line in recording_lines(one))
+    assert settings(pasted(tmp_path, [one], DATA))["channels"]["joint_position"]["side"] == "joint"
+
+
+def test_staubli_is_two_files_of_one_recording(tmp_path: Path) -> None:
+    parts = [inspect(real(f"staubli_tx40/motor_{name}.csv")) for name in ("position", "torque")]
+    assert [list(meanings(one)) for one in parts] == [["motor_position"], ["motor_torque"]]
+    assert all(one.guesses is not None and one.guesses.clock is None for one in parts)
+    pipeline = pasted(tmp_path, parts, DATA)
+    assert [one.name for one in pipeline.stages] == ["acquire"]
+    channels = settings(pipeline)["channels"]
+    assert channels["motor_torque"]["file"] == "staubli_tx40/motor_torque.csv"
+    assert len(channels["motor_position"]["column"]) == 6
+
+
+def test_kinova_counts_samples(tmp_path: Path) -> None:
+    files = [real(f"kinova_gen3/joint_{joint}_trapez.csv") for joint in (2, 4)]
+    both = [inspect(file) for file in files]
+    found = meanings(both[0])
+    assert found["motor_position"] == ("Position", "rad")
+    assert found["motor_speed"] == ("Velocity", "rad/s")
+    assert found["motor_torque"] == ("Torque", "N m")
+    assert found["motor_current"] == ("Cur", "A")
+    assert found["motor_temperature"] == ("Temp", "degC")
+    lines = stage_lines(both, DATA)
+    assert any(
+        line.strip().startswith("sample_time_s:") and "# guess: Time only counts" in line for line in lines
+    )
+    assert settings(pasted(tmp_path, both, DATA))["pattern"] == "kinova_gen3/joint_{exp}_trapez.csv"
+
+
+def test_bam_is_uneven_and_has_constants(tmp_path: Path) -> None:
+    one = inspect(real("bam_xl330/sin_sin_kp100.json"))
+    assert one.guesses is not None
+    assert meanings(one) == {
+        "motor_position": ("position", "rad"),
+        "motor_speed": ("speed", "rad/s"),
+        "motor_voltage": ("input_volts", "V"),
+        "motor_temperature": ("temp", "degC"),
+        "position_reference": ("goal_position", "rad"),
+    }
+    assert one.guesses.constants == {"mass": 0.49, "length": 0.1, "kp": 100.0, "vin": 7.4}
+    assert one.guesses.clock is not None
+    assert not one.guesses.clock.even
+    assert any("uneven" in line for line in stage_lines([one], DATA))
+    assert settings(pasted(tmp_path, [one], DATA))["time_column"] == "timestamp"
+
+
+def saved(folder: Path, name: str = "run_1.csv", units: bool = False) -> tuple[Path, np.ndarray]:
+    time = np.arange(300) * 0.002
+    angle = np.stack([np.sin(3 * time + axis) for axis in range(6)], axis=1)
+    table = np.column_stack([time, np.rad2deg(angle), np.cos(3 * time)[:, None] * np.arange(1, 7)])
+    names = ["t", *(f"joint angle {i + 1}" for i in range(6)), *(f"joint torque {i + 1}" for i in range(6))]
+    head = [";".join(names)] + [";".join(["s", *["deg"] * 6, *["Nm"] * 6])] * units
+    rows = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in table]
+    (folder / name).write_text("\n".join([*head, *rows, ""]))
+    return folder / name, angle
+
+
+@pytest.mark.parametrize("units", [False, True])
+def test_what_is_printed_reads_the_recording(tmp_path: Path, units: bool) -> None:
+    file, angle = saved(tmp_path, units=units)
+    one = inspect(file)
+    lines = stage_lines([one], tmp_path)
+    assert all("# guess: " in line for line in lines if "column" in line)
+    pipeline = pasted(tmp_path, [one], tmp_path)
+    robot = Robot.load("six_axis")
+    context = Context(
+        np.random.default_rng(0),
+        map_in_process,
+        lambda done, total, note="": None,
+        logging.getLogger("test"),
+        tmp_path,
+    )
+    stage = pipeline.stages[0].stage.model_copy(update={"plausibility": "ignore"})
+    record: Record = stage.run(robot, context)
+    motor = record.runs[0].values("motor_position")[0, 0, 0, 0]
+    np.testing.assert_allclose(motor @ robot.drives.gear.T, angle, atol=1e-12)
+    assert record.runs[0].sample_time_s == pytest.approx(0.002)
+
+
+def test_files_with_the_same_columns_are_a_pattern(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    for name in ("c1_e1.csv", "c1_e2.csv", "c2_e1.csv", "c2_e2.csv"):
+        saved(folder, name)
+    (folder / "broken.csv").write_text("a,b\n1,2\n3\n")
+    (folder / "readme.md").write_text("words")
+    records.command([str(folder)], data=tmp_path)
+    shown = capsys.readouterr().out
+    assert 'pattern: "lab/c{config}_e{exp}.csv"  # guess' in shown
+    assert shown.count("the same columns, 300 samples") == 3
+    assert "broken.csv: left out: A01" in shown
+    found = [inspect(file) for file in recordings_in(folder) if file.name != "broken.csv"]
+    assert settings(pasted(tmp_path, found, tmp_path))["pattern"] == "lab/c{config}_e{exp}.csv"
+
+
+@pytest.mark.parametrize(("reader", "module"), [("parquet", "pyarrow"), ("rosbag", "rosbags")])
+def test_a_missing_package_is_one_sentence_that_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: str, module: str
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] in (module, f"robid_{reader}")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, module, None)
+    (tmp_path / "run.csv").write_text("")
+    with pytest.raises(ExtraMissing) as caught:
+        inspect(tmp_path / "run.csv", reader)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).endswith('which is not installed; run: pip install "robid[formats]"')
+
+
+def test_files_outside_the_data_root_name_the_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, _ = saved(tmp_path)
+    (tmp_path / "other").mkdir()
+    records.command([str(file)], data=tmp_path / "other")
+    shown = capsys.readouterr().out
+    assert f"paths begin in {tmp_path}: robid run --data {tmp_path}" in shown
+    assert "path: run_1.csv" in shown
+
+
+def test_what_cannot_be_read_raises_and_nothing_recognised_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cut.csv").write_text("a,b\n1,2\n3\n")
+    with pytest.raises(DataRejected, match="looks cut"):
+        records.command([str(tmp_path / "cut.csv")])
+    (tmp_path / "noise.csv").write_text("a,b\n1.5,2\n3,1.7\n")
+    records.command([str(tmp_path / "noise.csv")])
+    assert "no channel was recognised" in capsys.readouterr().out
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ConfigurationError, match="holds no recording"):
+        records.command([str(tmp_path / "empty")])
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["c1_b1_e1.npz", "c1_b2_e1.npz", "c2_b1_e2.npz"], "c{config}_b{block}_e{exp}.npz"),
+        (["run1.mat", "run2.mat"], "run{exp}.mat"),
+        (["3/run_01.mat", "4/run_02.mat"], "{block}/run_{exp}.mat"),
+        (["up.csv", "down.csv"], ""),
+    ],
+)
+def test_names_that_differ_in_numbers_are_a_pattern(names: list[str], pattern: str) -> None:
+    assert pattern_of(names) == pattern
+
+
+def test_names_of_columns_are_quoted_where_yaml_needs_it() -> None:
+    for text in ("q", "rec.act_pos", "/joint_states.time_s", "joint angle 1"):
+        assert scalar(text) == text
+    for text in ("1", "q [rad]", "position[elbow]", "a: b", "yes", "°", "a, b", ""):
+        assert json.loads(scalar(text)) == text
+
+
+@given(text=st.text(alphabet=st.characters(exclude_categories=("C", "Z"), include_characters=" ")))
+def test_any_name_is_the_same_behind_yaml(text: str) -> None:
+    assert YAML(typ="safe").load(f"a: {{column: [{scalar(text)}], unit: rad}}  # guess")["a"]["column"] == [
+        text
+    ]
+
+
+def test_a_record_of_robid_needs_no_channels(tmp_path: Path) -> None:
+    values = np.sin(np.arange(30.0)).reshape(1, 1, 1, 1, 30, 1)
+    run = DenseRun(
+        0.01, {"motor_position": Channel("motor", "rad", values)}, np.arange(30) * 0.01, values[..., 0] < 2
+    )
+    Record(("axis_1",), "a test", "continuous", (run,), np.zeros((1, 1))).write(tmp_path / "run.h5")
+    one = inspect(tmp_path / "run.h5")
+    assert one.is_record
+    assert any("motor_position [rad]" in line for line in recording_lines(one))
+    found = settings(pasted(tmp_path, [one], tmp_path))
+    assert found["path"] == "run.h5"
+    assert found["channels"] == {}
+
+
+def test_the_data_root_is_the_known_one_or_the_folder_in_common(tmp_path: Path) -> None:
+    files = [tmp_path / "a" / "x.csv", tmp_path / "b" / "y.csv"]
+    assert data_root(files, tmp_path) == tmp_path
+    assert data_root(files, tmp_path / "elsewhere") == tmp_path.resolve()
