@@ -11,14 +11,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
+from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
+from robid_acquisition.periodicity import (
+    doubts_of_claimed_lines,
+    doubts_of_claimed_period,
+    found_lines,
+    found_period,
+)
 from robid_acquisition.pieces import pieces_between_holes
 from robid_acquisition.plausible import sentence, slips_of
 from robid_acquisition.poses import mean_angle, unlike_poses
@@ -34,6 +40,7 @@ from robid_core import (
     DataRejected,
     DenseRun,
     FloatArray,
+    IntArray,
     Record,
     RobidError,
     Robot,
@@ -55,17 +62,19 @@ class RecordedAcquisition(ReadFiles):
         sample_time_s: 0.0005
         period_s: 4.0
         lines: [17, 19, 21]
+        torque_hold: zero_order_hold
         channels:
           motor_position: {column: q, unit: rad}
           motor_torque: {column: current, unit: A, torque_constant: 0.43, delay_s: 0.00025}
     """
 
-    period_s: PositiveFloat | None = None
-    """Period of the excitation: whole periods are kept apart. None: nothing repeats."""
-    lines: tuple[NonNegativeInt, ...] = ()
-    """Excited bins of one period, for frequency responses."""
-    torque_hold: Annotated[str, Field(pattern="^(zero_order_hold|continuous)$")] = "continuous"
-    """How torque goes between samples; continuous where the recording does not tell."""
+    period_s: PositiveFloat | Literal["auto"] | None = None
+    """Period of the excitation: whole periods are kept apart; auto: found in the first experiment; null: no period."""
+    lines: tuple[NonNegativeInt, ...] | Literal["auto"] = ()
+    """Excited bins of one period, for frequency responses; auto: found in the spectra of the references, or torques."""
+    torque_hold: Literal["zero_order_hold", "continuous"] | None = None
+    """How torque goes between samples: held by a digital controller, or continuous (measured, filtered). To be said
+    where lines are given: half a sample of phase costs percents of a stiffness."""
     plausibility: Literal["refuse", "warn", "ignore"] = "refuse"
     """What becomes of a record that fits the robot file only with a sign turned, in another unit, on the other side of
     the gear, or with axes exchanged: the message says which."""
@@ -76,6 +85,11 @@ class RecordedAcquisition(ReadFiles):
     def _settings_agree(self) -> RecordedAcquisition:
         if self.lines and self.period_s is None:
             raise ValueError("lines need period_s")
+        if self.lines and self.torque_hold is None:
+            raise ValueError(
+                "torque_hold is missing, which lines go with: zero_order_hold where a digital controller holds the "
+                "torque from sample to sample, continuous where it was measured or filtered"
+            )
         return self
 
     def run(self, robot: Robot, context: Context) -> Record:
@@ -119,6 +133,7 @@ class RecordedAcquisition(ReadFiles):
     def _record(self, arrangement: Arrangement, robot: Robot, context: Context) -> Record:
         """Read every experiment and put the record together."""
         splits = self.gaps == "split"
+        period_s = None if self.period_s == "auto" else self.period_s
         assembly = Assembly(arrangement.shape, self.period_s is not None)
         samples: Samples | None = None
         scalars: dict[Index, Mapping[str, float]] = {}
@@ -134,7 +149,11 @@ class RecordedAcquisition(ReadFiles):
                     samples = self.read(recording.file, robot, context)
                     for note in samples.notes:
                         context.log.warning("%s", note)
-                (values, known), rest = self._experiment(recording, samples, robot)
+                if self.period_s == "auto" and period_s is None:
+                    (values, known), _ = self._experiment(recording, samples, robot, None)
+                    period_s = found_period(values, samples.sample_time_s)
+                    context.log.info("%s repeats every %g s", recording.name, period_s)
+                (values, known), rest = self._experiment(recording, samples, robot, period_s)
                 if splits:
                     whole[place] = values, known
                 else:
@@ -165,6 +184,18 @@ class RecordedAcquisition(ReadFiles):
             angle[place] = mean_angle({name: one[place] for name, one in assembly.channels.items()}, robot)
         if unlike := unlike_poses(arrangement, angle, self.angle_tolerance, robot.axis_names):
             context.log.warning("%s", unlike)
+        lines = None
+        if self.period_s is not None and assembly.known.all():
+            if self.period_s != "auto":
+                for words in doubts_of_claimed_period(assembly.channels, assembly.sample_time_s):
+                    context.log.warning("%s", words)
+            lines = self._lines(assembly.channels, context)
+        elif self.lines:
+            if self.lines == "auto":
+                raise DataRejected(
+                    "lines: auto needs records without holes; give the lines, or set gaps: split"
+                )
+            lines = np.array(self.lines, dtype=np.int64)
         names = arrangement.variants if any(arrangement.variants) else (self.variant,) * arrangement.shape[0]
         channels = {
             name: Channel(side_of(name), self.channels[name].symbol, frozen(values))
@@ -173,12 +204,25 @@ class RecordedAcquisition(ReadFiles):
         return Record(
             axis_names=robot.axis_names,
             source=self._source(arrangement),
-            torque_hold=self.torque_hold,
+            torque_hold=self.torque_hold or "continuous",
             runs=(_dense_run(arrangement, channels, assembly.known, assembly.sample_time_s),),
             angle=angle.mean(axis=(1, 2)),
-            line=np.array(self.lines, dtype=np.int64) if self.lines else None,
+            line=lines,
             variants=names if any(names) else (),
         )
+
+    def _lines(self, channels: Mapping[str, FloatArray], context: Context) -> IntArray | None:
+        """Return the lines: those that are given, held against the spectra, or those that are found."""
+        if not self.lines:
+            return None
+        if self.lines != "auto":
+            lines = np.array(self.lines, dtype=np.int64)
+            for words in doubts_of_claimed_lines(channels, lines):
+                context.log.warning("%s", words)
+            return lines
+        lines, told = found_lines(channels)
+        context.log.info("lines: auto: %s", told)
+        return lines
 
     def _split(
         self,
@@ -207,7 +251,9 @@ class RecordedAcquisition(ReadFiles):
             assembly.put(place, _at(arranged, place).name, cut, sample_time_s)
         return arranged, assembly
 
-    def _experiment(self, recording: Recording, samples: Samples, robot: Robot) -> tuple[Experiment, int]:
+    def _experiment(
+        self, recording: Recording, samples: Samples, robot: Robot, period_s: float | None
+    ) -> tuple[Experiment, int]:
         """Return channels and marks of measured samples, and how many samples are left over."""
         start_s = self.start_s if recording.start_s is None else recording.start_s
         stop_s = self.stop_s if recording.stop_s is None else recording.stop_s
@@ -216,16 +262,16 @@ class RecordedAcquisition(ReadFiles):
         if self.gaps == "refuse" and (hole := samples.first_hole(kept)):
             raise DataRejected(hole)
         n_recorded = kept.stop - kept.start
-        n_per_period = samples_per_period(n_recorded, step, self.period_s)
+        n_per_period = samples_per_period(n_recorded, step, period_s)
         kept = slice(kept.start, kept.start + n_recorded // n_per_period * n_per_period)
         values, known = samples.window(
-            kept, self.channels, robot.axis_names, n_per_period if self.period_s is not None else None
+            kept, self.channels, robot.axis_names, n_per_period if period_s is not None else None
         )
         if self.gaps == "refuse":  # nothing is missing but at ends that were lost
             inner = np.flatnonzero(known)
             ends = slice(int(inner[0]), int(inner[-1]) + 1)
             values, known = {name: one[ends] for name, one in values.items()}, known[ends]
-            n_per_period = samples_per_period(len(known), step, self.period_s)
+            n_per_period = samples_per_period(len(known), step, period_s)
         parts = {name: split_periods(one, n_per_period) for name, one in values.items()}
         marks: BoolArray = split_periods(known[:, None].astype(np.float64), n_per_period)[..., 0] > 0
         return (parts, marks), n_recorded - int(marks.size)

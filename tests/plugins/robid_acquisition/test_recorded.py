@@ -184,6 +184,7 @@ def test_whole_periods_are_kept_and_the_rest_is_reported(
         sample_time_s=0.01,
         period_s=1.0,
         lines=[3],
+        torque_hold="continuous",
         channels={
             "motor_position": {"column": "q", "unit": "rad"},
             "motor_torque": {"column": "tau", "unit": "N m"},
