@@ -19,6 +19,7 @@ from pydantic import NonNegativeInt, PositiveFloat, model_validator
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
+from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.periodicity import (
     doubts_of_claimed_lines,
     doubts_of_claimed_period,
@@ -26,7 +27,7 @@ from robid_acquisition.periodicity import (
     found_period,
 )
 from robid_acquisition.pieces import pieces_between_holes
-from robid_acquisition.plausible import sentence, slips_of
+from robid_acquisition.plausible import doubts_of_scale, sentence, slips_of
 from robid_acquisition.poses import mean_angle, unlike_poses
 from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.recording import Recording
@@ -115,6 +116,9 @@ class RecordedAcquisition(ReadFiles):
         """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it."""
         slips = slips_of(record, robot) if self.plausibility != "ignore" else []
         if not slips:
+            if self.plausibility != "ignore":
+                for words in (*doubts_of_scale(record, robot), *doubts_of_timing(record, robot)):
+                    context.log.warning("%s", words)
             return
         if self.plausibility == "refuse":
             raise DataRejected(
