@@ -167,6 +167,11 @@ class ChannelMap(Settings):
         return "N m" if makes_torque else self._stated
 
     @property
+    def read_symbol(self) -> str:
+        """SI symbol of the values before a voltage becomes a torque."""
+        return "V" if self.voltage is not None else self.symbol
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns of its values."""
         return self.column if self.voltage is None else self.voltage.column

@@ -2,7 +2,7 @@
 
 The robot's response at the experiment's pose makes accelerations of the recorded torques; their phase against the
 recorded ones says by how many samples the torques lag (`estimation.response.torque_lag`). A hold that is told wrong
-looks like half a sample. A lag may be the robot's own, which its file lacks, so that the record is good for a diagnosis.
+looks like half a sample. A lag may be the robot's own, which its file lacks: the record is then good for a diagnosis.
 """
 
 from __future__ import annotations

@@ -218,7 +218,7 @@ class ReadFiles(Sources):
         lost[: inner[0]], lost[inner[-1] + 1 :] = False, False  # ends, which are cut
         words = [hole.what for hole in holes] or ["A10: the clock jumps"]
         told = ", ".join(
-            f"{name} {np.max(error):.2g} {self.channels[name].symbol}" for name, error in errors.items()
+            f"{name} {np.max(error):.2g} {self.channels[name].read_symbol}" for name, error in errors.items()
         )
         note = (
             f"{file}: steps of time differ from the mean one by up to {100 * stamps.unevenness[0]:.3g} %; resampled "

@@ -1,11 +1,12 @@
 """Unevenly sampled channels on an even grid, and the error that this brings.
 
 Linear interpolation, cubic splines, or band-limited: the even samples whose interpolation by a windowed sinc
-(`delays.kernel`) meets the uneven ones best. The error of the first two is estimated from the data: every second sample
-is interpolated from the others and compared, and the rms difference is brought to the spacing of the grid by the order
-of the method, h1 h2 / 2 |f''| (linear) or (h1 h2)^2 / 24 |f''''| (cubic), where h1 and h2 are the distances to the
-neighbours; noise counts in it. That of the band-limited one is the difference to a window of half the length, which is
-at least as large.
+(`delays.kernel`) meets the uneven ones best. The error of the first two is estimated from the data: every second
+sample is interpolated from the others and compared, and the rms difference is brought to the spacing of the grid by the
+order of the method, h1 h2 / 2 |f''| (linear) or (h1 h2)^2 / 24 |f''''| (cubic), where h1 and h2 are the distances to the
+neighbours. Steps and noise do not fall with that order: where the difference at half and at a quarter of the samples
+shows a lower one, that one is taken; what lies above half the Nyquist frequency makes the estimate too large. The error
+of the band-limited one is its difference to a window of half the length, which is at least as large.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from robid_core import BoolArray, DataRejected, FloatArray
 
 Method = Literal["linear", "cubic", "band_limited"]
 POWER = {"linear": 1, "cubic": 2}  # of h1 h2 in the error
-LEAST = {"linear": 4, "cubic": 16, "band_limited": 4 * REACH}  # rows of a piece
+LEAST = {"linear": 9, "cubic": 16, "band_limited": 4 * REACH}  # rows of a piece
 RIDGE = 1e-9  # of the mean square of a row: what the rows do not tell stays small
 
 
@@ -107,15 +108,24 @@ def _interpolated(time: FloatArray, values: FloatArray, wanted: FloatArray, meth
 
 def _mean_square_error(time: FloatArray, values: FloatArray, grid: FloatArray, method: str) -> FloatArray:
     """Mean square error of the values on the grid, (n_column,)."""
-    left_out = np.arange(1, len(time) - 1, 2)
-    others = np.delete(np.arange(len(time)), left_out)
-    difference = _interpolated(time[others], values[others], time[left_out], method) - values[left_out]
-    wide = (time[left_out] - time[left_out - 1]) * (time[left_out + 1] - time[left_out])
+    squares, products = zip(*(_left_out(time, values, apart, method) for apart in (2, 4)), strict=True)
     after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     narrow = np.abs((grid - time[after - 1]) * (time[after] - grid))
-    power = 2 * POWER[method]
-    result: FloatArray = (difference**2).mean(axis=0) * (narrow**power).mean() / (wide**power).mean()
+    growth = np.log(np.maximum(squares[1], 1e-300) / np.maximum(squares[0], 1e-300))
+    seen = growth / (2 * np.log(products[1].mean() / products[0].mean()))
+    result = np.empty(values.shape[1])
+    for k, order in enumerate(np.clip(seen, 0.0, POWER[method])):
+        result[k] = squares[0][k] * (narrow ** (2 * order)).mean() / (products[0] ** (2 * order)).mean()
     return result
+
+
+def _left_out(time: FloatArray, values: FloatArray, apart: int, method: str) -> tuple[FloatArray, FloatArray]:
+    """Interpolate samples half way between every so many: mean square differences, and h1 h2 of each."""
+    kept = np.arange(0, len(time), apart)
+    asked = kept[:-1] + apart // 2
+    difference = _interpolated(time[kept], values[kept], time[asked], method) - values[asked]
+    product = (time[asked] - time[kept[:-1]]) * (time[kept[1:]] - time[asked])
+    return (difference**2).mean(axis=0), product
 
 
 def _band_limited(

@@ -69,6 +69,19 @@ def test_the_told_error_of_resampling_is_the_true_one_within_a_factor_of_three(
     assert true / 3 < error["q"][0] < 3 * true
 
 
+def test_the_told_error_of_resampling_holds_for_steps_too() -> None:
+    """A square wave's error does not fall with the method's order: it is a step's height in the cells with a step."""
+    time = jittered(0.4)
+
+    def square(instant: FloatArray) -> FloatArray:
+        return np.sign(np.sin(2 * np.pi * 13.7 * instant))
+
+    step = TimeStamps.of(time).sample_time_s
+    found, error = on_even_grid({"u": square(time)[:, None]}, np.ones(2000, dtype=bool), time, step, "cubic")
+    true = float(np.sqrt(np.mean((found["u"][:, 0] - square(step * np.arange(len(found["u"])))) ** 2)))
+    assert true / 3 < error["u"][0] < 3 * true
+
+
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
 def test_band_limited_resampling_brings_back_what_lies_below_the_nyquist_frequency(share: float) -> None:
     """With a jitter below a quarter of a sample (Kadec) even and uneven samples say the same; 1e-5 is the window's."""
