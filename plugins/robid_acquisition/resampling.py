@@ -3,7 +3,7 @@
 Linear interpolation, cubic splines, or band-limited: the even samples whose interpolation by a windowed sinc
 (`delays.kernel`) meets the uneven ones best. The error of the first two is estimated from the data: every second
 sample is interpolated from the others and compared, and the rms difference is brought to the spacing of the grid by the
-order of the method, h1 h2 / 2 |f''| (linear) or (h1 h2)^2 / 24 |f''''| (cubic), where h1 and h2 are the distances to the
+order of the method, h1 h2 / 2 |f''| (linear) or (h1 h2)^2 / 24 |f''''| (cubic), with h1 and h2 the distances to the
 neighbours. Steps and noise do not fall with that order: where the difference at half and at a quarter of the samples
 shows a lower one, that one is taken; what lies above half the Nyquist frequency makes the estimate too large. The error
 of the band-limited one is its difference to a window of half the length, which is at least as large.

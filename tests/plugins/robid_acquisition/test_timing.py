@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
 from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.plausible import doubts_of_scale
-from robid_core import Channel, DenseRun, FloatArray, Record, Robot
+from robid_acquisition.recorded import RecordedAcquisition
+from robid_core import Channel, Context, DenseRun, FloatArray, Record, Robot
+from robid_core.stage import map_in_process
 
 ROBOT = Robot.load("six_axis")
 STEP = ROBOT.sample_time_s
@@ -122,3 +129,42 @@ def test_a_torque_constant_that_is_far_off_is_told(
     (words,) = doubts_of_scale(record(position, torque * factor), ROBOT)
     assert words.startswith("the torques are ")
     assert float(words.split(" are ")[1].split(" times")[0]) == pytest.approx(factor, rel=0.1)
+
+
+def test_what_the_warning_says_to_write_mends_the_record(
+    tmp_path: Path, sound: tuple[FloatArray, FloatArray], caplog: pytest.LogCaptureFixture
+) -> None:
+    position, torque = (one.reshape(-1, 6) for one in (sound[0], late(sound[1], 1.4)))
+    np.savez(tmp_path / "run.npz", q=position, tau=torque)
+
+    def read(**more: Any) -> Record:
+        channels = {
+            "motor_position": {"column": "q", "unit": "rad"},
+            "motor_torque": {"column": "tau", "unit": "N m", **more},
+        }
+        words = {
+            "path": "run.npz",
+            "sample_time_s": STEP,
+            "torque_hold": "zero_order_hold",
+            "channels": channels,
+        }
+        words |= {"starts_s": [0.0, 2.0, 4.0, 6.0], "duration_s": 2.0, "layout": [4, 1, 1]}
+        stage = RecordedAcquisition.model_validate_json(json.dumps(words), strict=True)
+        context = Context(
+            np.random.default_rng(0),
+            map_in_process,
+            lambda *_, **__: None,
+            logging.getLogger("test"),
+            tmp_path,
+        )
+        return stage.run(ROBOT, context)
+
+    read()
+    (words,) = [one for one in caplog.messages if "lag the angles" in one]
+    delay_s = float(words.split("motor_torque: delay_s: ")[1].split(",")[0])
+    caplog.clear()
+    mended = read(delay_s=delay_s).run.values("motor_torque")[1, 0, 0, 0]
+    assert not [one for one in caplog.messages if "the angles" in one]
+    inner = slice(40, 1900)  # all are cut to the shortest, which lost an end of the file
+    as_it_was = np.sqrt(np.mean((late(sound[1], 1.4) - sound[1])[1, inner] ** 2))
+    assert np.sqrt(np.mean((mended[inner] - sound[1][1, inner]) ** 2)) < 0.3 * as_it_was

@@ -16,6 +16,8 @@ from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.time_stamps import TimeStamps
 from robid_core import Context, DataRejected, FloatArray, Record, Robot
 from robid_core.stage import map_in_process
+from robid_fit.rigid import RigidBodyFit
+from robid_frf.spectral import Spectral
 
 STEP = 1e-3
 AXIS = {"rotor_inertia": 1e-3, "torque_limit": 10.0, "speed_limit": 100.0, "controller": {"speed_gain": 0.1}}
@@ -176,3 +178,29 @@ def test_whole_periods_between_gaps_are_kept_in_phase(read: Read) -> None:
     position = run.values("motor_position")[0, 0, ..., 0]
     assert position.shape == (1, 6, 100)  # of the three periods before and the six behind
     np.testing.assert_array_equal(position[0, :, 0], np.arange(400.0, 1000.0, 100.0))
+
+
+def test_masked_samples_are_kept_out_or_refused_by_the_stages_that_follow(read: Read, tmp_path: Path) -> None:
+    """A motor of 2e-3 kg m^2: its response is 500 rad/s^2 per N m from the segments between holes alone."""
+    draw = np.random.default_rng(5)
+    time, period = STEP * np.arange(8000), 1.0
+    lines = np.arange(4, 40)[:, None]
+    torque = np.cos(2 * np.pi * lines * time / period + draw.uniform(0, 6, lines.shape)).sum(axis=0)
+    spectrum = np.fft.rfft(torque)
+    omega = 2 * np.pi * np.fft.rfftfreq(8000, STEP)
+    angle = np.fft.irfft(np.concatenate([[0], -spectrum[1:] / (2e-3 * omega[1:] ** 2)]), 8000)
+    angle[3100:3200] = np.nan
+    channels = {
+        "motor_position": {"column": "q", "unit": "rad"},
+        "motor_torque": {"column": "u", "unit": "N m"},
+    }
+    np.savez(tmp_path / "two.npz", q=angle, u=torque)
+    more = {"path": "two.npz", "channels": channels, "time_column": "", "sample_time_s": STEP}
+    record = read(time, angle, gaps="mask", plausibility="ignore", **more)
+    logger = logging.getLogger("test")
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_, **__: None, logger, tmp_path)
+    frf = Spectral(segment_s=1.0, band_hz=(6.0, 36.0)).run(record, context)
+    np.testing.assert_allclose(np.abs(frf.response[0, :, 0, 0]), 500.0, rtol=0.01)
+    robot = Robot.load("robot.yaml", tmp_path)
+    with pytest.raises(DataRejected, match="gaps: split"):
+        RigidBodyFit().run(record, robot)
