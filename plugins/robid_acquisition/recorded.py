@@ -152,7 +152,8 @@ class RecordedAcquisition(ReadFiles):
                 if samples is None or samples.file != recording.file:
                     samples = self.read(recording.file, robot, context)
                     for note in samples.notes:
-                        context.log.warning("%s", note)
+                        held = "; its torque is no longer held from sample to sample" if self._held else ""
+                        context.log.warning("%s%s", note, held)
                 if self.period_s == "auto" and period_s is None:
                     (values, known), _ = self._experiment(recording, samples, robot, None)
                     period_s = found_period(values, samples.sample_time_s)
@@ -214,6 +215,10 @@ class RecordedAcquisition(ReadFiles):
             line=lines,
             variants=names if any(names) else (),
         )
+
+    @property
+    def _held(self) -> bool:
+        return self.torque_hold == "zero_order_hold"
 
     def _lines(self, channels: Mapping[str, FloatArray], context: Context) -> IntArray | None:
         """Return the lines: those that are given, held against the spectra, or those that are found."""

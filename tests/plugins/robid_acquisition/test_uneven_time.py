@@ -112,9 +112,10 @@ def test_resampling_warns_of_its_error_in_the_channels_unit(
     read: Read, caplog: pytest.LogCaptureFixture
 ) -> None:
     time = jittered(0.2)
-    record = read(time, signal(time, 0.3), resample="cubic")
+    record = read(time, signal(time, 0.3), resample="cubic", torque_hold="zero_order_hold")
     (message,) = [one for one in caplog.messages if "resampled" in one]
     assert record.run.sample_time_s == pytest.approx(np.diff(time).mean())
+    assert message.endswith("its torque is no longer held from sample to sample")
     told = float(message.split("motor_position ")[1].split(" rad")[0])
     true = record.run.values("motor_position").ravel() - signal(record.run.time_s, 0.3)
     assert np.sqrt(np.mean(true**2)) / 3 < told < 3 * np.sqrt(np.mean(true**2))
