@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from robid_acquisition.assembly import Index
 from robid_acquisition.excited_lines import doubts_of_lines, find_lines
 from robid_acquisition.repetition import doubts_of_period, samples_of_period
 from robid_core import DataRejected, FloatArray, IntArray
@@ -20,15 +21,23 @@ def found_period(values: Mapping[str, FloatArray], sample_time_s: float) -> floa
     return samples_of_period(_measured(values)[0], sample_time_s) * sample_time_s
 
 
-def doubts_of_claimed_period(channels: Mapping[str, FloatArray], sample_time_s: float) -> list[str]:
-    """Say once what any experiment has against its period; channels (config, block, exp, period, sample, axis)."""
+def doubts_of_claimed_period(
+    channels: Mapping[str, FloatArray], sample_time_s: float
+) -> list[tuple[Index, str]]:
+    """Say what an experiment has against its period, the first one for each; and which, by its place in the channels.
+
+    Channels are (n_config, n_block, n_exp, n_period, n_sample, n_axis).
+    """
     signals = _measured(channels)
     n_per_period, n_signal = signals.shape[-2:]
-    said: dict[str, str] = {}
-    for one in signals.reshape(-1, signals.shape[-3] * n_per_period, n_signal):
+    said: dict[str, tuple[Index, str]] = {}
+    for c, b, e in np.ndindex(*signals.shape[:3]):
+        one = signals[c, b, e].reshape(-1, n_signal)
         if np.ptp(one, axis=0).any():
             for words in doubts_of_period(one, n_per_period, sample_time_s):
-                said.setdefault(" ".join(words.split()[:2]), words)  # the recording, or the first period
+                said.setdefault(
+                    " ".join(words.split()[:2]), ((c, b, e), words)
+                )  # the recording, or the first period
     return list(said.values())
 
 

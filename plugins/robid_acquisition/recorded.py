@@ -191,9 +191,8 @@ class RecordedAcquisition(ReadFiles):
             context.log.warning("%s", unlike)
         lines = None
         if self.period_s is not None and assembly.known.all():
-            if self.period_s != "auto":
-                for words in doubts_of_claimed_period(assembly.channels, assembly.sample_time_s):
-                    context.log.warning("%s", words)
+            for place, words in doubts_of_claimed_period(assembly.channels, assembly.sample_time_s):
+                context.log.warning("%s: %s", _at(arrangement, place).name, words)
             lines = self._lines(assembly.channels, context)
         elif self.lines:
             if self.lines == "auto":

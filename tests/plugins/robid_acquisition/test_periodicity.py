@@ -90,6 +90,7 @@ def test_period_and_lines_are_found_through_friction_and_a_slow_sine(
         in caplog.text
     )
     assert "line 1 is left out as the slow sine" in caplog.text
+    assert "run.npz: the first period differs from the last by" in caplog.text
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])
