@@ -11,10 +11,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robid_core import DataRejected, FloatArray, RobidError
+from robid_core import BoolArray, DataRejected, FloatArray, RobidError
 
 LENGTH_TOLERANCE = 0.1  # share of the longest by which an experiment may be shorter
 RATE_TOLERANCE = 1e-3  # by which sampling times may differ: the clocks of two recordings, not two rates
+
+KNOWN = ""  # under this name the marks of measured samples lie beside the channels
 
 Index = tuple[int, int, int]  # configuration, block, experiment
 
@@ -37,7 +39,14 @@ class Assembly:
         self._lengths: list[tuple[int, int]] = []  # periods, samples
         self._sample_times: list[float] = []
 
-    def put(self, place: Index, name: str, values: Mapping[str, FloatArray], sample_time_s: float) -> None:
+    def put(
+        self,
+        place: Index,
+        name: str,
+        values: Mapping[str, FloatArray],
+        sample_time_s: float,
+        known: BoolArray | None = None,
+    ) -> None:
         """Enter an experiment.
 
         Parameters
@@ -50,6 +59,8 @@ class Assembly:
             Channels, each of shape (n_period, n_sample, n_axis).
         sample_time_s
             Time from sample to sample.
+        known
+            Samples that were measured, (n_period, n_sample); None: all.
 
         Raises
         ------
@@ -62,7 +73,8 @@ class Assembly:
         self._lengths.append((n_period, n_sample))
         self._sample_times.append(sample_time_s)
         self._refuse_unlike()
-        for channel, samples in values.items():
+        marks = np.ones((n_period, n_sample, 1)) if known is None else known[..., None].astype(np.float64)
+        for channel, samples in {**values, KNOWN: marks}.items():
             if channel not in self._values:
                 self._values[channel] = np.empty((*self._shape, *samples.shape))
             target = self._values[channel][place]
@@ -99,7 +111,18 @@ class Assembly:
     def channels(self) -> dict[str, FloatArray]:
         """Values by channel, as long as the shortest experiment: (config, block, exp, period, sample, axis)."""
         periods, samples = np.min(self._lengths, axis=0)
-        return {name: values[:, :, :, :periods, :samples] for name, values in self._values.items()}
+        return {
+            name: values[:, :, :, :periods, :samples]
+            for name, values in self._values.items()
+            if name != KNOWN
+        }
+
+    @property
+    def known(self) -> BoolArray:
+        """Which samples were measured, (config, block, exp, period, sample)."""
+        periods, samples = np.min(self._lengths, axis=0)
+        known: BoolArray = self._values[KNOWN][:, :, :, :periods, :samples, 0] > 0
+        return known
 
     def cut(self) -> str:
         """Say which experiments were cut to what length, empty where all were alike."""

@@ -1,18 +1,18 @@
-"""How a channel of a recording becomes a channel of a record: column, unit, sign, scale, side of the gear.
+"""How a channel of a recording becomes a channel of a record: column, unit, zero, scale, sign, delay, side of the gear.
 
-Nothing is guessed: a unit stands in the table below, or the user gives the scale and the unit it leads to.
-Names of channels say what they hold (`motor_position`, `motor_torque`, `joint_speed`...), and a voltage that is
-said to be a torque is refused.
+Nothing is guessed: a unit stands in the table below, or the user gives the scale and the unit it leads to. Values of
+the file are unwrapped, less their zero, times scale, torque constant and sign, and then shifted by the delay. Names of
+channels say what they hold (`motor_position`, `motor_torque`, `joint_speed`...); a voltage that is said to be a torque
+is refused, and so is a torque that a controller computed.
 """
 
 from __future__ import annotations
 
 import difflib
-import re
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, FiniteFloat, model_validator
+from pydantic import BeforeValidator, FiniteFloat, PositiveFloat, model_validator
 
 from robid_core import DataPath, DataRejected, FloatArray, Settings
 
@@ -40,34 +40,109 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
 }
 
 
+# What a controller may compute, but a fit must not take for measured.
+MEASURED = ("motor_position", "motor_torque")
+
+
 def _one_or_many(value: Any) -> Any:
     """Let one column be written without brackets."""
     return (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 
 
+Columns = Annotated[tuple[str, ...], BeforeValidator(_one_or_many, json_schema_input_type=str | list[str])]
+PerAxis = FiniteFloat | tuple[FiniteFloat, ...]
+PositivePerAxis = PositiveFloat | tuple[PositiveFloat, ...]
+
+
+def _as_enable(value: Any) -> Any:
+    """Let the column alone be written."""
+    return {"column": value} if isinstance(value, str | list) else value
+
+
+class Enable(Settings):
+    """The column that says when a drive was enabled; samples where it was not are masked."""
+
+    column: Columns
+    """Name in the file, one of all axes or a list."""
+    value: FiniteFloat | None = None
+    """What it holds while enabled; null: anything but 0."""
+
+
+class Voltage(Settings):
+    """A motor torque from the voltage of a DC drive: kt/R V - kt^2/R times the speed of the motor.
+
+    The winding's inductance is left out: the torque is right well below R/L. The speed is that of the channel
+    motor_speed, or the central difference of motor_position.
+    """
+
+    column: Columns
+    """Name in the file, one of all axes or a list."""
+    unit: Literal["V", "mV"] = "V"
+    """Unit in the file."""
+    duty: Columns = ()
+    """Column of the share of the voltage that the bridge passes on, -1 to 1; left out: all of it."""
+    duty_scale: FiniteFloat = 1.0
+    """Factor on that column, where it counts otherwise (1/885)."""
+    resistance: PositivePerAxis
+    """Of the winding, ohm; one for all axes, or a list."""
+    torque_constant: PositivePerAxis
+    """kt in N m/A, at the motor's shaft; one for all axes, or a list."""
+
+
 class ChannelMap(Settings):
     """Where one channel comes from."""
 
-    column: Annotated[tuple[str, ...], BeforeValidator(_one_or_many, json_schema_input_type=str | list[str])]
+    column: Columns = ()
     """Name in the file: one of all axes (its shorter side counts the axes) or a list, one for each axis.
     `name[2]` takes row or column 2 of a table, counted from 0."""
-    unit: str
+    unit: str = ""
     """Unit in the file: rad, deg, m, mm, rad/s, rpm, N m, N, A, V...; any other needs `scale` and `unit_to`."""
+    voltage: Voltage | None = None
+    """In place of column and unit: a motor torque from the voltage of a DC drive."""
+    wrap: PositiveFloat | None = None
+    """What a counter or an angle is wrapped at, in the file's unit (4096, 360): it is unwrapped."""
+    zero: PerAxis = 0.0
+    """What the file states where the value is 0, in the file's unit; one for all axes, or a list."""
     unit_to: str = ""
     """Unit after multiplication by `scale`, where the factor changes the quantity (V to N, counts to rad)."""
-    scale: FiniteFloat | tuple[FiniteFloat, ...] = 1.0
+    scale: PerAxis = 1.0
     """Factor on every value, or a list with one for each axis."""
+    torque_constant: PositivePerAxis | None = None
+    """N m/A: makes a torque of a current; one for all axes, or a list."""
     sign: Literal[1, -1] | tuple[Literal[1, -1], ...] = 1
     """-1 where the file counts against the axis of the robot's model; one for all axes, or a list."""
     side: Literal["motor", "joint"] = "motor"
     """Side of the gear on which the file states the values."""
+    delay_s: PerAxis = 0.0
+    """By how much the file states values too late, s; they are moved back. One for all axes, or a list."""
+    enable: Annotated[
+        Enable | None,
+        BeforeValidator(_as_enable, json_schema_input_type=str | list[str] | Enable | None),
+    ] = None
+    """A column that says when the drive was enabled, or {column, value}; other samples are masked."""
+    computed: bool = False
+    """Whether the controller computed it and did not measure it (a model's torque): kept, but no torque of a fit."""
     file: DataPath | None = None
     """File of this channel, where it is not the stage's."""
     axes: tuple[str, ...] = ()
     """Axes that the channel covers, where it is not all of them; the others have no value."""
 
     @model_validator(mode="after")
-    def _units_are_known(self) -> ChannelMap:
+    def _is_whole(self) -> ChannelMap:
+        if self.voltage is not None:
+            given = [
+                name
+                for name in ("column", "unit", "unit_to", "torque_constant", "wrap", "zero")
+                if getattr(self, name)
+            ]
+            if given or self.scale != 1.0 or self.side != "motor":
+                raise ValueError(
+                    f"voltage makes a torque at the motor: leave out {', '.join(given) or 'scale and side'}"
+                )
+            return self
+        for name in ("column", "unit"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} is missing")
         if not np.all(self.scale):
             raise ValueError("scale must not be 0")
         if self.unit_to and self.unit_to not in {symbol for symbol, _ in UNITS.values()}:
@@ -76,23 +151,53 @@ class ChannelMap(Settings):
             near = difflib.get_close_matches(self.unit, UNITS, n=1)
             hint = f"did you mean '{near[0]}'?" if near else "give scale and unit_to"
             raise ValueError(f"unit '{self.unit}' is not known; {hint}")
+        if self.torque_constant is not None and self._stated != "A":
+            raise ValueError(f"torque_constant goes with a current in A, not with {self._stated}")
         return self
+
+    @property
+    def _stated(self) -> str:
+        """SI symbol of the values without their torque constant."""
+        return self.unit_to or UNITS[self.unit][0]
 
     @property
     def symbol(self) -> str:
         """SI symbol of the converted values."""
-        return self.unit_to or UNITS[self.unit][0]
+        makes_torque = self.voltage is not None or self.torque_constant is not None
+        return "N m" if makes_torque else self._stated
+
+    @property
+    def read_symbol(self) -> str:
+        """SI symbol of the values before a voltage becomes a torque."""
+        return "V" if self.voltage is not None else self.symbol
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of its values."""
+        return self.column if self.voltage is None else self.voltage.column
 
     def factors(self, name: str, n_covered: int) -> FloatArray:
         """What values of the file are multiplied by, (n_covered,); DataRejected where a list is not of that length."""
-        for setting, value in (("scale", self.scale), ("sign", self.sign)):
-            if isinstance(value, tuple) and len(value) != n_covered:
-                raise DataRejected(
-                    f"channels.{name}.{setting}: {len(value)} numbers for {n_covered} axes; give one for each, or one "
-                    "for all"
-                )
+        if self.voltage is not None:
+            return self.per_axis(name, "sign", n_covered) * UNITS[self.voltage.unit][1]
         unit = 1.0 if self.unit_to else UNITS[self.unit][1]
-        return np.broadcast_to(np.multiply(self.sign, self.scale) * unit, (n_covered,))
+        constant = 1.0 if self.torque_constant is None else self.per_axis(name, "torque_constant", n_covered)
+        return (
+            self.per_axis(name, "sign", n_covered) * self.per_axis(name, "scale", n_covered) * unit * constant
+        )
+
+    def per_axis(self, name: str, setting: str, n_covered: int) -> FloatArray:
+        """Return a setting of the channel `name` for each axis that it covers; raises as `factors`."""
+        return per_axis(f"channels.{name}.{setting}", getattr(self, setting), n_covered)
+
+
+def per_axis(where: str, value: float | tuple[float, ...], n_covered: int) -> FloatArray:
+    """Return one number for each axis; DataRejected where a list has another length."""
+    if isinstance(value, tuple) and len(value) != n_covered:
+        raise DataRejected(
+            f"{where}: {len(value)} numbers for {n_covered} axes; give one for each, or one for all"
+        )
+    return np.broadcast_to(np.asarray(value, dtype=np.float64), (n_covered,))
 
 
 def _symbols() -> list[str]:
@@ -100,103 +205,19 @@ def _symbols() -> list[str]:
 
 
 def check_quantity(name: str, channel: ChannelMap) -> None:
-    """Raise ValueError where the name of a channel promises another quantity than its unit holds."""
+    """Raise ValueError where the name of a channel promises another quantity than its unit holds, or a measured one."""
     for word, symbols in QUANTITIES.items():
         if word in name and channel.symbol not in symbols:
+            current = word == "torque" and channel.symbol == "A"
             raise ValueError(
-                f"channels.{name}: {channel.symbol} is no unit of {word}; give scale and unit_to: {symbols[0]}"
+                f"channels.{name}: {channel.symbol} is no unit of {word}; give "
+                + ("torque_constant, or " if current else "")
+                + f"scale and unit_to: {symbols[0]}"
             )
-
-
-def select(columns: dict[str, FloatArray], name: str) -> FloatArray:
-    """Return a column by name, or one line of a table as `name[2]`; DataRejected says what comes near."""
-    if name in columns:
-        return columns[name]
-    part = re.fullmatch(r"(.+)\[(\d+)\]", name)
-    if part and part[1] in columns and columns[part[1]].ndim == 2:
-        table, index = columns[part[1]], int(part[2])
-        table = table if table.shape[0] >= table.shape[1] else table.T
-        if index < table.shape[1]:
-            result: FloatArray = table[:, index]
-            return result
-        raise DataRejected(f"'{part[1]}' has {table.shape[1]} columns, counted from 0; there is no {name}")
-    near = difflib.get_close_matches(name, columns, n=1)
-    listed = ", ".join(list(columns)[:12]) + (", ..." if len(columns) > 12 else "")
-    raise DataRejected(
-        f"the file has no column '{name}'; " + (f"did you mean '{near[0]}'?" if near else f"it has {listed}")
-    )
-
-
-def channel_table(
-    columns: dict[str, FloatArray], name: str, channel: ChannelMap, axis_names: tuple[str, ...]
-) -> FloatArray:
-    """Return a channel as the file states it, shape (n_sample, n_covered), one column for each axis that it covers.
-
-    Raises
-    ------
-    DataRejected
-        If a column is missing or has another shape, or an axis is not the robot's.
-    """
-    covered = channel.axes or axis_names
-    unknown = [axis for axis in covered if axis not in axis_names]
-    if unknown:
-        raise DataRejected(
-            f"channels.{name}.axes: the robot has no axis {unknown[0]}; it has {', '.join(axis_names)}"
+    if channel.computed and name in MEASURED:
+        raise ValueError(
+            f"channels.{name}: what the controller computed is not measured; keep it under another name "
+            f"(model_{name}) and give the measured one, a torque as current with torque_constant"
         )
-    return _table([select(columns, column) for column in channel.column], name, len(covered))
-
-
-def channel_values(
-    table: FloatArray, name: str, channel: ChannelMap, axis_names: tuple[str, ...], first: int = 0
-) -> FloatArray:
-    """Return samples of a channel in SI units on the side where the file states it, shape (n_sample, n_axis).
-
-    Parameters
-    ----------
-    table
-        Samples as `channel_table` gives them.
-    name, channel, axis_names
-        What they are, and the robot's axes.
-    first
-        Number of the first of them in the file, for messages.
-
-    Raises
-    ------
-    DataRejected
-        If values are NaN or infinite (fault A05).
-    """
-    covered = channel.axes or axis_names
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        raise DataRejected(
-            f"A05: channel {name} ({channel.column[min(bad[0][1], len(channel.column) - 1)]}), {covered[bad[0][1]]}: "
-            f"{len(bad)} values are NaN or infinite, the first at sample {first + bad[0][0]}; cut the recording before "
-            "it or repair it"
-        )
-    result = np.full((len(table), len(axis_names)), np.nan)
-    result[:, [axis_names.index(axis) for axis in covered]] = table * channel.factors(name, len(covered))
-    return result
-
-
-def _table(parts: list[FloatArray], name: str, n_axis: int) -> FloatArray:
-    """Stack columns, or turn one table, into (n_sample, n_axis)."""
-    if len(parts) == 1 and parts[0].ndim == 2:
-        rows, columns = parts[0].shape
-        table = parts[0] if columns < rows else parts[0].T
-    elif all(part.ndim == 1 for part in parts):
-        lengths = {len(part) for part in parts}
-        if len(lengths) > 1:
-            raise DataRejected(f"A06: channel {name}: its columns have different lengths, {sorted(lengths)}")
-        table = np.stack(parts, axis=1)
-    else:
-        shapes = ", ".join(str(part.shape) for part in parts)
-        raise DataRejected(
-            f"A06: channel {name}: expected one table or columns of one dimension, got {shapes}"
-        )
-    if table.shape[1] != n_axis:
-        raise DataRejected(
-            f"A06: channel {name} has {table.shape[1]} columns for {n_axis} axes; list one column for each axis, or "
-            "name the axes it covers (axes: [...])"
-        )
-    result: FloatArray = table
-    return result
+    if channel.voltage is not None and name != "motor_torque":
+        raise ValueError(f"channels.{name}: voltage makes a motor_torque, and nothing else")

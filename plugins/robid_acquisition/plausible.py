@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from robid_core import FloatArray, Record, RobidError, Robot
-from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
+from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
 from robid_core.residual import rigid_drives
 
 CHANNELS = ("motor_position", "motor_torque")
@@ -16,21 +16,46 @@ BELOW = 0.5  # of the lowest resonance: there the arm moves as a rigid one
 HIGHEST_HZ = 10.0  # band that is looked at, where springs do not limit it
 OF_RATE = 0.1  # of the sampling rate, likewise
 PERIODS = 4  # of the band's edge: a shorter experiment is not looked at
+_REMEDY = (
+    "look at torque_constant or scale, gear ratio, rotor inertia, and at a load that the robot file lacks"
+)
 SLOWEST_HZ = 2.0  # resonances below are pendulums, not springs
 
 
 def slips_of(record: Record, robot: Robot) -> list[Slip]:
     """Return slips in a record that explain why it does not fit the robot; none where it does, or cannot be told."""
+    try:
+        recorded = _recorded(record, robot)
+        return [] if recorded is None else slips_in(recorded, robot.axis_names)
+    except (RobidError, ArithmeticError):  # nothing is known against the record
+        return []
+
+
+def doubts_of_scale(record: Record, robot: Robot) -> list[str]:
+    """Say which torques fit the robot only with another torque constant; none where they fit, or cannot be told."""
+    try:
+        recorded = _recorded(record, robot)
+        scales = [] if recorded is None else scales_in(recorded)
+    except (RobidError, ArithmeticError):
+        return []
+    if len(scales) > 1:
+        factor = float(np.exp(np.mean([np.log(one.factor) for one in scales])))
+        return [f"the torques are {factor:.2g} times what the robot makes of the motion: {_REMEDY}"]
+    return [
+        f"the torque of {robot.axis_names[one.axis]} is {one.factor:.2g} times what the robot makes of the motion (the "
+        f"robot file leaves {100 * one.before:.0f} % of it, {100 * one.after:.0f} % where scaled): {_REMEDY}"
+        for one in scales
+    ]
+
+
+def _recorded(record: Record, robot: Robot) -> Recorded | None:
+    """Motion and torque below the robot's first resonance; None where no experiment is long enough."""
     cutoff = _cutoff(record, robot)
     sample_time = record.runs[0].sample_time_s
     experiments = [one for one in _experiments(record) if len(one[0]) * sample_time * cutoff > PERIODS]
     if not experiments:
-        return []
-    try:
-        recorded = Recorded.of_experiments(rigid_drives(robot), experiments, sample_time, cutoff)
-        return slips_in(recorded, robot.axis_names)
-    except (RobidError, ArithmeticError):  # nothing is known against the record
-        return []
+        return None
+    return Recorded.of_experiments(rigid_drives(robot), experiments, sample_time, cutoff)
 
 
 def sentence(slips: list[Slip]) -> str:

@@ -17,9 +17,17 @@ def mean_angle(values: Mapping[str, FloatArray], robot: Robot) -> FloatArray:
     """
     for name in ("motor_position", "joint_position"):
         if name in values:
-            known: FloatArray = np.nan_to_num(values[name].mean(axis=(0, 1)))
+            known: FloatArray = np.nan_to_num(_mean(values[name]))
             return robot.joint_angle(known) if name == "motor_position" else known
     return np.zeros(robot.n_axis)
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Mean over the samples that are known, NaN where none is."""
+    known = np.isfinite(values)
+    count = known.sum(axis=(0, 1))
+    total = np.where(known, values, 0.0).sum(axis=(0, 1))
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def unlike_poses(

@@ -8,54 +8,52 @@ times at which experiments begin in a long file say which experiments many are.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
+from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
 from robid_acquisition.arrangement import Arrangement, arrange, listed
-from robid_acquisition.assembly import Assembly, name_file
-from robid_acquisition.channel_map import ChannelMap, channel_table, channel_values, check_quantity, select
-from robid_acquisition.data_file import advice, find_file, reader_name, reader_of, refuse_others
-from robid_acquisition.plausible import sentence, slips_of
-from robid_acquisition.poses import mean_angle, unlike_poses
-from robid_acquisition.recording import Recording
-from robid_acquisition.signals import (
-    SECONDS,
-    even_sample_time,
-    samples_per_period,
-    split_periods,
-    to_side,
-    window,
+from robid_acquisition.assembly import Assembly, Index, name_file
+from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
+from robid_acquisition.lags import doubts_of_timing
+from robid_acquisition.periodicity import (
+    doubts_of_claimed_lines,
+    doubts_of_claimed_period,
+    found_lines,
+    found_period,
 )
-from robid_acquisition.sources import Sources
+from robid_acquisition.pieces import pieces_between_holes
+from robid_acquisition.plausible import doubts_of_scale, sentence, slips_of
+from robid_acquisition.poses import mean_angle, unlike_poses
+from robid_acquisition.reading import ReadFiles, side_of
+from robid_acquisition.recording import Recording
+from robid_acquisition.samples import Samples
+from robid_acquisition.signals import samples_per_period, split_periods, window
 from robid_core import (
+    BoolArray,
     Channel,
     ConfigurationError,
     Context,
     DataRejected,
     DenseRun,
     FloatArray,
+    IntArray,
     Record,
     RobidError,
     Robot,
     frozen,
 )
 
-
-@dataclass(frozen=True)
-class Samples:
-    """Channels of a file as it states them, each (n_sample, n_covered), and the time from sample to sample."""
-
-    file: str
-    tables: dict[str, FloatArray]
-    sample_time_s: float
+Experiment = tuple[
+    dict[str, FloatArray], BoolArray
+]  # channels (n_period, n_sample, n_axis), known (n_period, n_sample)
 
 
-class RecordedAcquisition(Sources):
+class RecordedAcquisition(ReadFiles):
     """Reads recordings through a channel map: one file, a pattern of files, or those that a table lists.
 
     acquire:
@@ -65,25 +63,19 @@ class RecordedAcquisition(Sources):
         sample_time_s: 0.0005
         period_s: 4.0
         lines: [17, 19, 21]
+        torque_hold: zero_order_hold
         channels:
           motor_position: {column: q, unit: rad}
-          motor_torque: {column: current, unit: A, scale: 0.43, unit_to: N m}
+          motor_torque: {column: current, unit: A, torque_constant: 0.43, delay_s: 0.00025}
     """
 
-    channels: dict[str, ChannelMap] = {}
-    """Channel name to its place in the file; motor_position and motor_torque are what most stages need."""
-    sample_time_s: PositiveFloat | None = None
-    """Sampling time; either this or `time_column`."""
-    time_column: str = ""
-    """Column with the sampling instants; it must be even."""
-    time_unit: Annotated[str, Field(pattern="^(s|ms|us|ns)$")] = "s"
-    """Unit of the time column."""
-    period_s: PositiveFloat | None = None
-    """Period of the excitation: whole periods are kept apart. None: nothing repeats."""
-    lines: tuple[NonNegativeInt, ...] = ()
-    """Excited bins of one period, for frequency responses."""
-    torque_hold: Annotated[str, Field(pattern="^(zero_order_hold|continuous)$")] = "continuous"
-    """How torque goes between samples; continuous where the recording does not tell."""
+    period_s: PositiveFloat | Literal["auto"] | None = None
+    """Period of the excitation: whole periods are kept apart; auto: found in the first experiment; null: no period."""
+    lines: tuple[NonNegativeInt, ...] | Literal["auto"] = ()
+    """Excited bins of one period, for frequency responses; auto: found in the spectra of the references, or torques."""
+    torque_hold: Literal["zero_order_hold", "continuous"] | None = None
+    """How torque goes between samples: held by a digital controller, or continuous (measured, filtered). To be said
+    where lines are given: half a sample of phase costs percents of a stiffness."""
     plausibility: Literal["refuse", "warn", "ignore"] = "refuse"
     """What becomes of a record that fits the robot file only with a sign turned, in another unit, on the other side of
     the gear, or with axes exchanged: the message says which."""
@@ -92,32 +84,14 @@ class RecordedAcquisition(Sources):
 
     @model_validator(mode="after")
     def _settings_agree(self) -> RecordedAcquisition:
-        for name, channel in self.channels.items():
-            check_quantity(name, channel)
-            if channel.file and not self.path:
-                raise ValueError(
-                    f"channels: {name} comes from a file of its own, which goes with `path` only"
-                )
-        if not self.channels and (not self.path or self.starts_s):
-            raise ValueError("channels are missing: a map from names to columns of the files")
-        if self.channels and (self.sample_time_s is None) == (not self.time_column):
-            raise ValueError("give either sample_time_s or time_column")
         if self.lines and self.period_s is None:
             raise ValueError("lines need period_s")
+        if self.lines and self.torque_hold is None:
+            raise ValueError(
+                "torque_hold is missing, which lines go with: zero_order_hold where a digital controller holds the "
+                "torque from sample to sample, continuous where it was measured or filtered"
+            )
         return self
-
-    def external_files(self, data_root: Path) -> list[Path]:
-        """Return the files read, those of single channels too, so that a changed file is a changed input."""
-        files = [*super().external_files(data_root), *(data_root / file for file in self._channel_files())]
-        return list(dict.fromkeys(files))
-
-    def uses(self) -> list[tuple[str, str]]:
-        """Return the readers that will be loaded, so that an edited reader is a changed input."""
-        names = {reader_name(file, self.format) for file in self._channel_files()}
-        return sorted({*super().uses(), *(("robid.records", name) for name in names if name)})
-
-    def _channel_files(self) -> list[str]:
-        return [channel.file for channel in self.channels.values() if channel.file]
 
     def run(self, robot: Robot, context: Context) -> Record:
         """Find, read, convert and cut, one file after the other."""
@@ -142,6 +116,9 @@ class RecordedAcquisition(Sources):
         """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it."""
         slips = slips_of(record, robot) if self.plausibility != "ignore" else []
         if not slips:
+            if self.plausibility != "ignore":
+                for words in (*doubts_of_scale(record, robot), *doubts_of_timing(record, robot)):
+                    context.log.warning("%s", words)
             return
         if self.plausibility == "refuse":
             raise DataRejected(
@@ -159,81 +136,153 @@ class RecordedAcquisition(Sources):
 
     def _record(self, arrangement: Arrangement, robot: Robot, context: Context) -> Record:
         """Read every experiment and put the record together."""
-        shape = arrangement.shape
-        assembly = Assembly(shape, self.period_s is not None)
+        splits = self.gaps == "split"
+        period_s = None if self.period_s == "auto" else self.period_s
+        assembly = Assembly(arrangement.shape, self.period_s is not None)
         samples: Samples | None = None
-        angle = np.zeros((*shape, robot.n_axis))
+        scalars: dict[Index, Mapping[str, float]] = {}
+        whole: dict[Index, Experiment] = {}
         rests: list[str] = []
-        places = sorted(np.ndindex(*shape), key=lambda place: _at(arrangement, place).file)  # each file once
+        places = sorted(
+            np.ndindex(*arrangement.shape), key=lambda place: _at(arrangement, place).file
+        )  # each file once
         for place in context.track(places, len(places), "reading recordings"):
             recording = _at(arrangement, place)
             try:
                 if samples is None or samples.file != recording.file:
-                    samples = self._read(recording.file, robot, context)
-                values, rest = self._experiment(recording, samples, robot)
-                assembly.put(place, recording.name, values, samples.sample_time_s)
+                    samples = self.read(recording.file, robot, context)
+                    for note in samples.notes:
+                        held = "; its torque is no longer held from sample to sample" if self._held else ""
+                        context.log.warning("%s%s", note, held)
+                if self.period_s == "auto" and period_s is None:
+                    (values, known), _ = self._experiment(recording, samples, robot, None)
+                    period_s = found_period(values, samples.sample_time_s)
+                    context.log.info("%s repeats every %g s", recording.name, period_s)
+                (values, known), rest = self._experiment(recording, samples, robot, period_s)
+                if splits:
+                    whole[place] = values, known
+                else:
+                    assembly.put(place, recording.name, values, samples.sample_time_s, known)
             except RobidError as error:
                 if len(places) > 1:
                     name_file(recording.name, error)
                 raise
-            angle[place] = mean_angle(values, robot)
+            scalars[place] = samples.scalars
             if rest:
                 rests.append(f"{rest} samples of {recording.name}")
         if rests:
-            context.log.warning("A11: left out after the last whole period: %s", listed(rests))
+            where = (
+                "after the last whole period" if self.period_s is not None else "at ends that a delay took"
+            )
+            context.log.warning("A11: left out %s: %s", where, listed(rests))
+        assert samples is not None
+        if self.scalars:
+            arrangement = _with_constants(arrangement, scalars)
+        if splits:
+            arrangement, assembly = self._split(arrangement, whole, samples.sample_time_s, context)
         if cut := assembly.cut():
             context.log.warning("A11: %s", cut)
+        if n_masked := int((~assembly.known).sum()):
+            context.log.warning("gaps: mask: %d of %d samples are masked", n_masked, assembly.known.size)
+        angle = np.zeros((*arrangement.shape, robot.n_axis))
+        for place in np.ndindex(*arrangement.shape):
+            angle[place] = mean_angle({name: one[place] for name, one in assembly.channels.items()}, robot)
         if unlike := unlike_poses(arrangement, angle, self.angle_tolerance, robot.axis_names):
             context.log.warning("%s", unlike)
-        names = arrangement.variants if any(arrangement.variants) else (self.variant,) * shape[0]
+        lines = None
+        if self.period_s is not None and assembly.known.all():
+            for place, words in doubts_of_claimed_period(assembly.channels, assembly.sample_time_s):
+                context.log.warning("%s: %s", _at(arrangement, place).name, words)
+            lines = self._lines(assembly.channels, context)
+        elif self.lines:
+            if self.lines == "auto":
+                raise DataRejected(
+                    "lines: auto needs records without holes; give the lines, or set gaps: split"
+                )
+            lines = np.array(self.lines, dtype=np.int64)
+        names = arrangement.variants if any(arrangement.variants) else (self.variant,) * arrangement.shape[0]
         channels = {
-            name: Channel(_side(name), self.channels[name].symbol, frozen(values))
+            name: Channel(side_of(name), self.channels[name].symbol, frozen(values))
             for name, values in assembly.channels.items()
         }
         return Record(
             axis_names=robot.axis_names,
             source=self._source(arrangement),
-            torque_hold=self.torque_hold,
-            runs=(_dense_run(arrangement, channels, assembly.sample_time_s),),
+            torque_hold=self.torque_hold or "continuous",
+            runs=(_dense_run(arrangement, channels, assembly.known, assembly.sample_time_s),),
             angle=angle.mean(axis=(1, 2)),
-            line=np.array(self.lines, dtype=np.int64) if self.lines else None,
+            line=lines,
             variants=names if any(names) else (),
         )
 
-    def _read(self, file: str, robot: Robot, context: Context) -> Samples:
-        """Read a file, and those of channels that lie elsewhere."""
-        columns = {
-            name: reader_of(name, self.format).read(find_file(context.data_root, name, self.origin))
-            for name in dict.fromkeys([file, *self._channel_files()])
+    @property
+    def _held(self) -> bool:
+        return self.torque_hold == "zero_order_hold"
+
+    def _lines(self, channels: Mapping[str, FloatArray], context: Context) -> IntArray | None:
+        """Return the lines: those that are given, held against the spectra, or those that are found."""
+        if not self.lines:
+            return None
+        if self.lines != "auto":
+            lines = np.array(self.lines, dtype=np.int64)
+            for words in doubts_of_claimed_lines(channels, lines):
+                context.log.warning("%s", words)
+            return lines
+        lines, told = found_lines(channels)
+        context.log.info("lines: auto: %s", told)
+        return lines
+
+    def _split(
+        self,
+        arrangement: Arrangement,
+        whole: Mapping[Index, Experiment],
+        sample_time_s: float,
+        context: Context,
+    ) -> tuple[Arrangement, Assembly]:
+        """Make experiments of the pieces between holes."""
+        periodic = self.period_s is not None
+        marks: dict[Index, BoolArray] = {
+            place: np.asarray(known.all(axis=1) if periodic else known[0])
+            for place, (_, known) in whole.items()
         }
-        tables = {
-            name: channel_table(columns[channel.file or file], name, channel, robot.axis_names)
-            for name, channel in self.channels.items()
-        }
-        lengths = {name: len(table) for name, table in tables.items()}
-        if len(set(lengths.values())) > 1:
-            raise DataRejected(f"A06: the channels have different lengths: {lengths}")
-        sample_time = self.sample_time_s or even_sample_time(
-            select(columns[file], self.time_column) * SECONDS[self.time_unit]
+        n_sample = next(iter(whole.values()))[1].shape[1]
+        arranged, pieces, words = pieces_between_holes(
+            arrangement, marks, sample_time_s * n_sample if periodic else sample_time_s
         )
-        return Samples(file, tables, sample_time)
+        if len(pieces) != len(whole) or any(one.length != len(marks[one.place]) for one in pieces.values()):
+            context.log.warning("%s", words)
+        assembly = Assembly(arranged.shape, periodic)
+        for place, piece in pieces.items():
+            kept = slice(piece.first, piece.first + piece.length)
+            values, _ = whole[piece.place]
+            cut = {name: one[kept] if periodic else one[:, kept] for name, one in values.items()}
+            assembly.put(place, _at(arranged, place).name, cut, sample_time_s)
+        return arranged, assembly
 
     def _experiment(
-        self, recording: Recording, samples: Samples, robot: Robot
-    ) -> tuple[dict[str, FloatArray], int]:
-        """Return channels, each (n_period, n_sample, n_axis), and how many samples are left over."""
+        self, recording: Recording, samples: Samples, robot: Robot, period_s: float | None
+    ) -> tuple[Experiment, int]:
+        """Return channels and marks of measured samples, and how many samples are left over."""
         start_s = self.start_s if recording.start_s is None else recording.start_s
         stop_s = self.stop_s if recording.stop_s is None else recording.stop_s
-        n_recorded = len(next(iter(samples.tables.values())))
-        kept = window(n_recorded, samples.sample_time_s, start_s, stop_s)
-        n_sample = kept.stop - kept.start
-        n_per_period = samples_per_period(n_sample, samples.sample_time_s, self.period_s)
-        values = {}
-        for name, channel in self.channels.items():
-            given = channel_values(samples.tables[name][kept], name, channel, robot.axis_names, kept.start)
-            moved = to_side(given, name, channel.side, _side(name), robot.drives.gear)
-            values[name] = split_periods(moved, n_per_period)
-        return values, n_sample % n_per_period
+        step = samples.sample_time_s
+        kept = window(len(samples), step, start_s, stop_s, self.drop_first_s, self.drop_last_s)
+        if self.gaps == "refuse" and (hole := samples.first_hole(kept)):
+            raise DataRejected(hole)
+        n_recorded = kept.stop - kept.start
+        n_per_period = samples_per_period(n_recorded, step, period_s)
+        kept = slice(kept.start, kept.start + n_recorded // n_per_period * n_per_period)
+        values, known = samples.window(
+            kept, self.channels, robot.axis_names, n_per_period if period_s is not None else None
+        )
+        if self.gaps == "refuse":  # nothing is missing but at ends that were lost
+            inner = np.flatnonzero(known)
+            ends = slice(int(inner[0]), int(inner[-1]) + 1)
+            values, known = {name: one[ends] for name, one in values.items()}, known[ends]
+            n_per_period = samples_per_period(len(known), step, period_s)
+        parts = {name: split_periods(one, n_per_period) for name, one in values.items()}
+        marks: BoolArray = split_periods(known[:, None].astype(np.float64), n_per_period)[..., 0] > 0
+        return (parts, marks), n_recorded - int(marks.size)
 
     def _source(self, arrangement: Arrangement) -> str:
         """Say where the record comes from."""
@@ -241,11 +290,10 @@ class RecordedAcquisition(Sources):
         kind = reader.__name__ if isinstance(reader, type) else type(reader).__name__
         count = int(np.prod(arrangement.shape))
         recordings = f"{count} recordings, " if count > 1 else ""
-        return f"{self.source_name} ({recordings}{kind})"
-
-
-def _side(name: str) -> str:
-    return "joint" if name.startswith("joint_") else "motor"
+        torque = self.channels.get("motor_torque")
+        modelled = torque is not None and torque.voltage is not None
+        law = "; motor_torque computed from the voltage by a model of the motor" if modelled else ""
+        return f"{self.source_name} ({recordings}{kind}{law})"
 
 
 def _at(arrangement: Arrangement, place: tuple[int, ...]) -> Recording:
@@ -253,7 +301,24 @@ def _at(arrangement: Arrangement, place: tuple[int, ...]) -> Recording:
     return arrangement.recordings[configuration][block][experiment]
 
 
-def _dense_run(arrangement: Arrangement, channels: dict[str, Channel], sample_time: float) -> DenseRun:
+def _with_constants(arrangement: Arrangement, scalars: Mapping[Index, Mapping[str, float]]) -> Arrangement:
+    """Return the arrangement with constants more."""
+    recordings = tuple(
+        tuple(
+            tuple(
+                replace(one, constants={**one.constants, **scalars[c, b, e]})
+                for e, one in enumerate(experiments)
+            )
+            for b, experiments in enumerate(blocks)
+        )
+        for c, blocks in enumerate(arrangement.recordings)
+    )
+    return replace(arrangement, recordings=recordings)
+
+
+def _dense_run(
+    arrangement: Arrangement, channels: dict[str, Channel], known: BoolArray, sample_time: float
+) -> DenseRun:
     """Return the run of all experiments, with their roles and constants where there are any."""
     shape = next(iter(channels.values())).values.shape
 
@@ -268,7 +333,7 @@ def _dense_run(arrangement: Arrangement, channels: dict[str, Channel], sample_ti
         sample_time_s=sample_time,
         channels=channels,
         time_s=np.arange(shape[4], dtype=np.float64) * sample_time,
-        valid=np.ones(shape[:5], dtype=bool),
+        valid=frozen(known),
         test=test if test.any() else None,
         constant_names=constants,
         constants=each(lambda one: [one.constants[name] for name in constants]) if constants else None,

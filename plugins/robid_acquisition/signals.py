@@ -1,4 +1,4 @@
-"""Samples of one experiment: evenly spaced, on their side of the gear, in whole periods."""
+"""Samples of one experiment: between two times, on their side of the gear, in whole periods."""
 
 from __future__ import annotations
 
@@ -6,42 +6,24 @@ import numpy as np
 
 from robid_core import DataRejected, FloatArray
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# A time step may differ from the mean one by this share before the recording counts as unevenly sampled.
-STEP_TOLERANCE = 0.1
 
-
-def even_sample_time(time: FloatArray) -> float:
-    """Mean sampling time of evenly spaced instants in seconds.
-
-    Raises
-    ------
-    DataRejected
-        If the clock stands, runs back or jumps (fault A10); the message has the sample.
-    """
-    if time.ndim != 1 or len(time) < 2:
-        raise DataRejected(f"the time column has shape {time.shape}; one instant per sample is needed")
-    steps = np.diff(time)
-    known = steps[np.isfinite(steps)]
-    mean = float(np.median(known)) if len(known) else float("nan")
-    wrong = np.flatnonzero(~(np.abs(steps - mean) <= STEP_TOLERANCE * abs(mean)) | (steps <= 0))
-    if len(wrong):
-        raise DataRejected(
-            f"A10: time goes from {time[wrong[0]]:g} s to {time[wrong[0] + 1]:g} s at sample {wrong[0] + 1}, the usual "
-            f"step is {mean:g} s ({len(wrong)} such steps); resample it evenly, or give sample_time_s where only the "
-            "time stamps are wrong"
-        )
-    return float((time[-1] - time[0]) / (len(time) - 1))
-
-
-def window(n_sample: int, sample_time: float, start_s: float, stop_s: float | None) -> slice:
-    """Return the samples between two times; DataRejected where there are less than two."""
+def window(
+    n_sample: int,
+    sample_time: float,
+    start_s: float,
+    stop_s: float | None,
+    drop_first_s: float = 0.0,
+    drop_last_s: float = 0.0,
+) -> slice:
+    """Return the samples between two times, without beginning and end; DataRejected where less than two are left."""
     first = round(start_s / sample_time)
     stop = n_sample if stop_s is None else min(n_sample, first + round((stop_s - start_s) / sample_time))
+    first, stop = first + round(drop_first_s / sample_time), stop - round(drop_last_s / sample_time)
     if stop - first < 2:
+        dropped = drop_first_s + drop_last_s
         raise DataRejected(
-            f"nothing lies between {start_s:g} s and {'its end' if stop_s is None else f'{stop_s:g} s'}; it lasts "
-            f"{n_sample * sample_time:g} s"
+            f"nothing lies between {start_s:g} s and {'its end' if stop_s is None else f'{stop_s:g} s'}"
+            f"{f' once {dropped:g} s are dropped' if dropped else ''}; it lasts {n_sample * sample_time:g} s"
         )
     return slice(first, stop)
 
@@ -93,7 +75,7 @@ def to_side(values: FloatArray, name: str, given: str, wanted: str, gear: FloatA
     """
     if given == wanted or not any(word in name for word in ("position", "speed", "acceleration", "torque")):
         return values
-    if np.isnan(values).any() and np.count_nonzero(gear - np.diag(np.diag(gear))):
+    if np.isnan(values).all(axis=0).any() and np.count_nonzero(gear - np.diag(np.diag(gear))):
         raise DataRejected(
             f"channel {name}: the gears are coupled; all axes are needed to bring it to the {wanted} side"
         )

@@ -36,6 +36,7 @@ from robid_core.residual import (
     functions_of_speed,
     misfit,
     misfit_table,
+    robots_by_constants,
     solve,
     torque_problem,
 )
@@ -92,6 +93,10 @@ class TorqueResidualFit(Estimator):
     """Robots under which variants of a record were measured, where they are not the nominal one: `{loaded: arm.yaml}`;
     all share the free parameters."""
 
+    constants: dict[str, str] = {}
+    """Constants of the record that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
+    has the value of its experiments, and needs no file under `robots`."""
+
     tells_variants: ClassVar[bool] = True
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
@@ -104,7 +109,8 @@ class TorqueResidualFit(Estimator):
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
-        problem = self.problem(record, robot)
+        robot, robots = self._told(record, robot)
+        problem = self._problem(record, robot, robots)
         solution = solve(
             problem,
             self.passes,
@@ -129,6 +135,16 @@ class TorqueResidualFit(Estimator):
 
     def problem(self, record: Record, robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
+        return self._problem(record, *self._told(record, robot))
+
+    def _told(self, record: Record, robot: Robot) -> tuple[Robot, dict[str, Robot]]:
+        """Return the nominal robot, and those of other variants."""
+        robots = {variant: Robot.load(name) for variant, name in self.robots.items()}
+        return (
+            robots_by_constants(record, robot, robots, self.constants) if self.constants else (robot, robots)
+        )
+
+    def _problem(self, record: Record, robot: Robot, robots: dict[str, Robot]) -> TorqueProblem:
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
@@ -138,7 +154,7 @@ class TorqueResidualFit(Estimator):
             chosen_names(list(robot.layout), patterns, self.fixed),
             self.prior,
             lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths),
-            robots={variant: Robot.load(name) for variant, name in self.robots.items()},
+            robots=robots,
             discard=self.discard,
             highest_hz=self.highest_hz,
             each_delay=self.delays == "each",

@@ -11,6 +11,7 @@ from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.prescribed_record import prescribe_record
 from robid_core.residual.problem import Linearisation, TorqueProblem
 from robid_core.residual.rigid_drives import rigid_drives
+from robid_core.residual.variant_constants import robots_by_constants
 from robid_core.residual.weighting import Weighting
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot.effects import BoundEffect
@@ -19,5 +20,5 @@ __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting",
     "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names", "estimated_robot",
     "functions_of_speed", "linearise_at", "misfit", "misfit_table", "parts_by_variant", "place_in",
-    "prescribe_at", "prescribe_record", "rigid_drives", "solve", "torque_problem",
+    "prescribe_at", "prescribe_record", "rigid_drives", "robots_by_constants", "solve", "torque_problem",
 ]  # fmt: skip

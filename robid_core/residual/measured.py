@@ -37,7 +37,9 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
             f"the torque is said to be {record.torque_hold}; the torque residual needs a held one"
         )
     if not run.valid[:, :, :, discard:].all():
-        raise DataRejected("a sample is missing in a period that is kept; drop its period")
+        raise DataRejected(
+            "a sample is missing in a period that is kept; drop its period, or read the record with gaps: split"
+        )
     position, torque = (run.values(name)[:, :, :, discard:] for name in ("motor_position", "motor_torque"))
     if record.line is None:
         n_config, n_axis = position.shape[0], position.shape[-1]

@@ -56,7 +56,9 @@ def prescribe_record(robot: Robot, record: Record) -> Record:
 def _prescribed(robot: Robot, run: DenseRun) -> DenseRun:
     check_sampling(run, robot)
     if not run.valid.all():
-        raise DataRejected("samples are missing in the record; cut the recording there")
+        raise DataRejected(
+            "samples are missing in the record; cut the recording there, or read it with gaps: split"
+        )
     channel = run.channel("motor_torque")
     lanes = (run.lanes(name) for name in ("motor_position", "motor_torque"))
     position, torque = (values.reshape(len(run.valid), -1, *values.shape[1:]) for values in lanes)

@@ -2,14 +2,15 @@
 
 The rigid robot's inverse dynamics at the told values, with friction free, are held against the torque in a band below
 its springs. Where they fail, one slip after another is tried: a sign, a unit, the other side of the gear, two axes
-exchanged. Each is a linear map of the positions or of the torques and has no number that could be fitted, so that a
-slip that takes most of the error away is hardly chance.
+exchanged; where none helps alone, two axes exchanged and a sign of one of them. Each is a linear map of the positions
+or of the torques and has no number that could be fitted, so that a slip that takes most of the error away is hardly
+chance. A torque's scale is such a number: it is told apart (`scales_in`).
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,10 +22,15 @@ from robid_core.estimation.rigid.regression import differentiate, smooth
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
 
 MOST = 1000  # samples that are looked at, evenly over all experiments
+FEW = 150  # of them, by which pairs of slips are chosen
 TRIM = 0.5  # of a cutoff's period, left out at both ends of an experiment
 FITS = 0.1  # of a torque's variance: an axis that leaves less is as it should be
 GAIN = 4.0  # by which a slip must lower what is left of the axes that it concerns, their median
 LEFT = 0.2  # of the variance that may be left of them then, their median
+NOTICED = 0.05  # of a torque's variance, above which its scale is looked at
+FAR = 4 / 3  # factor on a torque, or its inverse
+OTHERS = 1.2  # likewise, of the axes beside it
+ONE = 1.3  # largest over smallest factor of torques that share one
 TIE = float(np.log(2.0))  # of the logarithm of what is left, over all axes: nearer, two slips are as likely
 SPOILS = 1.2  # by which it may raise what is left of any other axis
 
@@ -47,6 +53,19 @@ class Slip:
     """Likewise, once it is undone."""
     ties: tuple[str, ...] = ()
     """What else it may be: slips that explain the recording about as well."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A torque that is the robot's times a number far from 1."""
+
+    axis: int
+    factor: float
+    """Recorded torque over that of the rigid robot."""
+    before: float
+    """Share of the torque that the robot leaves, rms."""
+    after: float
+    """Likewise, once the torque is divided by the factor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +104,12 @@ class Recorded:
             parts.append([one[kept] for one in (*signals, smooth(torque, sample_time, cutoff_hz))])
         return cls(drives, *(np.concatenate(one) for one in zip(*parts, strict=True)))
 
+    def thinned(self, most: int) -> Recorded:
+        """Return at most that many of the samples, evenly."""
+        kept = slice(None, None, max(1, -(-len(self.position) // most)))
+        names = ("position", "velocity", "acceleration", "torque")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
+
     def undone(self, slip: Slip) -> Recorded:
         """Return what would have been recorded without a slip."""
         moved = {
@@ -95,18 +120,52 @@ class Recorded:
     @cached_property
     def left(self) -> FloatArray:
         """Share of each torque's variance that the robot leaves with the friction that suits it best, (n_axis,)."""
+        rest = self.torque - self.rigid
+        return np.array([self._friction(a, rest[:, a])[1] for a in range(self.drives.n_axis)])
+
+    @cached_property
+    def rigid(self) -> FloatArray:
+        """Torque of the rigid robot without friction, (n_sample, n_axis)."""
         none = np.zeros(self.drives.n_axis)
-        rigid = replace(self.drives, viscous=none, coulomb=none, offset=none)
-        rest = self.torque - motor_torque(rigid, self.position, self.velocity, self.acceleration)
-        steep = np.where(self.drives.friction_speed > 0, self.drives.friction_speed, 1.0)
-        one = np.ones(len(rest))
-        shares = []
-        for own, speed, width, torque in zip(rest.T, self.velocity.T, steep, self.torque.T, strict=True):
-            columns = np.stack([np.tanh(speed / width), speed, one, -one], axis=1)
-            size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-            _, norm = scipy.optimize.nnls(columns / size, own)
-            shares.append(norm**2 / max(float(((torque - torque.mean()) ** 2).sum()), 1e-300))
-        return np.array(shares)
+        frictionless = replace(self.drives, viscous=none, coulomb=none, offset=none)
+        return motor_torque(frictionless, self.position, self.velocity, self.acceleration)
+
+    def scaled(self, axis: int) -> tuple[float, float]:
+        """Return the factor on the rigid robot's torque that suits an axis best, and the share that is then left."""
+        factor, left = self._friction(axis, self.torque[:, axis], self.rigid[:, axis])
+        return factor, left
+
+    def _friction(self, axis: int, target: FloatArray, *more: FloatArray) -> tuple[float, float]:
+        """Fit friction, and a further column, to a target: the further column's number, and the share that is left."""
+        steep, speed = self.drives.friction_speed[axis], self.velocity[:, axis]
+        one, torque = np.ones(len(target)), self.torque[:, axis]
+        columns = np.stack([np.tanh(speed / (steep if steep > 0 else 1.0)), speed, one, -one, *more], axis=1)
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        found, norm = scipy.optimize.nnls(columns / size, target)
+        share = norm**2 / max(float(((torque - torque.mean()) ** 2).sum()), 1e-300)
+        return float(found[-1] / size[-1]), share
+
+
+def scales_in(recorded: Recorded) -> list[Scale]:
+    """Return the torque, or all torques, that fit the robot only times a number that is off by more than `FAR`.
+
+    A scale has a number that is fitted, and a body or rotor that is told wrong by as much looks the same; so it is no
+    slip that a record could be refused for. A load that nobody told raises several torques, each by another factor, and
+    then nothing is returned: only one axis beside others that fit, or one factor for all.
+    """
+    fitted = [recorded.scaled(a) for a in range(recorded.drives.n_axis)]
+    factor = np.maximum([one for one, _ in fitted], 1e-9)
+    before, after = recorded.left, np.array([share for _, share in fitted])
+    far = np.maximum(factor, 1 / factor) > FAR
+    telling = far & (before > NOTICED) & (after < np.minimum(before / GAIN, LEFT))
+    together = bool(far.all()) and factor.max() < ONE * factor.min()
+    others_fit = np.maximum(factor, 1 / factor)[~telling].max(initial=1.0) < OTHERS
+    if not (together or (telling.sum() == 1 and others_fit)):
+        return []
+    return [
+        Scale(int(a), float(factor[a]), float(np.sqrt(before[a])), float(np.sqrt(after[a])))
+        for a in np.flatnonzero(telling)
+    ]
 
 
 def slips_in(recorded: Recorded, axis_names: Sequence[str]) -> list[Slip]:
@@ -123,7 +182,11 @@ def slips_in(recorded: Recorded, axis_names: Sequence[str]) -> list[Slip]:
     """
     found = list[Slip]()
     while len(found) <= len(axis_names):
-        helping = list(_helping(recorded, axis_names))
+        helping = list(_helping(recorded, axis_names, _slips(recorded.drives, axis_names)))
+        if not helping and not found:
+            likely = [slip for _, slip, _ in _helping(recorded.thinned(FEW), axis_names, _pairs(axis_names))]
+            pairs = [(slip, range(len(axis_names))) for slip in likely]
+            helping = list(_helping(recorded, axis_names, pairs))
         if not helping:
             break
         most = max(explained for explained, *_ in helping)
@@ -132,16 +195,23 @@ def slips_in(recorded: Recorded, axis_names: Sequence[str]) -> list[Slip]:
     return found
 
 
-def _helping(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[float, Slip, Recorded]]:
+def _helping(
+    recorded: Recorded, names: Sequence[str], slips: Iterable[tuple[Slip, Sequence[int]]]
+) -> Iterator[tuple[float, Slip, Recorded]]:
     """Slips that would explain most of what is left, by how much, and what is then recorded."""
     before = recorded.left
     if (before < FITS).all():
         return
-    for slip, axes in _slips(recorded.drives, names):
+    torques = {np.eye(len(names)).tobytes(): recorded.rigid}
+    for slip, axes in slips:
         wrong = [a for a in axes if before[a] >= FITS]
         if not wrong:
             continue
         undone = recorded.undone(slip)
+        moved = slip.position.tobytes()
+        if moved in torques:  # the motion is the same as with another slip
+            undone.__dict__["rigid"] = torques[moved]
+        torques[moved] = undone.rigid
         after = np.maximum(undone.left, 1e-9)
         others = [a for a in range(len(names)) if a not in wrong]
         # Medians: another slip may spoil a single axis yet.
@@ -157,26 +227,8 @@ def _helping(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[float, 
 def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
     """All slips that are tried, and the axes whose torque each concerns."""
     whole, every = np.eye(drives.n_axis), range(drives.n_axis)
-    for a, name in enumerate(names):
-        turned = whole.copy()
-        turned[a, a] = -1
-        sign = f"sign: -1 for {name}"
-        yield (
-            Slip(f"the torque of {name} has the opposite sign", f"motor_torque: {sign}", whole, turned),
-            (a,),
-        )
-        yield (
-            Slip(f"the angle of {name} has the opposite sign", f"motor_position: {sign}", turned, whole),
-            every,
-        )
-        both = f"motor_position and motor_torque: {sign}"
-        yield Slip(f"{name} counts the other way round than in the robot file", both, turned, turned), every
-    for a, b in itertools.combinations(every, 2):
-        swapped = whole[[b if k == a else a if k == b else k for k in every]]
-        pair = f"{names[a]} and {names[b]}"
-        yield Slip(f"the torques of {pair} are exchanged", "the order of its columns", whole, swapped), (a, b)
-        yield Slip(f"the angles of {pair} are exchanged", "the order of its columns", swapped, whole), every
-        yield Slip(f"{pair} are exchanged", "the order of all columns", swapped, swapped), every
+    yield from _signs(names)
+    yield from _exchanges(names)
     degree = np.pi / 180
     for factor, what, remedy in (
         (degree, "the angles look like degrees", "motor_position: unit: deg"),
@@ -193,3 +245,52 @@ def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Se
         Slip("the torques look like those at the motors", f"motor_torque: {at_motor}", whole, motor.T),
         every,
     )
+
+
+def _signs(names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """Signs of the torque, of the angle, and of both of each axis."""
+    whole, every = np.eye(len(names)), range(len(names))
+    for a, name in enumerate(names):
+        turned = whole.copy()
+        turned[a, a] = -1
+        sign = f"sign: -1 for {name}"
+        yield (
+            Slip(f"the torque of {name} has the opposite sign", f"motor_torque: {sign}", whole, turned),
+            (a,),
+        )
+        yield (
+            Slip(f"the angle of {name} has the opposite sign", f"motor_position: {sign}", turned, whole),
+            every,
+        )
+        both = f"motor_position and motor_torque: {sign}"
+        yield Slip(f"{name} counts the other way round than in the robot file", both, turned, turned), every
+
+
+def _exchanges(names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """Exchanges of the torques, of the angles, and of both of two axes."""
+    whole, every = np.eye(len(names)), range(len(names))
+    for a, b in itertools.combinations(every, 2):
+        swapped = whole[[b if k == a else a if k == b else k for k in every]]
+        pair = f"{names[a]} and {names[b]}"
+        yield Slip(f"the torques of {pair} are exchanged", "the order of its columns", whole, swapped), (a, b)
+        yield Slip(f"the angles of {pair} are exchanged", "the order of its columns", swapped, whole), every
+        yield Slip(f"{pair} are exchanged", "the order of all columns", swapped, swapped), every
+
+
+def _pairs(names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """Two axes exchanged and a sign of one of them: neither helps alone."""
+    signs = list(_signs(names))
+    for exchange, _ in _exchanges(names):
+        moved = np.flatnonzero((np.diag(exchange.position) == 0) | (np.diag(exchange.torque) == 0))
+        for sign, _ in signs:
+            own = np.flatnonzero((np.diag(sign.position) < 0) | (np.diag(sign.torque) < 0))
+            if own[0] in moved:
+                yield (
+                    Slip(
+                        f"{exchange.what}, and {sign.what}",
+                        f"{exchange.remedy}, and {sign.remedy}",
+                        sign.position @ exchange.position,
+                        sign.torque @ exchange.torque,
+                    ),
+                    range(len(names)),
+                )

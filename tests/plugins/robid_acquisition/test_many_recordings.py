@@ -32,7 +32,7 @@ stages:
   acquire:
     use: acquisition.recorded
     with: {pattern: "lab/c{config}_b{block}_e{exp}.npz", sample_time_s: 0.001, period_s: 0.01, lines: [1, 3],
-      channels: {motor_position: {column: q, unit: deg},
+      torque_hold: continuous, channels: {motor_position: {column: q, unit: deg},
                  motor_torque: {column: i, unit: A, scale: 0.5, unit_to: N m}}}
 """
 CHANNELS = {"motor_position": {"column": "q", "unit": "rad"}}
@@ -182,6 +182,7 @@ stages:
       sample_time_s: {step}
       period_s: {period}
       lines: {lines}
+      torque_hold: continuous
       channels: {{motor_position: {{column: q, unit: rad}}, motor_torque: {{column: tau, unit: N m}}}}
   frf: {{use: frf.h1}}
 """
@@ -439,7 +440,7 @@ def test_periods_beyond_the_common_number_are_left_out(
 ) -> None:
     for c, n in ((1, 200), (2, 190)):
         save(tmp_path, f"c{c}.npz", c, n=n)
-    record = read(pattern="c{config}.npz", period_s=1.0, lines=[1])
+    record = read(pattern="c{config}.npz", period_s=1.0, lines=[1], torque_hold="continuous")
     assert record.run.n_period == 19
     assert "c1.npz has 200 samples and c2.npz 190" in caplog.text
 
@@ -503,7 +504,9 @@ def test_a_long_file_is_cut_where_experiments_begin(tmp_path: Path, read: Read) 
     assert values.shape == (2, 2, 2, 50)
     for one, start in zip(values.reshape(8, 50), starts, strict=True):
         np.testing.assert_array_equal(one, q[round(start / 0.1) : round(start / 0.1) + 50])
-    one_block = read(path="long.npz", starts_s=starts, duration_s=5.0, period_s=2.0, lines=[1])
+    one_block = read(
+        path="long.npz", starts_s=starts, duration_s=5.0, period_s=2.0, lines=[1], torque_hold="continuous"
+    )
     assert one_block.run.values("motor_position").shape == (1, 1, 8, 2, 20, 1)
     np.testing.assert_array_equal(one_block.run.values("motor_position")[0, 0, 1, 1, :, 0], q[130:150])
 

@@ -14,7 +14,7 @@ import scipy.io
 from pydantic import ValidationError
 
 from robid_acquisition.recorded import RecordedAcquisition
-from robid_acquisition.signals import even_sample_time, to_side
+from robid_acquisition.signals import to_side
 from robid_core import ConfigurationError, Context, DataRejected, Record, Robot
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
@@ -184,6 +184,7 @@ def test_whole_periods_are_kept_and_the_rest_is_reported(
         sample_time_s=0.01,
         period_s=1.0,
         lines=[3],
+        torque_hold="continuous",
         channels={
             "motor_position": {"column": "q", "unit": "rad"},
             "motor_torque": {"column": "tau", "unit": "N m"},
@@ -223,16 +224,32 @@ def test_the_time_column_gives_the_sampling_time(tmp_path: Path, one: Robot) -> 
 
 
 @pytest.mark.parametrize(("index", "value"), [(30, 29.5), (30, 28.0), (30, np.nan), (30, 35.0)])
-def test_A10_a_clock_that_stands_jumps_or_runs_back_is_told_by_its_sample(index: int, value: float) -> None:
+def test_A10_a_clock_that_stands_jumps_or_runs_back_is_told_by_its_sample(
+    tmp_path: Path, one: Robot, index: int, value: float
+) -> None:
     time = np.arange(60.0)
     time[index] = value
     with pytest.raises(DataRejected, match="A10.*at sample (30|31)"):
-        even_sample_time(time * 1e-3)
+        read(
+            tmp_path,
+            one,
+            path=saved(tmp_path, t=1e-3 * time, q=time),
+            time_column="t",
+            channels={"motor_position": {"column": "q", "unit": "rad"}},
+        )
 
 
-def test_a_clock_of_a_few_percent_jitter_is_taken_as_even() -> None:
+def test_a_clock_of_a_few_percent_jitter_is_taken_as_even(tmp_path: Path, one: Robot) -> None:
     jitter = np.random.default_rng(0).uniform(-0.02, 0.02, 1000)
-    assert even_sample_time((np.arange(1000) + jitter) * 1e-3) == pytest.approx(1e-3, rel=1e-4)
+    record = read(
+        tmp_path,
+        one,
+        path=saved(tmp_path, t=1e-3 * (np.arange(1000) + jitter), q=jitter),
+        time_column="t",
+        channels={"motor_position": {"column": "q", "unit": "rad"}},
+    )
+    assert record.run.sample_time_s == pytest.approx(1e-3, rel=1e-4)
+    np.testing.assert_array_equal(record.run.values("motor_position").ravel(), jitter)
 
 
 @pytest.mark.parametrize("position", [0, 57, 99])

@@ -78,6 +78,12 @@ CASES = {
     "degrees and a sign": (
         NONE / DEGREE, turned(2), ["the angles look like degrees", "the torque of axis_3 has the opposite sign"],
     ),
+    "torques exchanged and a sign": (NONE, turned(2) @ exchanged(1, 2), [
+        "the torques of axis_2 and axis_3 are exchanged, and the torque of axis_2 has the opposite sign"],
+    ),
+    "axes exchanged, one the other way": (turned(3) @ exchanged(3, 4), turned(3) @ exchanged(3, 4), [
+        "axis_4 and axis_5 are exchanged, and axis_5 counts the other way round than in the robot file"],
+    ),
 }  # fmt: skip
 
 

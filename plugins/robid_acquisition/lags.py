@@ -1,0 +1,138 @@
+"""Whether torques and angles of a record were taken at one instant, and the torque held as told: doubts, not refusals.
+
+The robot's response at the experiment's pose makes accelerations of the recorded torques; their phase against the
+recorded ones says by how many samples the torques lag (`estimation.response.torque_lag`). A hold that is told wrong
+looks like half a sample. A lag may be the robot's own, which its file lacks: the record is then good for a diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy
+
+from robid_core import FloatArray, Record, RobidError, Robot
+from robid_core.estimation.response.torque_lag import Lag, torque_lag
+
+CHANNELS = ("motor_position", "motor_torque")
+HELD, CONTINUOUS = "zero_order_hold", "continuous"
+MOST = 12  # experiments that are looked at
+BINS = 80  # of each
+EXCITED = 1e-3  # of the largest power of a torque
+OWN = 0.5  # of a motor's acceleration that its own torque makes
+HIGHEST = 0.4  # of the sampling rate
+UPPER = 0.5  # of the highest excited frequency: the band begins there
+SCATTER = 0.3  # rad: above, the model does not tell
+ERROR = 0.15  # samples, likewise
+MODEL = 0.1  # samples that the model may be wrong by at an axis
+SURE = 0.12  # samples, error of the mean, with which a hold is doubted
+FEWEST = 10  # bins
+LATE = 0.65  # samples: a lag below may be of the model
+PHASE = 0.12  # rad that a lag must turn in the middle of the band: friction and damping may turn as much
+HOLD = 0.15  # samples by which a lag may miss half a sample, which a wrong hold makes
+ALIKE = 0.4  # samples by which axes may differ that share a lag
+
+
+def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
+    """Say which torques lag the angles, or lead them, and whether the hold is another one."""
+    step = record.runs[0].sample_time_s
+    try:
+        phases = list(_phases(record, robot))
+    except (RobidError, ArithmeticError, np.linalg.LinAlgError):
+        return []
+    known: dict[str, Lag] = {}
+    middle: dict[str, float] = {}
+    for a, name in enumerate(robot.axis_names):
+        omega = np.concatenate([w for axis, w, _ in phases if axis == a] or [np.zeros(0)])
+        phase = np.concatenate([p for axis, _, p in phases if axis == a] or [np.zeros(0)])
+        if len(omega) < FEWEST:
+            continue
+        lag = torque_lag(omega, phase, step)
+        if lag.scatter < SCATTER and lag.error < ERROR:
+            known[name], middle[name] = lag, float(np.median(omega))
+    if not known:
+        return []
+    lags = np.array([one.samples for one in known.values()])
+    weights = np.array([1 / (one.error**2 + MODEL**2) for one in known.values()])
+    common = float(np.average(lags, weights=weights))
+    if np.ptp(lags) < ALIKE:
+        turned = abs(common) * step * float(np.median(list(middle.values())))
+        if weights.sum() > 1 / SURE**2 and (wrong := _hold(record.torque_hold, common)):
+            return [wrong]
+        whose = "all torques that tell" if len(known) > 1 else f"the torque of {next(iter(known))}"
+        return [_sentence(whose, common, step)] if abs(common) > LATE and turned > PHASE else []
+    return [
+        _sentence(f"the torque of {name}", lag.samples, step)
+        for name, lag in known.items()
+        if abs(lag.samples) > LATE and abs(lag.samples) * step * middle[name] > PHASE
+    ]
+
+
+def _hold(told: str, lag: float) -> str:
+    """Say that another hold fits better; empty where it does not."""
+    other, sign = (CONTINUOUS, 1) if told == HELD else (HELD, -1)
+    if abs(sign * lag - 0.5) > HOLD:
+        return ""
+    return (
+        f"torque_hold: {told} is told, but torques and angles are {abs(lag):.2g} samples apart, as with {other}; "
+        "half a sample costs percents of a stiffness"
+    )
+
+
+def _sentence(whose: str, lag: float, step: float) -> str:
+    late, channel = ("lag", "motor_torque") if lag > 0 else ("lead", "motor_position")
+    verb = late if whose.startswith("all") else f"{late}s"
+    return (
+        f"{whose} {verb} the angles by {abs(lag):.2g} samples ({1e3 * abs(lag) * step:.3g} ms): {channel}: delay_s: "
+        f"{abs(lag) * step:.2g}, or a lag that the robot file lacks (drive.current_loop, sensing.delay)"
+    )
+
+
+def _phases(record: Record, robot: Robot) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Axis, angular frequencies, and phase of recorded over predicted acceleration, of each experiment."""
+    run = record.runs[0]
+    if any(name not in run.channels for name in CHANNELS):
+        return
+    position, torque = (run.lanes(name) for name in CHANNELS)
+    finite = np.isfinite(position).all(axis=(1, 2)) & np.isfinite(torque).all(axis=(1, 2))
+    whole = np.flatnonzero(finite)
+    chosen = whole[np.linspace(0, len(whole) - 1, min(MOST, len(whole))).astype(int)] if len(whole) else whole
+    step, n_sample = run.sample_time_s, position.shape[1]
+    frequency = np.fft.rfftfreq(n_sample, step)
+    window = np.hanning(n_sample)[:, None]
+    for q, u in zip(position[chosen], torque[chosen], strict=True):
+        moved = np.fft.rfft(window * scipy.signal.detrend(q, axis=0), axis=0)
+        driven = np.fft.rfft(window * scipy.signal.detrend(u, axis=0), axis=0)
+        power = np.abs(driven) ** 2
+        excited = power > EXCITED * np.maximum(power.max(axis=0), 1e-300)
+        excited &= (frequency[:, None] < HIGHEST / step) & (frequency[:, None] > 0)
+        if not excited.any():
+            continue
+        top = np.where(excited, frequency[:, None], 0.0).max(axis=0)
+        band = excited & (frequency[:, None] >= UPPER * top)
+        bins = np.flatnonzero(band.any(axis=1))
+        bins = bins[np.unique(np.linspace(0, len(bins) - 1, min(BINS, len(bins))).astype(int))]
+        damping = robot.equivalent_motor_damping(*_speed_levels(np.diff(q, axis=0) / step))
+        angle = robot.joint_angle(q.mean(axis=0))[None]
+        response = robot.response(angle, frequency[bins], damping, record.torque_hold)[0]
+        each = response * driven[bins][:, None, :]
+        predicted = each.sum(axis=2)
+        omega = 2 * np.pi * frequency[bins]
+        phase = np.angle(-moved[bins] * predicted.conj())
+        for a in range(robot.n_axis):
+            kept = band[bins, a] & (np.abs(each[:, a, a]) > OWN * np.abs(predicted[:, a]))
+            if kept.any():
+                yield a, omega[kept], phase[kept, a]
+
+
+def _speed_levels(speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rms of the speeds (n_sample, n_axis) without their strongest line, and its amplitude, (1, n_axis) each."""
+    window = np.hanning(len(speed))[:, None]
+    power = np.abs(np.fft.rfft(window * (speed - speed.mean(axis=0)), axis=0)) ** 2
+    strongest = power.argmax(axis=0)
+    lobe = np.clip(strongest + np.arange(-2, 3)[:, None], 0, len(power) - 1)
+    share = np.take_along_axis(power, lobe, axis=0).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300)
+    share = np.minimum(share, 1.0)
+    variance = speed.var(axis=0)
+    return np.sqrt(variance * (1 - share))[None], np.sqrt(2 * variance * share)[None]

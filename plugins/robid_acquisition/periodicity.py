@@ -1,0 +1,77 @@
+"""Period and lines of the channels of a record: which channels tell them, and what they say of a claim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from robid_acquisition.assembly import Index
+from robid_acquisition.excited_lines import doubts_of_lines, find_lines
+from robid_acquisition.repetition import doubts_of_period, samples_of_period
+from robid_core import DataRejected, FloatArray, IntArray
+
+# In this order: a reference has neither noise nor harmonics of friction.
+TELLING = ("speed_reference", "position_reference", "motor_torque")
+MEASURED = ("motor_torque", "motor_speed", "motor_position")
+
+
+def found_period(values: Mapping[str, FloatArray], sample_time_s: float) -> float:
+    """Return the period of an experiment in s; `values` are its channels, (1, n_sample, n_axis) each."""
+    return samples_of_period(_measured(values)[0], sample_time_s) * sample_time_s
+
+
+def doubts_of_claimed_period(
+    channels: Mapping[str, FloatArray], sample_time_s: float
+) -> list[tuple[Index, str]]:
+    """Say what an experiment has against its period, the first one for each; and which, by its place in the channels.
+
+    Channels are (n_config, n_block, n_exp, n_period, n_sample, n_axis).
+    """
+    signals = _measured(channels)
+    n_per_period, n_signal = signals.shape[-2:]
+    said: dict[str, tuple[Index, str]] = {}
+    for c, b, e in np.ndindex(*signals.shape[:3]):
+        one = signals[c, b, e].reshape(-1, n_signal)
+        if np.ptp(one, axis=0).any():
+            for words in doubts_of_period(one, n_per_period, sample_time_s):
+                said.setdefault(
+                    " ".join(words.split()[:2]), ((c, b, e), words)
+                )  # the recording, or the first period
+    return list(said.values())
+
+
+def found_lines(channels: Mapping[str, FloatArray]) -> tuple[IntArray, str]:
+    """Return the excited lines of a record's channels, and how they were found, in words."""
+    name, signals = _telling(channels)
+    lines, words = find_lines(signals)
+    return lines, f"in {name}, {words}"
+
+
+def doubts_of_claimed_lines(channels: Mapping[str, FloatArray], lines: IntArray) -> list[str]:
+    """Say which lines do not stand out; raises DataRejected where one cannot be."""
+    if not any(name in channels for name in TELLING):
+        return []
+    name, signals = _telling(channels)
+    return [f"{words} ({name})" for words in doubts_of_lines(signals, lines)]
+
+
+def _telling(channels: Mapping[str, FloatArray]) -> tuple[str, FloatArray]:
+    """Name of the channel that tells the lines, and its values, (n_experiment, n_period, n_sample, n_axis)."""
+    for name in TELLING:
+        if name in channels:
+            values = channels[name]
+            kept = np.isfinite(values).all(axis=tuple(range(values.ndim - 1)))
+            return name, values.reshape(-1, *values.shape[3:])[..., kept]
+    raise DataRejected(f"lines: auto: none of {', '.join(TELLING)} was recorded; give the lines")
+
+
+def _measured(channels: Mapping[str, FloatArray]) -> FloatArray:
+    """Torque, or else motion, of the axes that it covers, periods as they are."""
+    for name in (*MEASURED, *channels):
+        if name in channels:
+            values = channels[name]
+            kept = np.isfinite(values).all(axis=tuple(range(values.ndim - 1)))
+            if kept.any():
+                return values[..., kept]
+    raise DataRejected("period_s: auto: no channel is known throughout; give period_s")
