@@ -7,8 +7,8 @@ taken at a fixed equilibrium, as in `response_with_gradient`. With ``dZ = dK - w
     response  G = (i w)^2 H0 B^T Z^-1 B + (images) J     dG = w^2 H0 X^T dZ X - (images) B^T M^-1 dM M^-1 B,  X = Z^-1 B
     torque    T = (B^T Z^-1 B)^-1 Q                      dT = x^T dZ x Q,                               x = X X_m^-1
 
-Springs enter as products of deflections, bodies by differences of fourth order of the matrices: these are quadratic in
-a body's numbers, or cubic, and what is left is rounding.
+Springs enter as products of deflections, bodies by central differences of the matrices: these are quadratic in a body's
+numbers, or cubic and then the differences are of fourth order, and what is left is rounding.
 """
 
 from __future__ import annotations
@@ -24,10 +24,13 @@ from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.response import hold_factor
 from robid_core.mechanics.rest import terms_at_rest
 
-BODY_STEP = 0.1  # along a change: what is cubic in it has no error but rounding
+Stencil = tuple[tuple[float, float], ...]  # (steps, weight)
+
+BODY_STEP = 0.1  # along a change, in which matrices are quadratic, or cubic: no error but rounding
 GEAR_STEP = 1e-3  # where rigid gears turn the arm in second order
 SAG_STEP = 3e-3  # rad at most: fourth order leaves 1e-12 of what turns
-STENCIL = ((1.0, 8 / 12), (-1.0, -8 / 12), (2.0, -1 / 12), (-2.0, 1 / 12))
+CENTRAL: Stencil = ((1.0, 0.5), (-1.0, -0.5))  # exact where what is differentiated is quadratic
+FOURTH_ORDER: Stencil = ((1.0, 8 / 12), (-1.0, -8 / 12), (2.0, -1 / 12), (-2.0, 1 / 12))
 VALUES_AT_ONCE = 2**22  # complex numbers of one block of lines
 
 
@@ -78,8 +81,11 @@ def second_order_slopes(
     for k in index:
         turned = np.zeros_like(rows)
         turned[:, :n_axis] = -np.linalg.solve(mechanism.gear, change.gear[k] @ rows[:, :n_axis].T).T
-        step = GEAR_STEP if change.gear[k].any() else BODY_STEP
-        for way, weight in STENCIL:
+        step, stencil = GEAR_STEP, FOURTH_ORDER
+        if not change.gear[k].any():
+            cubic = change.mass[k].any() and change.centre_of_mass[k].any()
+            step, stencil = BODY_STEP, FOURTH_ORDER if cubic else CENTRAL
+        for way, weight in stencil:
             other = change.moved(mechanism, k, way * step)
             terms = terms_at_rest(other, rows + way * step * turned)
             mass[k] += weight / step * terms.mass
@@ -97,7 +103,7 @@ def second_order_slopes(
         behind = pull[index][..., n_axis:, None]
         sag[..., n_axis:] = -np.linalg.solve(tangent[:, n_axis:, n_axis:], behind)[..., 0]
         step = SAG_STEP / max(np.abs(sag).max(), np.finfo(float).tiny)
-        for way, weight in STENCIL:
+        for way, weight in FOURTH_ORDER:
             terms = terms_at_rest(mechanism, (rows + way * step * sag).reshape(-1, n))
             mass[index] += weight / step * terms.mass.reshape(len(index), -1, n, n)
             spring[index] += weight / step * terms.gravity_stiffness.reshape(len(index), -1, n, n)
