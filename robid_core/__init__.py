@@ -26,6 +26,7 @@ _HOME = {
         "assemble_record",
     ),
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
+    "robid_core.parameters.tangents": ("mechanism_change",),
     "robid_core.registry": ("Plugin", "load_plugin"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
@@ -137,6 +138,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         FreeParameters as FreeParameters,
         chosen_names as chosen_names,
         pattern_problems as pattern_problems,
+    )
+    from robid_core.parameters.tangents import (
+        mechanism_change as mechanism_change,
     )
     from robid_core.registry import (
         Plugin as Plugin,

@@ -1,1 +1,1 @@
-"""Dynamics and responses of many configurations at once, by torch in double precision."""
+"""Dynamics, responses, their derivatives and poses of many configurations at once, by torch in double precision."""

@@ -1,4 +1,4 @@
-"""What `robot: {model: ..., dynamics: torch}` computes with: equilibria, linear models, responses, in batches.
+"""What `robot: {model: ..., dynamics: torch}` computes with: equilibria, linear models, responses, poses, in batches.
 
 The functions have the names, arguments and results of their counterparts in `robid_core.mechanics`, numpy arrays in
 and out, and agree with them within rounding (the tests say how far). On a processor one thread works, so that the same
@@ -12,12 +12,25 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import torch  # type: ignore[import-not-found, unused-ignore]
 
 from robid_core import ComplexArray, ConfigurationError, FloatArray
-from robid_core.mechanics import Equilibrium, Mechanism, ResponseGradient, SecondOrderModel, solve_equilibrium
+from robid_core.mechanics import (
+    Chain,
+    Equilibrium,
+    Mechanism,
+    MechanismChange,
+    Pose,
+    ResponseGradient,
+    SecondOrderModel,
+    SecondOrderSlopes,
+    solve_equilibrium,
+)
 from robid_core.mechanics.equilibrium import ESCAPED, NEWTON_STEPS, SINGULAR, STEP_TOLERANCE
+from robid_torch.kinematics import pose_by_chain
 from robid_torch.lines import gradient_of_lines
+from robid_torch.slopes import line_slopes, matrix_slopes, torque_slopes
 from robid_torch.trees import Tree, bytes_per_position, tensor, terms_at, tree_of
 
 
@@ -115,6 +128,46 @@ class TorchDynamics:
         """Response, and the factors of its derivatives at fixed equilibrium."""
         with self._at_work() as device:
             return gradient_of_lines(model, omega, hold_sample_time, device, self.memory_bytes)
+
+    def second_order_slopes(
+        self,
+        mechanism: Mechanism,
+        stiffness: FloatArray,
+        damping: FloatArray,
+        position: FloatArray,
+        change: MechanismChange,
+    ) -> SecondOrderSlopes:
+        """Derivatives of the matrices and of the holding torque along changes, shape (..., n_change)."""
+        with self._at_work() as device:
+            told = mechanism, stiffness, damping, position, change
+            return matrix_slopes(*told, device, self.memory_bytes)
+
+    def response_slopes(
+        self,
+        model: SecondOrderModel,
+        slopes: SecondOrderSlopes,
+        omega: FloatArray,
+        hold_sample_time: float | None = None,
+        motor_impedance: ComplexArray | None = None,
+    ) -> ComplexArray:
+        """Derivatives of the response, shape (n_config, n_freq, n_axis, n_axis, n_change)."""
+        with self._at_work() as device:
+            told = model, slopes, omega, hold_sample_time, motor_impedance
+            return line_slopes(*told, device, self.memory_bytes)
+
+    def torque_slopes(
+        self, model: SecondOrderModel, slopes: SecondOrderSlopes, omega: FloatArray, swing: ComplexArray
+    ) -> ComplexArray:
+        """Derivatives of the torque that a motion takes, shape (n_config, n_freq, n_exp, n_axis, n_change)."""
+        with self._at_work() as device:
+            return torque_slopes(model, slopes, omega, swing, device, self.memory_bytes)
+
+    def pose_of(
+        self, chain: Chain, position: FloatArray, body: str, point: npt.ArrayLike = (0.0, 0.0, 0.0)
+    ) -> Pose:
+        """Pose and Jacobian of a point of a body, by pytorch-kinematics where its chains can be like ours."""
+        with self._at_work() as device:
+            return pose_by_chain(chain, position, body, point, device, self.memory_bytes)
 
     @contextlib.contextmanager
     def _at_work(self) -> Iterator[torch.device]:

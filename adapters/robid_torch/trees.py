@@ -94,6 +94,13 @@ def tree_of(chain: Chain, device: torch.device) -> Tree:
     )
 
 
+def with_bodies(tree: Tree, mass: torch.Tensor, centre: torch.Tensor, inertia: torch.Tensor) -> Tree:
+    """Return the tree with other bodies, of which it is a differentiable function; shapes as of its fields."""
+    square = (centre * centre).sum(-1)[:, None, None] * torch.eye(3, dtype=mass.dtype, device=mass.device)
+    moved = mass[:, None, None] * (square - centre[:, :, None] * centre[:, None])
+    return tree._replace(mass=mass, centre=centre, inertia=inertia, about_origin=inertia + moved)
+
+
 def tensor(array: np.ndarray[tuple[int, ...], np.dtype[np.float64]], device: torch.device) -> torch.Tensor:
     """Copy an array to a device, in double precision."""
     return torch.tensor(np.ascontiguousarray(array), dtype=torch.float64, device=device)
@@ -108,6 +115,7 @@ def frames(tree: Tree, position: torch.Tensor) -> Frames:
     origins: list[torch.Tensor] = []
     axes: list[torch.Tensor] = []
     slides: list[torch.Tensor] = []
+    turns = _turns(tree.turning, position)
     for j, parent in enumerate(tree.parent):
         above, origin = (rotations[parent], origins[parent]) if parent >= 0 else (base, start)
         joint = above @ tree.rotation[j]
@@ -115,7 +123,7 @@ def frames(tree: Tree, position: torch.Tensor) -> Frames:
         origins.append(origin + above @ tree.translation[j] + slide * position[:, j, None])
         axes.append(joint @ tree.turning[j])
         slides.append(slide)
-        rotations.append(joint @ _turn(tree.turning[j], position[:, j]))
+        rotations.append(joint @ turns[:, j])
     return Frames(*(torch.stack(part, 1) for part in (rotations, origins, axes, slides)))
 
 
@@ -187,13 +195,13 @@ def bytes_per_position(tree: Tree) -> int:
     return 10 * 3 * 8 * len(tree.parent) ** 2
 
 
-def _turn(vector: torch.Tensor, amount: torch.Tensor) -> torch.Tensor:
-    """Rotations exp([vector] amount) for one vector and many amounts (n_config,), shape (n_config, 3, 3)."""
-    x, y, z = vector
+def _turns(vector: torch.Tensor, amount: torch.Tensor) -> torch.Tensor:
+    """Rotations exp([vector] amount) for vectors (n, 3) and amounts (n_config, n), shape (n_config, n, 3, 3)."""
+    x, y, z = vector.T
     length = torch.sqrt(x * x + y * y + z * z)
     zero = torch.zeros_like(x)
-    cross = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero)).reshape(3, 3)
-    cross = cross / torch.where(length > 0, length, 1.0)
-    angle = (length * amount)[:, None, None]
+    cross = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), 1).reshape(-1, 3, 3)
+    cross = cross / torch.where(length > 0, length, 1.0)[:, None, None]
+    angle = (length * amount)[..., None, None]
     one = torch.eye(3, dtype=vector.dtype, device=vector.device)
     return one + torch.sin(angle) * cross + (1 - torch.cos(angle)) * (cross @ cross)

@@ -22,6 +22,7 @@ from robid_core import (
     FloatArray,
     Robot,
 )
+from robid_design.room import Room
 
 MOST_ROUNDS = 200
 
@@ -76,26 +77,31 @@ def draw_configurations(
             return np.concatenate(found)
     raise ConfigurationError(
         f"of {drawn} configurations drawn within the limits only {count - missing} are acceptable, {count} were "
-        "asked for; raise gravity_share, or lower the margin"
+        "asked for; raise gravity_share, lower the margin, or ask for less room"
     )
 
 
 def random_configurations(
-    robot: Robot, count: int, generator: np.random.Generator, margin: float = 0.05, gravity_share: float = 0.5
+    robot: Robot,
+    count: int,
+    generator: np.random.Generator,
+    margin: float = 0.05,
+    gravity_share: float = 0.5,
+    room: Room | None = None,
 ) -> FloatArray:
     """Configurations of a robot within its limits, shape (count, n_axis); see `RandomCandidates` for the rest."""
     # A joint without limits turns freely: one turn holds all of its poses.
     lower = np.where(np.isfinite(robot.drives.lower), robot.drives.lower, -np.pi)
     upper = np.where(np.isfinite(robot.drives.upper), robot.drives.upper, np.pi)
-    room = margin * (upper - lower)
+    inset = margin * (upper - lower)
     allowed = gravity_share * robot.drives.torque_limit
 
     def acceptable(angle: FloatArray) -> BoolArray:
-        torque = robot.equilibrium(angle, partial=True).torque  # NaN where the arm has no stable rest
-        light: BoolArray = np.all(np.abs(torque) <= allowed, axis=1)
-        return light
+        rest = robot.equilibrium(angle, partial=True)  # NaN where the arm has no stable rest
+        light: BoolArray = np.all(np.abs(rest.torque) <= allowed, axis=1)
+        return light if room is None else light & room.is_kept(robot, rest.joint)
 
-    return draw_configurations(count, lower + room, upper - room, acceptable, generator)
+    return draw_configurations(count, lower + inset, upper - inset, acceptable, generator)
 
 
 class RandomCandidates(CandidateDesign):
@@ -110,6 +116,8 @@ class RandomCandidates(CandidateDesign):
     """Share of each joint's range that is left free at either end, for the motion about the configuration."""
     gravity_share: float = Field(default=0.5, gt=0, le=1)
     """Largest share of a motor's torque limit that holding the arm may take."""
+    room: Room | None = None
+    """Floor and links that are kept clear of; null: none is looked at."""
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """Torque limits: what is heavy is measured against them."""
@@ -117,5 +125,6 @@ class RandomCandidates(CandidateDesign):
 
     def run(self, robot: Robot, context: Context) -> Configurations:
         """Draw the configurations."""
-        angle = random_configurations(robot, self.count, context.generator, self.margin, self.gravity_share)
+        told = self.margin, self.gravity_share, self.room
+        angle = random_configurations(robot, self.count, context.generator, *told)
         return Configurations(robot.axis_names, angle)

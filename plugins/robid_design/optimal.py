@@ -28,6 +28,7 @@ from robid_core import (
 from robid_core.estimation.information import covariance_of_parameters
 from robid_design.candidates import random_configurations
 from robid_design.information import information_matrices, reference_power
+from robid_design.room import Room
 from robid_design.weights import (
     Criterion,
     certificate_gap,
@@ -53,6 +54,8 @@ class OptimalDesign(ExperimentDesign):
     """Blocks of experiments to spend."""
     lines: PositiveInt = 40
     """Lines of the excitation that enter the information (evenly thinned)."""
+    room: Room | None = None
+    """Floor and links that the candidates keep clear of, as in design.candidates; null: none is looked at."""
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """Torque limits for the candidates, the controller whose loop the references act on."""
@@ -68,7 +71,7 @@ class OptimalDesign(ExperimentDesign):
     ) -> Design:
         """Weigh the candidates at the fitted parameters, or at the nominal ones without a fit."""
         model = robot if fit is None else robot.fitted(fit)
-        angle = random_configurations(robot, self.candidates, context.generator)
+        angle = random_configurations(robot, self.candidates, context.generator, room=self.room)
         chosen = np.unique(np.linspace(0, len(excitation.line) - 1, self.lines).round().astype(int))
         thinning = len(excitation.line) / len(chosen)
         power = reference_power(excitation)[chosen] * thinning

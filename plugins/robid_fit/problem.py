@@ -4,7 +4,9 @@ Unknowns are the free parameters of the robot in natural scales, and per motor t
 (nuisances, see `friction_gain`). The model is linearised anew at every point, at the gravity equilibrium that belongs
 to it. The derivative for a spring, a damper or friction is the rank-one product of a transfer vector with itself, at
 a fixed equilibrium (the sag's own derivative is a factor of the gravity stiffness over the spring's, below a percent
-for a machine that stands); that for any other parameter, such as a mass, is a difference of two models.
+for a machine that stands); that for bodies, rotors and gear ratios is what they change of the matrices, the sag
+included (`robid_core.mechanics.response_slopes`). For effects, and beside nonlinear springs, it is a difference of two
+models.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from robid_core import ComplexArray, FloatArray, FreeParameters, Frf, Robot
+from robid_core import ComplexArray, FloatArray, FreeParameters, Frf, Robot, mechanism_change
 from robid_core.mechanics import ResponseGradient, with_motor_impedance
 from robid_fit.friction_gain import FrictionGain
 from robid_fit.response_weights import stacked
@@ -158,6 +160,9 @@ class LogResponseProblem:
         columns = np.empty(shape, dtype=np.complex128)
         springs, dampers = robot.stiffness_names, robot.damping_names
         stiffness, damping = robot.spring_arrays()
+        by_matrices = self._by_matrices(robot)
+        if by_matrices:
+            columns[:, :, by_matrices] = self._of_matrices(robot, point, plant, by_matrices)
         for i, name in enumerate(self.free.names):
             if name in springs:
                 k = springs.index(name)
@@ -166,11 +171,33 @@ class LogResponseProblem:
                 k = dampers.index(name)
                 scale = 1j * self._omega[:, None] * damping[k]
                 columns[:, :, i] = _square(plant.spring_vectors[:, :, k], plant) * scale
-            else:
+            elif i not in by_matrices:
                 moved = point.copy()
                 moved[i] += STEP
                 columns[:, :, i] = (1 - stacked(self.model(moved)) / stacked(model)) / STEP
         return columns
+
+    def _by_matrices(self, robot: Robot) -> list[int]:
+        """Return the numbers of the parameters of which the linear model's matrices tell all."""
+        if robot.bending_forces:
+            return []
+        kinds = [self.free.robot.parameter_kind(name) for name in self.free.names]
+        return [i for i, kind in enumerate(kinds) if kind in ("inertia", "gear")]
+
+    def _of_matrices(
+        self, robot: Robot, point: FloatArray, plant: ResponseGradient, index: list[int]
+    ) -> ComplexArray:
+        """Derivatives of the residual for bodies, rotors and gears, shape (n_config, n_freq, n_index, n_entry)."""
+        coordinates, own = self.parts(point)
+        angle, _, motor_damping, _ = self._told(point)
+        change = mechanism_change(self.free, self.free.robot, coordinates, index)
+        parts = robot.mechanism, *robot.spring_arrays(), robot.equilibrium(angle).position
+        slopes = robot.batches.second_order_slopes(*parts, change)
+        excess = self.friction.at(own)[0] * (1j * self._omega[:, None])
+        model = robot.second_order(angle, motor_damping)
+        moved = robot.batches.response_slopes(model, slopes, self._omega, self._hold, excess)
+        result: ComplexArray = -stacked(np.moveaxis(moved, -1, 2)) / stacked(plant.response)[:, :, None]
+        return result
 
     def _of_friction(self, point: FloatArray, plant: ResponseGradient) -> ComplexArray:
         """Derivatives of the residual for friction's gain, shape (n_config, n_freq, 3 n_axis, n_entry)."""

@@ -15,6 +15,7 @@ from robid_core.compiled.functions import (
 from robid_core.compiled.kernel import kernel
 from robid_core.compiled.lanes import where
 from robid_core.mechanics.chain import PRISMATIC, REVOLUTE, Chain
+from robid_core.mechanics.change import MechanismChange
 from robid_core.mechanics.dynamics import Dynamics, dynamics
 from robid_core.mechanics.equilibrium import Equilibrium, solve_equilibrium
 from robid_core.mechanics.friction import (
@@ -46,7 +47,14 @@ from robid_core.mechanics.simulate import (
     rest_state,
     simulate,
 )
+from robid_core.mechanics.slopes import (
+    SecondOrderSlopes,
+    response_slopes,
+    second_order_slopes,
+    torque_slopes,
+)
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
+from robid_core.mechanics.tool import Pose, pose_of
 from robid_core.mechanics.warm_up import warm_up
 
 __all__ = [
@@ -60,9 +68,12 @@ __all__ = [
     "LinearModel",
     "MechanicalModel",
     "Mechanism",
+    "MechanismChange",
     "MotorMotion",
+    "Pose",
     "ResponseGradient",
     "SecondOrderModel",
+    "SecondOrderSlopes",
     "SignalTerm",
     "Simulation",
     "SimulationDiverged",
@@ -79,16 +90,20 @@ __all__ = [
     "mean_over_held",
     "natural_logarithm",
     "periodic_motion",
+    "pose_of",
     "prescribe",
     "response",
+    "response_slopes",
     "response_with_gradient",
     "rest_state",
     "second_order_model",
+    "second_order_slopes",
     "simulate",
     "sine",
     "sine_and_cosine",
     "smooth_sign",
     "solve_equilibrium",
+    "torque_slopes",
     "warm_up",
     "where",
     "with_motor_impedance",

@@ -6,7 +6,7 @@ At rest the velocity terms have no slope, so that ``M z'' + D z' + K z = B torqu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from robid_core.errors import ConfigurationError
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import terms_at_rest
-from robid_core.mechanics.tool import pose_of
+from robid_core.mechanics.tool import Pose, pose_of
 
 OUTPUTS = (
     "motor_angle",
@@ -102,6 +102,7 @@ def linear_model(
     outputs: Sequence[str] = ("motor_acceleration",),
     motor_damping: FloatArray | None = None,
     second_order: SecondOrderModel | None = None,
+    pose: Callable[..., Pose] = pose_of,
 ) -> LinearModel:
     """State-space model (2.5)-(2.6) with named outputs; x = [z; z'], u = motor torque.
 
@@ -118,6 +119,8 @@ def linear_model(
 
     second_order
         The robot at that position, where more than springs, dampers and gravity acts on it.
+    pose
+        What computes poses of bodies, with the arguments of `pose_of`.
 
     Raises
     ------
@@ -151,7 +154,7 @@ def linear_model(
             c, d = known[output]
             names += [f"{output}.{axis}" for axis in mechanism.axis_names]
         elif kind == "frame_acceleration" and body:
-            jacobian = origin_jacobian(mechanism, joints @ position, body) @ joints
+            jacobian = pose(mechanism.chain, joints @ position, body).jacobian[3:] @ joints
             c, d = jacobian @ acceleration, jacobian @ input_acceleration
             names += [f"{output}.{direction}" for direction in "xyz"]
         else:
@@ -170,8 +173,3 @@ def linear_model(
         input_names=tuple(f"torque.{axis}" for axis in mechanism.axis_names),
         output_names=tuple(names),
     )
-
-
-def origin_jacobian(mechanism: Mechanism, joint: FloatArray, body: str) -> FloatArray:
-    """Velocity of the origin of a body's joint frame over joint rates, world axes, shape (3, n_joint)."""
-    return pose_of(mechanism.chain, joint, body).jacobian[3:]

@@ -22,7 +22,7 @@ from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
 from robid_core.residual.between_samples import friction_between_samples
-from robid_core.residual.columns import BodyDerivatives, body_derivatives, parameter_columns, passive_motion
+from robid_core.residual.columns import BodyDerivatives, LinearSlopes, body_derivatives, parameter_columns
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
@@ -346,21 +346,18 @@ class TorqueBlock(ABC, Generic[M]):
         robot, motion, n_free = self.robot_at(free, coordinates), self.motion, len(free.names)
         n_law, n_config, n_exp, n_bin, n_axis = self.friction.shape
         bodies = self.bodies = body_derivatives(free, self.robot, coordinates, self.angle, self.bodies)
-        passive = passive_motion(robot, self.angle, motion.omega[1:])
-        passive = np.concatenate((np.zeros_like(passive[:, :1]), passive), axis=1)
-
+        linear = LinearSlopes.of_robot(free, robot, self.angle, bodies)
         late = -motion.advancing(predicted)
 
         def of_configuration(c: int) -> Iterator[ComplexArray]:
-            swing = motion.angle_spectrum[c].transpose(1, 0, 2)
+            swing, here = motion.angle_spectrum[c].transpose(1, 0, 2), linear.at(c)
             for first in range(0, n_bin, BINS_AT_ONCE):
                 bins = slice(first, first + BINS_AT_ONCE)
                 omega = motion.omega[bins]
                 n_delay = n_axis if each_delay else 1
                 shape = (len(omega), n_exp, n_axis, n_free + n_law * n_axis + n_delay)
                 found = np.zeros(shape, dtype=np.complex128)
-                parts = swing[bins], passive[c, bins], bodies, found[..., :n_free]
-                parameter_columns(free, robot, motion, c, bins, *parts)
+                parameter_columns(robot, motion, bins, swing[bins], here, found[..., :n_free])
                 for column in self.simulated:
                     slope = (column.remainder[c][:, bins] + column.linear[c][:, bins]).transpose(1, 0, 2)
                     found[..., column.index] = slope

@@ -1,9 +1,8 @@
-"""Derivatives of the torque that a measured motion takes: springs by transfer vectors, bodies by differences.
+"""Derivatives of the torque that a measured motion takes, for parameters that the linear model knows.
 
 With all coordinates per motor angle ``x = X X_m^-1``, ``X = (K - w^2 M + i w D)^-1 B`` (X_m its motor rows), torque is
-``T = (i w)^2 Z Q / H0``, and a change of the matrices moves it by ``x^T (dK - w^2 dM + i w dD) x Q / H0``: for spring
-s a product of its deflection per motor angle, ``y = e_s^T x``, with its deflection in this motion. H0 is the hold's
-factor.
+``T = (i w)^2 Z Q / H0``, and a change of the matrices moves it by ``x^T (dK - w^2 dM + i w dD) x Q / H0``: see
+`robid_core.mechanics.slopes`. H0 is the hold's factor. What bodies change is kept where they hardly moved.
 """
 
 from __future__ import annotations
@@ -15,10 +14,12 @@ import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.mechanics import MechanismChange, SecondOrderModel, SecondOrderSlopes
 from robid_core.parameters import FreeParameters
+from robid_core.parameters.tangents import mechanism_change
 from robid_core.robot import Robot
 
-BODY_STEP = 1e-4  # in natural scales; matrices are nearly linear in them
+BODY_STEP = 1e-4  # in natural scales, where nonlinear springs are bent by the weight
 ALIKE = 3e-3  # in natural scales: bodies and springs that moved by less have the derivatives that they had
 
 
@@ -53,17 +54,6 @@ class BodyDerivatives:
         same = about.keys() == self.about.keys() and self.mass.shape[:-1] == shape
         return same and all(abs(about[name] - self.about[name]) < ALIKE for name in about)
 
-    def groups(self) -> list[tuple[IntArray, IntArray]]:
-        """Return (parameters, coordinates): which parameters move which coordinates, rotors apart from bodies."""
-        touched = (self.mass != 0).any(axis=(0, 2)) | (self.stiffness != 0).any(axis=(0, 2))
-        kinds: dict[bytes, list[int]] = {}
-        n_axis = self.weight.shape[1]
-        for k in range(len(self.index)):
-            kinds.setdefault(touched[:n_axis, k].any().tobytes(), []).append(k)
-        return [
-            (np.array(members), np.flatnonzero(touched[:, members].any(axis=1))) for members in kinds.values()
-        ]
-
 
 def body_derivatives(
     free: FreeParameters,
@@ -72,7 +62,7 @@ def body_derivatives(
     angle: FloatArray,
     known: BodyDerivatives | None = None,
 ) -> BodyDerivatives:
-    """Differentiate by steps of BODY_STEP.
+    """Differentiate, taking the sag along; with nonlinear springs by steps of BODY_STEP.
 
     Parameters
     ----------
@@ -99,6 +89,11 @@ def body_derivatives(
     n, n_config = here.mechanism.n_coordinate, len(angle)
     if known is not None and known.serves(about, (n_config, n, n)):
         return replace(known, index=index)
+    if not here.bending_forces:
+        change = mechanism_change(free, robot, point, index)
+        parts = here.mechanism, *here.spring_arrays(), here.equilibrium(angle).position
+        slopes = here.batches.second_order_slopes(*parts, change)
+        return BodyDerivatives(index, slopes.mass, slopes.stiffness, slopes.torque, about)
     base, weight = here.second_order(angle), here.gravity_torque(angle)
     mass, stiffness = np.empty((2, n_config, n, n, len(index)))
     hold = np.empty((n_config, here.n_axis, len(index)))
@@ -113,88 +108,106 @@ def body_derivatives(
     return BodyDerivatives(index, mass, stiffness, hold, about)
 
 
+@dataclass(frozen=True, eq=False)
+class LinearSlopes:
+    """What springs, dampers, viscous friction and bodies change of a robot's linear model at some poses."""
+
+    model: SecondOrderModel
+    slopes: SecondOrderSlopes
+    index: IntArray
+    """Numbers of the parameters among the free ones, in the order of the changes."""
+
+    @classmethod
+    def of_robot(
+        cls, free: FreeParameters, robot: Robot, angle: FloatArray, bodies: BodyDerivatives
+    ) -> LinearSlopes:
+        """Put together derivatives by bodies and those that are told at once.
+
+        Parameters
+        ----------
+        free, robot
+            The parameters, and the robot at their values.
+        angle
+            Joint-side poses, shape (n_config, n_axis).
+        bodies
+            At these poses.
+        """
+        place = {name: i for i, name in enumerate(free.names)}
+        stiffness, damping = robot.spring_arrays()
+        sizes = [
+            *(
+                ("stiffness", s, name, k)
+                for s, (name, k) in enumerate(zip(robot.spring_names, stiffness, strict=True))
+            ),
+            *(
+                ("damping", s, name.replace("stiffness", "damping", 1), d)
+                for s, (name, d) in enumerate(zip(robot.spring_names, damping, strict=True))
+            ),
+            *(
+                ("motor_damping", a, f"friction.{axis}.viscous", robot.drives.viscous[a])
+                for a, axis in enumerate(robot.axis_names)
+            ),
+        ]
+        asked = [(what, number, place[name], size) for what, number, name, size in sizes if name in place]
+        n_body, count = len(bodies.index), len(bodies.index) + len(asked)
+        change = MechanismChange.none(robot.mechanism, count)
+        for row, (what, number, _, size) in enumerate(asked, n_body):
+            getattr(change, what)[row, number] = size
+        added = ((0, 0), (0, 0), (0, 0), (0, len(asked)))
+        mass, stiff = np.pad(bodies.mass, added), np.pad(bodies.stiffness, added)
+        weight = np.pad(bodies.weight, added[1:])
+        slopes = SecondOrderSlopes(mass, np.zeros_like(mass), stiff, weight, change)
+        index = np.array([*bodies.index, *(i for _, _, i, _ in asked)], dtype=np.int64)
+        return cls(robot.second_order(angle), slopes, index)
+
+    def at(self, config: int) -> LinearSlopes:
+        """Return those of one configuration; the axis of configurations stays."""
+        here, model, slopes = slice(config, config + 1), self.model, self.slopes
+        return replace(
+            self,
+            model=replace(
+                model, mass=model.mass[here], damping=model.damping[here], stiffness=model.stiffness[here]
+            ),
+            slopes=replace(
+                slopes,
+                mass=slopes.mass[here],
+                damping=slopes.damping[here],
+                stiffness=slopes.stiffness[here],
+                torque=slopes.torque[here],
+            ),
+        )
+
+
 def parameter_columns(
-    free: FreeParameters,
     robot: Robot,
     motion: MotionSpectra,
-    config: int,
     bins: slice,
     swing: ComplexArray,
-    passive: ComplexArray,
-    bodies: BodyDerivatives,
+    linear: LinearSlopes,
     columns: ComplexArray,
 ) -> None:
     """Write derivatives of the torque spectra of one configuration into (n_bin, n_exp, n_axis, n_free) of zeros.
 
     Parameters
     ----------
-    free, robot
-        The parameters, and the robot at their values.
+    robot
+        At the values of the parameters.
     motion
         The record's.
-    config, bins
-        Configuration, and which bins of the record.
+    bins
+        Which bins of the record.
     swing
         Spectra of the motor angles at these bins, shape (n_bin, n_exp, n_axis).
-    passive
-        `passive_motion` of this configuration at these bins, zero at the mean.
-    bodies
-        Derivatives by inertial parameters.
+    linear
+        Derivatives of the linear model, of this configuration.
     columns
         Those of parameters that are neither springs, dampers, viscous friction nor inertia stay as they are.
     """
-    place = {name: i for i, name in enumerate(free.names)}
-    omega, hold = motion.omega[bins, None, None], motion.hold[bins, None, None]
-    per_motor = np.matmul(robot.mechanism.spring_directions.astype(np.complex128), passive)
-    deflection = np.matmul(swing, per_motor.transpose(0, 2, 1))
-    per_motor = per_motor / hold
-    for s, (stiffness, damping) in enumerate(zip(*robot.spring_arrays(), strict=True)):
-        name = robot.spring_names[s]
-        damper = name.replace("stiffness", "damping", 1)
-        if name not in place and damper not in place:
-            continue
-        torque = deflection[:, :, s, None] * per_motor[:, None, s]
-        if name in place:
-            columns[..., place[name]] = stiffness * torque
-        if damper in place:
-            columns[..., place[damper]] = damping * 1j * omega * torque
-    for a, axis in enumerate(robot.axis_names):
-        name = f"friction.{axis}.viscous"
-        if name in place:
-            columns[:, :, a, place[name]] = (robot.drives.viscous[a] * 1j * omega * swing / hold)[..., a]
-    if bodies.index:
-        moving = np.matmul(swing, passive.transpose(0, 2, 1)) / hold
-        for members, coordinates in bodies.groups():
-            change = _of_bodies(bodies, config, members, coordinates, passive, moving, omega)
-            columns[..., np.array(bodies.index)[members]] = change
-        constant = motion.constant[bins]
-        for k in np.flatnonzero(constant):
-            columns[k][..., list(bodies.index)] += constant[k] * bodies.weight[config]
-
-
-def _of_bodies(
-    bodies: BodyDerivatives,
-    config: int,
-    members: IntArray,
-    coordinates: IntArray,
-    passive: ComplexArray,
-    moving: ComplexArray,
-    omega: FloatArray,
-) -> ComplexArray:
-    """``x^T (dK - w^2 dM) x Q / H0`` for some inertial parameters, shape (n_bin, n_exp, n_axis, n_member).
-
-    `omega` has shape (n_bin, 1, 1).
-    """
-    n, count = len(coordinates), len(members)
-    n_bin, n_exp, _ = moving.shape
-    inside = np.ix_(coordinates, coordinates, members)
-    matrix = np.concatenate((bodies.stiffness[config][inside], bodies.mass[config][inside])).reshape(
-        2 * n, n * count
-    )
-    rows = moving[:, :, coordinates]
-    rows = np.concatenate((rows, -(omega**2) * rows), axis=2).reshape(n_bin * n_exp, 2 * n)
-    change = np.empty((len(rows), matrix.shape[1]), dtype=np.complex128)
-    change.real, change.imag = rows.real @ matrix, rows.imag @ matrix
-    turned = np.ascontiguousarray(passive[:, coordinates].transpose(0, 2, 1))
-    result: ComplexArray = np.matmul(turned[:, None], change.reshape(n_bin, n_exp, n, count))
-    return result
+    if not len(linear.index):
+        return
+    omega, constant = motion.omega[bins], motion.constant[bins]
+    at, hold = slice(np.count_nonzero(omega <= 0), None), motion.hold[bins, None, None, None]
+    slopes = robot.batches.torque_slopes(linear.model, linear.slopes, omega[at], swing[None, at])[0]
+    columns[at, ..., linear.index] = slopes / hold[at]
+    for k in np.flatnonzero(constant):
+        columns[k][..., linear.index] += constant[k] * linear.slopes.torque[0]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from robid_core.arrays import ComplexArray
 
 if TYPE_CHECKING:
-    from robid_core.mechanics import Equilibrium, ResponseGradient, SecondOrderModel
+    from robid_core.mechanics import Equilibrium, Pose, ResponseGradient, SecondOrderModel, SecondOrderSlopes
 
 
 class BatchedDynamics(Protocol):
@@ -22,3 +22,11 @@ class BatchedDynamics(Protocol):
     def response(self) -> Callable[..., ComplexArray]: ...
     @property
     def response_with_gradient(self) -> Callable[..., ResponseGradient]: ...
+    @property
+    def second_order_slopes(self) -> Callable[..., SecondOrderSlopes]: ...
+    @property
+    def response_slopes(self) -> Callable[..., ComplexArray]: ...
+    @property
+    def torque_slopes(self) -> Callable[..., ComplexArray]: ...
+    @property
+    def pose_of(self) -> Callable[..., Pose]: ...

@@ -64,7 +64,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
     description: RobotDescription
     dynamics: str = KERNEL
-    """What computes equilibria, second-order models and responses: kernel, or a plugin of robid.dynamics.
+    """What computes equilibria, linear models, responses, derivatives and poses: kernel, or a plugin of robid.dynamics.
 
     Another one rounds otherwise: whatever depends on the robot depends on this name too.
     """
@@ -313,7 +313,13 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         rest = self.equilibrium(angle)
         model = self.second_order(angle, motor_damping)
         return linear_model(
-            self.mechanism, stiffness, damping, rest.position, tuple(outputs), second_order=model
+            self.mechanism,
+            stiffness,
+            damping,
+            rest.position,
+            tuple(outputs),
+            second_order=model,
+            pose=self.batches.pose_of,
         )
 
     def response(
