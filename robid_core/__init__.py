@@ -27,7 +27,7 @@ _HOME = {
     ),
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.parameters.tangents": ("mechanism_change",),
-    "robid_core.registry": ("Plugin", "load_plugin"),
+    "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
@@ -145,6 +145,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.registry import (
         Plugin as Plugin,
         load_plugin as load_plugin,
+        record_readers as record_readers,
     )
     from robid_core.robot import (
         Robot as Robot,

@@ -9,18 +9,9 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from robid_core import ConfigurationError, DataPath, DataRejected, load_plugin
+from robid_core import ConfigurationError, DataPath, DataRejected, load_plugin, record_readers
 
 _BELOW_ROOT: TypeAdapter[str] = TypeAdapter(DataPath)
-SUFFIXES = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-    ".dat": "csv",
-    ".mat": "mat",
-    ".npz": "npz",
-    ".mcap": "mcap",
-}
 
 
 def advice(path: str, origin: str) -> str:
@@ -49,7 +40,7 @@ def find_file(root: Path | None, path: str, origin: str) -> Path:
 
 def reader_name(path: str, format_name: str) -> str:
     """Return the name of the reader of a file, by its suffix where no format is given; empty where none is known."""
-    return format_name or SUFFIXES.get(Path(path).suffix.lower(), "")
+    return format_name or record_readers().get(Path(path).suffix.lower().removeprefix("."), "")
 
 
 def reader_of(path: str, format_name: str) -> Any:
@@ -57,7 +48,7 @@ def reader_of(path: str, format_name: str) -> Any:
     name = reader_name(path, format_name)
     if not name:
         raise ConfigurationError(
-            f"{path}: no reader for '{Path(path).suffix}'; give format: csv, mat, npz, mcap"
+            f"{path}: no reader for '{Path(path).suffix}'; give format: {', '.join(sorted(set(record_readers().values())))}"
         )
     return load_plugin("robid.records", name)
 

@@ -17,11 +17,11 @@ from pydantic import (
     model_validator,
 )
 
-from robid_acquisition.data_file import SUFFIXES, reader_name
+from robid_acquisition.data_file import reader_name
 from robid_acquisition.file_pattern import checked_pattern, find_recordings
 from robid_acquisition.index_table import read_index
 from robid_acquisition.recording import Recording
-from robid_core import Acquisition, ConfigurationError, DataPath
+from robid_core import Acquisition, ConfigurationError, DataPath, record_readers
 
 
 class Sources(Acquisition):
@@ -53,7 +53,7 @@ class Sources(Acquisition):
     incomplete: Literal["drop", "refuse"] = "drop"
     """Blocks that lack an experiment and gaps in the numbering: left out with a warning, or refused."""
     format: str = ""
-    """Reader (csv, mat, npz, mcap or a plugin's); by default from the file's suffix."""
+    """Reader (csv, mat, npz, json, hdf5, mcap, parquet, rosbag or a plugin's); by default from the file's suffix."""
     sha256: Annotated[str, Field(pattern="^([0-9a-fA-F]{64})?$")] = ""
     """Checked where given: other data are refused. Of many files: the hash of what `sha256sum` prints for them."""
 
@@ -92,7 +92,7 @@ class Sources(Acquisition):
         """Return the readers that will be loaded, so that an edited reader is a changed input."""
         names = {reader_name(self.source_name, self.format)}
         if self.index and not self.format:  # what the table lists is known where the data are
-            names = set(SUFFIXES.values())
+            names = set(record_readers().values())
         return [("robid.records", name) for name in sorted(names) if name]
 
     def recordings(self, root: Path) -> list[Recording]:

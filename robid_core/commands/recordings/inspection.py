@@ -12,7 +12,7 @@ from typing import Any
 from robid_core.arrays import FloatArray
 from robid_core.commands.recordings.guesses import Guesses, guess_channels
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.registry import READERS, RECORDS, registry
+from robid_core.registry import RECORDS, record_readers, registry
 
 BAG_METADATA = "metadata.yaml"  # beside the files of a ROS 2 bag
 
@@ -68,8 +68,7 @@ def _known_reader(file: Path) -> str:
     suffix = file.name.removesuffix(".part").rpartition(".")[2].lower()
     if suffix == "mcap" and (file.parent / BAG_METADATA).is_file():
         return "rosbag"
-    name = READERS.get(suffix, suffix)
-    return name if name in registry().names(RECORDS) else ""
+    return record_readers().get(suffix, "")
 
 
 def inspect(file: Path, form: str = "") -> Inspected:
