@@ -45,7 +45,9 @@ class Columns:
     regressor: FloatArray  # (n_sample, n_axis, n_parameter), N m (N) at the motor per unit
 
 
-def experiments(run: DenseRun, robot: Robot, discard: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+def experiments(
+    run: DenseRun, robot: Robot, discard: int, stage: str = "fit.rigid"
+) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield motor position and motor torque of every experiment, periods joined, each (n_sample, n_axis).
 
     Raises
@@ -61,7 +63,7 @@ def experiments(run: DenseRun, robot: Robot, discard: int) -> Iterator[tuple[Flo
     for name, values in (("position", position), ("motor_torque", torque)):
         if not (np.isfinite(values).all() and run.valid[:, :, :, discard:].all()):
             raise DataRejected(
-                f"fit.rigid: {name} has holes; cut the record or leave the axis out of the robot"
+                f"{stage}: {name} has holes; cut the record or leave the axis out of the robot"
             )
     if discard >= run.n_period:
         raise DataRejected(
