@@ -99,3 +99,38 @@ def record_of(
         constants=np.stack([constants[name] for name in names], axis=-1)[None, None] if names else None,
     )
     return Record(robot.axis_names, "bench", "zero_order_hold", (run,), np.zeros((1, robot.n_axis)), line)
+
+
+def stuck(
+    amplitude: float,
+    seconds: float,
+    stiffness: float,
+    damping: float,
+    viscous: float,
+    coulomb: float,
+    finer: int = 10,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and torque of one motor under a small torque of three sines, on bristles after LuGre, each (n_sample,).
+
+    ``b' = v - sigma_0 |v| b / F_c``, friction ``sigma_0 b + sigma_1 b' + sigma_2 v``; semi-implicit Euler.
+    """
+    inertia, step = INERTIA + (MASS * LEVER**2 + 0.2) / GEAR**2, STEP / finer
+    n = round(seconds / STEP)
+    angle = speed = bristle = 0.0
+    angles, torques = np.empty(n), np.empty(n)
+    for k in range(n):
+        t = k * STEP
+        wave = (
+            np.sin(2 * np.pi * 1.3 * t)
+            + np.sin(2 * np.pi * 3.1 * t + 1.0)
+            + np.sin(2 * np.pi * 5.7 * t + 2.0)
+        )
+        torque = amplitude / 3.0 * float(wave) + gravity(0.0)
+        angles[k], torques[k] = angle, torque
+        for _ in range(finer):
+            rate = speed - stiffness * abs(speed) * bristle / coulomb
+            friction = stiffness * bristle + damping * rate + viscous * speed
+            speed += step * (torque - gravity(angle) - friction) / inertia
+            bristle += step * (speed - stiffness * abs(speed) * bristle / coulomb)
+            angle += step * speed
+    return angles, torques

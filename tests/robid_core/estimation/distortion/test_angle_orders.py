@@ -50,7 +50,7 @@ def prepared(angle: FloatArray, torque: FloatArray) -> Passage:
 def test_coloured_noise_has_no_orders(memory_s: float) -> None:
     """Stated: one record in a hundred. Of 50 records four and more have a probability of 0.2 %.
 
-    200 records by hand: one alarm with a memory of 0.3 s, none with 0.01 s.
+    200 records by hand: one alarm with a memory of 0.01 s, none with 0.3 s.
     """
     alarms = [
         bool(find_orders([passage(seed, memory_s=memory_s)], COGGING, 0.01).ripple) for seed in range(50)
@@ -59,7 +59,10 @@ def test_coloured_noise_has_no_orders(memory_s: float) -> None:
 
 
 def test_orders_that_are_there_are_found_and_lie_in_their_intervals() -> None:
-    """20 records with orders 4, 9 and, behind a gear, 6.4: 95 % of 60 intervals, 52 or less by chance in 2 %."""
+    """20 records with orders 4, 9 and, behind a gear, 6.4: 95 % of 60 intervals, 52 or less by chance in 2 %.
+
+    60 records by hand: 172 of 180.
+    """
     true = ((0.03, 4.0, 0.5), (0.02, 9.0, -0.7), (0.02, 6.4, 1.0))
     candidates = (*COGGING, ("cogging", 6.4))
     inside = total = 0
