@@ -74,7 +74,8 @@ def plateaus_in(
 ) -> tuple[Plateau, ...]:
     """Samples at constant speed, in the order of axes, then of time.
 
-    Whole motor turns where a plateau has one, so that what repeats with the motor angle averages out.
+    Whole motor turns where a plateau has some in its shortest time, so that what repeats with the motor angle averages
+    out.
 
     Parameters
     ----------
@@ -96,5 +97,7 @@ def plateaus_in(
                 inner = slice(first + n_settle, last - n_settle)
                 mean = float(own[inner].mean())
                 begin, end = whole_turns(inner.start, inner.stop, abs(mean) * sample_time_s)
+                if end - begin < n_window:
+                    begin, end = inner.start, inner.stop
                 found.append(Plateau(axis, begin, end, mean))
     return tuple(found)
