@@ -11,7 +11,7 @@ _HOME = {
     "robid_core.arrays": ("BoolArray", "ComplexArray", "FloatArray", "IntArray"),
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "DiagnosedData", "Diagnosis",
-        "Doubt", "Excitation", "Finding", "Fit", "Frf", "MisfitTable", "Model", "ParameterTable",
+        "Doubt", "Excitation", "Finding", "Fit", "FrictionCurve", "Frf", "MisfitTable", "Model", "ParameterTable",
         "PredictionErrors", "Record", "Report", "ResidualCurve", "ResponseComparison", "SearchRecord",
         "SeparatingExperiment", "TimeComparison", "Timing", "Truth", "VisibleSize", "Witness", "array", "frozen",
         "mean_travel",
@@ -71,6 +71,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         Finding as Finding,
         Fit as Fit,
         Frf as Frf,
+        FrictionCurve as FrictionCurve,
         MisfitTable as MisfitTable,
         Model as Model,
         ParameterTable as ParameterTable,

@@ -16,16 +16,19 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
+from robid_compensation.passages import passages_by_configuration
 from robid_core import (
     Channel,
     ConfigurationError,
     Context,
-    DataRejected,
     IntArray,
     Preprocessing,
     Record,
+    Robot,
     frozen,
 )
+from robid_core.estimation.distortion.angle_orders import find_orders
+from robid_core.estimation.distortion.angle_passage import Passage
 from robid_core.estimation.distortion.order_analysis import (
     KINDS,
     Kind,
@@ -55,16 +58,9 @@ class AxisRipple:
 def analysis_bins(record: Record, band_hz: tuple[float, float] | None) -> IntArray:
     """Bins from the lowest to the highest excited line, or within a band.
 
-    Raises
-    ------
-    DataRejected
-        Where the record has no excited lines.
+    The record has excited lines.
     """
-    if record.line is None or not len(record.line):
-        raise DataRejected(
-            "compensate.ripple: the record has no excited lines, and without these nothing tells the linear part of "
-            "the torque from ripple; measure with a multisine, or leave this stage out"
-        )
+    assert record.line is not None
     period_s = record.run.sample_time_s * len(record.run.time_s)
     low, high = (
         (int(record.line.min()), int(record.line.max()))
@@ -146,8 +142,10 @@ class RippleCompensation(Preprocessing):
     would give one so strong with a probability below `significance`. Where nothing is found the record is unchanged;
     the log says either. Sensible before any estimator of a response, and before compensate.friction.
 
-    It needs excited lines and, in each configuration, at least as many experiments as axes; a motor shows an order only
-    if it moves by some periods of it (the slow sine is there for that). The zero of the motor angle has to be the
+    With excited lines it needs, in each configuration, at least as many experiments as axes, and no model of the robot.
+    Without, on trajectories of any kind, the rigid robot of the robot file is taken off the torque, an order must stand
+    out beside its neighbours, and both halves of the motion must show it alike. A motor shows an order only if it moves
+    by some periods of it (the slow sine is there for that). The zero of the motor angle has to be the
     same all through the record, as it is between a robot's calibration and the next.
 
         clean: {use: compensate.ripple, with: {significance: 0.001}}
@@ -169,7 +167,8 @@ class RippleCompensation(Preprocessing):
     Exact for noise. What friction leaves has heavier tails: at small probabilities alarms are a few times as frequent,
     of waves so small that they do no harm."""
     band_hz: tuple[PositiveFloat, PositiveFloat] | None = None
-    """Band of the analysis, Hz; null: from the lowest to the highest excited line."""
+    """Band of the analysis, Hz; null: from the lowest to the highest excited line. Without lines its upper edge is that
+    of a low-pass; null: half the lowest resonance of the robot file, 100 Hz or a fifth of the sampling rate at most."""
     minimum_periods: float = Field(default=3.0, ge=0)
     """Periods of a wave that the motor has to pass in some configuration, or the order is not looked for.
 
@@ -189,9 +188,9 @@ class RippleCompensation(Preprocessing):
             raise ValueError(f"max_order: {self.max_order:g} is below the first order, {self.order_step:g}")
         return self
 
-    def run(self, record: Record, context: Context) -> Record:
+    def run(self, record: Record, robot: Robot, context: Context) -> Record:
         """Find the ripple, say what was found, and take it off."""
-        ripple = self.search(record, context)
+        ripple = self.search(record, robot, context)
         for line in table(record, ripple):
             context.log.info("%s", line)
         highest = max((wave.order for entry in ripple for wave in entry.found.ripple), default=0.0)
@@ -205,10 +204,9 @@ class RippleCompensation(Preprocessing):
             )
         return without_ripple(record, ripple)
 
-    def search(self, record: Record, context: Context) -> list[AxisRipple]:
+    def search(self, record: Record, robot: Robot, context: Context) -> list[AxisRipple]:
         """Ripple of each axis, for each set of configurations that share it."""
-        motors = motors_by_configuration(record, self.band_hz, self.discard)
-        n_config, n_axis = len(motors), len(motors[0])
+        n_config, n_axis = len(record.angle), len(record.axis_names)
         groups = [tuple(range(n_config))] if self.phase == "common" else [(c,) for c in range(n_config)]
         refine = None if self.orders is not None or self.order_step % 1 == 0 else self.order_step
         if refine is not None and any(len(group) > 1 for group in groups):
@@ -218,23 +216,39 @@ class RippleCompensation(Preprocessing):
                 "per_configuration, or give the orders"
             )
         places = [(group, axis) for group in groups for axis in range(n_axis)]
-        candidates = []
-        for group, axis in places:
-            turns = max(motors[c][axis].turns for c in group)
-            candidates.append(self._candidates(record.axis_names[axis], turns, context))
+        on_lines = record.line is not None and len(record.line) > 0
+        motors: Sequence[Sequence[Sequence[MotorData | Passage]]]
+        if on_lines:
+            by_configuration = motors_by_configuration(record, self.band_hz, self.discard)
+            motors = [[[motor] for motor in motors] for motors in by_configuration]
+        else:
+            highest_hz = None if self.band_hz is None else self.band_hz[1]
+            motors = passages_by_configuration(record, robot, highest_hz, self.discard)
+        shown = [[one for c in group for one in motors[c][axis]] for group, axis in places]
+        candidates = [
+            self._candidates(record.axis_names[axis], max(one.turns for one in own), on_lines, context)
+            for own, (_, axis) in zip(shown, places, strict=True)
+        ]
         tried = sum(len(waves) for waves in candidates)
         result = []
         for number in context.track(range(len(places)), len(places), "order analysis"):
             group, axis = places[number]
-            data = [motors[c][axis] for c in group]
-            waves, turns = candidates[number], max(d.turns for d in data)
-            found = find_ripple(data, waves, self.significance, tried, refine)
-            result.append(AxisRipple(axis, group, turns, found))
+            own, waves = shown[number], candidates[number]
+            lines = [one for one in own if isinstance(one, MotorData)]
+            if lines:
+                found = find_ripple(lines, waves, self.significance, tried, refine)
+            else:
+                passages = [one for one in own if isinstance(one, Passage)]
+                found = find_orders(passages, waves, self.significance, tried, refine)
+            result.append(AxisRipple(axis, group, max(one.turns for one in own), found))
         return result
 
-    def _candidates(self, name: str, turns: float, context: Context) -> tuple[Wave, ...]:
-        """Waves that a motor passes often enough."""
-        steps = self.order_step * np.arange(1, math.floor(self.max_order / self.order_step + 1e-9) + 1)
+    def _candidates(self, name: str, turns: float, on_lines: bool, context: Context) -> tuple[Wave, ...]:
+        """Waves that a motor passes often enough; an order that is fitted is sought as densely as turns tell."""
+        step = self.order_step
+        if not on_lines and step % 1 != 0:
+            step /= math.ceil(2 * step * turns)
+        steps = step * np.arange(1, math.floor(self.max_order / step + 1e-9) + 1)
         orders = sorted(set(self.orders)) if self.orders is not None else [float(order) for order in steps]
         seen = [order for order in orders if order * turns >= self.minimum_periods]
         if len(seen) < len(orders):

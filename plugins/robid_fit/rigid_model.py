@@ -45,7 +45,7 @@ class Columns:
 
 
 def experiments(
-    run: DenseRun, robot: Robot, discard: int, channel: str = "motor_position"
+    run: DenseRun, robot: Robot, discard: int, channel: str = "motor_position", stage: str = "fit.rigid"
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield motor position, from a channel, and motor torque of every experiment, periods joined, (n_sample, n_axis).
 
@@ -62,8 +62,7 @@ def experiments(
     for name, values in (("position", position), ("motor_torque", torque)):
         if not (np.isfinite(values).all() and run.valid[:, :, :, discard:].all()):
             raise DataRejected(
-                f"fit.rigid: {name} has holes; cut the record, read it with gaps: split, or leave the axis out of the "
-                "robot"
+                f"{stage}: {name} has holes; cut the record, read it with gaps: split, or leave the axis out of the robot"
             )
     if discard >= run.n_period:
         raise DataRejected(

@@ -34,6 +34,7 @@ from robid_report import responses, traces
 from robid_report.beside import comparison, fit_with_response, other_fits
 from robid_report.causes import cause_sections
 from robid_report.findings import facts, findings, steps
+from robid_report.friction import friction_sections
 from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
 from robid_report.prediction import error_sections
@@ -230,6 +231,7 @@ class HtmlReport(ReportStage):
             "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],
             "responding": responding.method if responding is not None and responding is not fit else "",
+            "friction": friction_sections(fit),
             "misfits": misfit_sections(fit, diagnosis),
             "errors": error_sections(diagnosis),
             "visible": visible_table(diagnosis),

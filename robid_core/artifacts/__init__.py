@@ -20,6 +20,7 @@ from robid_core.artifacts.fit import (
 )
 from robid_core.artifacts.freezing import frozen
 from robid_core.artifacts.frf import Frf
+from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.record import Record
@@ -40,6 +41,7 @@ __all__ = [
     "Excitation",
     "Finding",
     "Fit",
+    "FrictionCurve",
     "Frf",
     "MisfitTable",
     "Model",

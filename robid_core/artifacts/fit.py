@@ -8,6 +8,7 @@ from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
 from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, SearchRecord
+from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.timing import Timing
@@ -101,7 +102,7 @@ class Fit(Artifact):
     only the estimator can know; `doubts` are all. `covariance` is that of the unknowns as the method has them
     (logarithms, natural scales); `model` is the robot that was found, its covariance in the parameters' own units:
     `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`. `base` are the combinations of inertial
-    parameters that motion can show at all, where the estimator knows them.
+    parameters that motion can show at all, where the estimator knows them; `friction` is drawn: torque over speed.
     """
 
     method: str
@@ -121,6 +122,7 @@ class Fit(Artifact):
     stated_doubts: tuple[Doubt, ...] = ()
     model: Model | None = None
     base: ParameterTable | None = None
+    friction: tuple[FrictionCurve, ...] = ()
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:

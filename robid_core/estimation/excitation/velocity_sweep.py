@@ -217,13 +217,13 @@ def plateaus(
         for first, last in zip(edges[::2].tolist(), (edges[1::2] + 1).tolist(), strict=True):
             middle = float(np.median(speed[first:last]))
             n_settle = _settling(abs(middle), sample_time_s, settle_s, settle_rad)
-            begin, end = _whole_turns(first + n_settle, last - n_settle, abs(middle) * sample_time_s)
+            begin, end = whole_turns(first + n_settle, last - n_settle, abs(middle) * sample_time_s)
             if (end - begin) * sample_time_s >= shortest_s:
                 found.append(Plateau(axis, begin, end, middle))
     return tuple(found)
 
 
-def _whole_turns(first: int, last: int, angle: float) -> tuple[int, int]:
+def whole_turns(first: int, last: int, angle: float) -> tuple[int, int]:
     """Middle part of samples that is whole turns at `angle` rad per sample; all of them where there is none."""
     turns = int((last - first + 0.5) * angle / (2 * np.pi))  # whole within half a sample
     if turns < 1:

@@ -23,6 +23,7 @@ from robid_core import (
     Excitation,
     Fit,
     Frf,
+    FrictionCurve,
     MisfitTable,
     ParameterTable,
     Record,
@@ -376,6 +377,18 @@ def test_six_axes_fit_into_eight_megabytes_and_are_drawn() -> None:
     # Unit covariances: one standard deviation is 1 (rad/s^2)/(N m), the band reaches two above.
     high = np.array(data["band"]["high"])[1, 3, 3]
     np.testing.assert_allclose(high, 20 * np.log10(np.abs(response[1, :, 3, 3]) + 2), atol=0.006)
+
+
+def test_friction_over_speed_is_drawn_with_its_law(robot: Robot) -> None:
+    speed = np.array([-3.0, -1.0, 1.0, 3.0])
+    curve = FrictionCurve(
+        "axis_1", "coulomb, stribeck", "rad/s", "N m", speed, 0.4 * np.sign(speed), 0.41 * np.sign(speed)
+    )
+    page = Page(page_of(robot, fit=everything(robot)["fit"].replace(friction=(curve,))))
+    assert "friction" in [attributes.get("id") for _, attributes in page.elements]
+    assert "axis_1: coulomb, stribeck" in page.words
+    spoken = [attributes.get("aria-label") for _, attributes in page.elements]
+    assert "friction of axis_1 over its speed" in spoken
 
 
 def test_lines_that_were_not_estimated_are_not_drawn(robot: Robot) -> None:

@@ -53,6 +53,8 @@ ELSEWHERE = {
     "frf.lrm": "robid_frf/test_local_methods.py",
     "frf.spectral": "robid_frf/test_spectral.py",
     "frf.two_stage": "robid_frf/test_closed_loop_estimators.py",
+    "fit.friction": "robid_fit/test_friction.py",
+    "fit.presliding": "robid_fit/test_presliding.py",
     "report.html": "robid_report/test_html_report.py",
 }
 

@@ -1,0 +1,26 @@
+"""Friction of one motor over its speed: what was measured at constant speeds, and the law that was fitted to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robid_core.arrays import FloatArray
+from robid_core.artifacts.artifact import Artifact, array
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurve(Artifact):
+    """One point for each stretch of constant speed, by increasing speed.
+
+    `measured` is the mean torque there beyond what the rigid robot needs, less what the law ascribes to anything but
+    the speed (load, temperature, an error of gravity); `fitted` is what it ascribes to the speed. `law` says in words
+    which terms it has.
+    """
+
+    axis: str
+    law: str
+    speed_unit: str
+    unit_symbol: str
+    speed: FloatArray = array("n_point")
+    measured: FloatArray = array("n_point")
+    fitted: FloatArray = array("n_point")
