@@ -47,9 +47,8 @@ def reader_of(path: str, format_name: str) -> Any:
     """Return the reader of a data file."""
     name = reader_name(path, format_name)
     if not name:
-        raise ConfigurationError(
-            f"{path}: no reader for '{Path(path).suffix}'; give format: {', '.join(sorted(set(record_readers().values())))}"
-        )
+        known = ", ".join(sorted(set(record_readers().values())))
+        raise ConfigurationError(f"{path}: no reader for '{Path(path).suffix}'; give format: {known}")
     return load_plugin("robid.records", name)
 
 

@@ -62,7 +62,8 @@ def experiments(
     for name, values in (("position", position), ("motor_torque", torque)):
         if not (np.isfinite(values).all() and run.valid[:, :, :, discard:].all()):
             raise DataRejected(
-                f"{stage}: {name} has holes; cut the record, read it with gaps: split, or leave the axis out of the robot"
+                f"{stage}: {name} has holes; cut the record, read it with gaps: split, or leave the axis out of the "
+                "robot"
             )
     if discard >= run.n_period:
         raise DataRejected(
