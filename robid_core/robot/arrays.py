@@ -9,7 +9,7 @@ import numpy as np
 
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.description import Axis, ControllerEntry, RobotDescription
 from robid_core.robot.file.flexible_links import mode_names, with_flexible_links
 
 if TYPE_CHECKING:
@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DriveArrays:
-    """Drives as arrays over the axes, (n_axis,) each, motor side; `gear` (n_axis, n_axis) is r_g."""
+    """Drives as arrays over the axes, (n_axis,) each, motor side; `gear` (n_axis, n_axis) is r_g.
+
+    A servo that sets a voltage, ``k / R (duty V - k v)``, is the cascade of ``speed_gain = k^2 / R`` and
+    ``position_gain = V duty_gain / k`` whose speed acts at every instant and not through samples: `back_emf` is
+    k^2 / R, zero for a torque drive; `torque_limit` is then the smaller of the file's and k V / R.
+    """
 
     gear: FloatArray
     rotor_inertia: FloatArray
@@ -36,6 +41,7 @@ class DriveArrays:
     integral_gain: FloatArray
     position_gain: FloatArray
     speed_feedforward: FloatArray
+    back_emf: FloatArray
     encoder_counts: FloatArray
     position_noise: FloatArray
     torque_noise: FloatArray
@@ -45,12 +51,13 @@ def drive_arrays(description: RobotDescription) -> DriveArrays:
     """Collect the drives' numbers."""
     axes = list(description.axes.values())
     unlimited = (-np.inf, np.inf)
+    gains = [_gains(axis) for axis in axes]
     limits = np.array([axis.position_limits or unlimited for axis in axes], dtype=float)
     return DriveArrays(
         gear=gear_matrix(description),
         rotor_inertia=np.array([axis.rotor_inertia for axis in axes]),
         torque_constant=np.array([axis.torque_constant for axis in axes]),
-        torque_limit=np.array([axis.torque_limit for axis in axes]),
+        torque_limit=np.array([_torque_limit(axis) for axis in axes]),
         speed_limit=np.array([axis.speed_limit for axis in axes]),
         acceleration_limit=np.array([axis.acceleration_limit for axis in axes]),
         lower=limits[:, 0],
@@ -59,14 +66,35 @@ def drive_arrays(description: RobotDescription) -> DriveArrays:
         viscous=np.array([axis.friction.viscous for axis in axes]),
         friction_offset=np.array([axis.friction.offset for axis in axes]),
         friction_speed=np.array([axis.friction.speed for axis in axes]),
-        speed_gain=np.array([axis.controller.speed_gain for axis in axes]),
-        integral_gain=np.array([axis.controller.integral_gain for axis in axes]),
-        position_gain=np.array([axis.controller.position_gain for axis in axes]),
-        speed_feedforward=np.array([axis.controller.speed_feedforward for axis in axes]),
+        speed_gain=np.array([one.speed_gain for one in gains]),
+        integral_gain=np.array([one.integral_gain for one in gains]),
+        position_gain=np.array([one.position_gain for one in gains]),
+        speed_feedforward=np.array([one.speed_feedforward for one in gains]),
+        back_emf=np.array([axis.stall_gain * axis.torque_constant for axis in axes]),
         encoder_counts=np.array([axis.sensors.encoder_counts for axis in axes]),
         position_noise=np.array([axis.sensors.position_noise for axis in axes]),
         torque_noise=np.array([axis.sensors.torque_noise for axis in axes]),
     )
+
+
+def _gains(axis: Axis) -> ControllerEntry:
+    """Gains of a drive; those of a servo are of the cascade that it is while its voltage is not at the limit."""
+    servo = axis.servo
+    if servo is None:
+        assert axis.controller is not None  # `contradictions` has refused it
+        return axis.controller
+    return ControllerEntry(
+        speed_gain=axis.stall_gain * axis.torque_constant,
+        position_gain=servo.supply_voltage * servo.duty_gain / axis.torque_constant,
+        speed_feedforward=0.0,
+    )
+
+
+def _torque_limit(axis: Axis) -> float:
+    """Largest torque that the drive asks for: a servo's at its full voltage."""
+    if axis.servo is None:
+        return axis.torque_limit
+    return min(axis.torque_limit, axis.stall_gain * axis.servo.supply_voltage)
 
 
 def gear_matrix(description: RobotDescription) -> FloatArray:

@@ -30,7 +30,13 @@ def controller_of(robot: Robot) -> Controller:
     counts = np.where(d.encoder_counts > 0, d.encoder_counts, 1.0)
     encoder_step = np.where(d.encoder_counts > 0, 2 * np.pi / counts, 0.0)
     return Controller(
-        d.speed_gain, d.integral_gain, d.position_gain, d.speed_feedforward, d.torque_limit, encoder_step
+        d.speed_gain,
+        d.integral_gain,
+        d.position_gain,
+        d.speed_feedforward,
+        d.torque_limit,
+        encoder_step,
+        d.back_emf,
     )
 
 
@@ -97,6 +103,7 @@ def drive_open_loop(robot: Robot, torque: FloatArray, state: SimulationState, **
         integral_gain=none,
         position_gain=none,
         torque_limit=np.full(robot.n_axis, np.finfo(float).max),
+        back_emf=none,
     )
     free = replace(
         state, holding_torque=np.zeros_like(state.holding_torque), integral=np.zeros_like(state.integral)

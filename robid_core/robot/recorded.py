@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Start = Literal["rest", "motion"]
 
+DRIVE_ENABLED = "drive_enabled"  # channel: 1 where a drive is on, 0 where its motor coasts
 SAMPLES = 50  # of the beginning, that tell what the integrators hold
 SETTLING_S = 1.0  # run before a periodic record, in whole periods: arms ring for some tenths of a second
 
@@ -40,15 +41,18 @@ class RecordedLanes:
     """None where it was not recorded."""
     speed_reference: FloatArray
     position_reference: FloatArray | None
+    enabled: FloatArray | None = None
+    """1 where a drive is on, 0 where it is off; None: all are on."""
 
     def through(self, function: Callable[[FloatArray], FloatArray]) -> RecordedLanes:
         """Return what a function makes of every channel that there is."""
-        torque, aim = self.torque, self.position_reference
+        torque, aim, enabled = self.torque, self.position_reference, self.enabled
         return RecordedLanes(
             function(self.position),
             None if torque is None else function(torque),
             function(self.speed_reference),
             None if aim is None else function(aim),
+            None if enabled is None else function(enabled),
         )
 
 
@@ -82,7 +86,13 @@ def recorded_lanes(run: DenseRun) -> RecordedLanes:
             "followed"
         )
     torque = joined("motor_torque") if "motor_torque" in run.channels else None
-    return RecordedLanes(joined("motor_position"), torque, speed_reference, position_reference)
+    enabled = joined(DRIVE_ENABLED) if DRIVE_ENABLED in run.channels else None
+    if enabled is not None and not np.isin(enabled, (0.0, 1.0)).all():
+        raise DataRejected(
+            f"{DRIVE_ENABLED} tells where drives are on and must be 0 or 1; it has values from {enabled.min():g} to "
+            f"{enabled.max():g}"
+        )
+    return RecordedLanes(joined("motor_position"), torque, speed_reference, position_reference, enabled)
 
 
 def simulate_record(
@@ -159,7 +169,9 @@ def _at_once(
         if periodic:
             lanes, n_before = _with_settling(lanes, len(run.time_s), run.sample_time_s)
     check_once(robot, robot.joint_angle(state.position[0, : robot.n_axis]))
-    done = continue_simulation(robot, state, lanes.speed_reference, seed, lanes.position_reference)
+    done = continue_simulation(
+        robot, state, lanes.speed_reference, seed, lanes.position_reference, enabled=lanes.enabled
+    )
     return done.position[:, n_before:], done.torque[:, n_before:]
 
 
@@ -174,7 +186,9 @@ def _in_windows(
     motion = local_motion(whole.position, starts, half_window, run.sample_time_s)
     state = state_in_motion(robot, lanes, tuple(one.reshape(-1, robot.n_axis) for one in motion))
     check_once(robot, robot.joint_angle(state.position[0, : robot.n_axis]))
-    done = continue_simulation(robot, state, lanes.speed_reference, seed, lanes.position_reference)
+    done = continue_simulation(
+        robot, state, lanes.speed_reference, seed, lanes.position_reference, enabled=lanes.enabled
+    )
     return join_windows(done.position, starts, n_sample), join_windows(done.torque, starts, n_sample)
 
 
@@ -183,7 +197,8 @@ def _with_channels(run: DenseRun, position: FloatArray, torque: FloatArray) -> D
     simulated = {"motor_position": position, "motor_torque": torque}
     if "motor_speed" in run.channels:
         simulated["motor_speed"] = np.gradient(position, run.sample_time_s, axis=1)
-    channels = {name: run.channels[name] for name in run.channels if name.endswith("_reference")}
+    kept = [name for name in run.channels if name.endswith("_reference") or name == DRIVE_ENABLED]
+    channels = {name: run.channels[name] for name in kept}
     for name, values in simulated.items():
         if name in run.channels:
             before = run.channel(name)
@@ -220,7 +235,7 @@ def state_in_motion(
     first, rate, change = motion
     before = first - time * rate + time**2 / 2 * change
     state = standing(robot, first).moving(robot.mechanism, rate)
-    if lanes.torque is None:
+    if lanes.torque is None or (robot.drives.back_emf > 0).all():
         if (control.integral_gain > 0).any():
             raise DataRejected(
                 "motor_torque was not recorded, and alone tells what the integrators of the drives held at the start; "

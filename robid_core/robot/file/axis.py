@@ -76,8 +76,23 @@ class ControllerEntry(Part):
     """Share of the reference speed that is fed forward."""
 
 
+class VoltageServo(Part):
+    """A servo that sets a voltage by its position error and no torque: duty = gain * (q_ref - q) within -1 and 1.
+
+    Its direct-current motor gives ``k / R (duty V - k v)`` with the axis' torque constant k: what it induces at speed v
+    brakes it. Switched off (channel `drive_enabled`) its winding is open, and the motor coasts.
+    """
+
+    duty_gain: Positive
+    """Duty cycle per position error, 1/rad."""
+    supply_voltage: Positive
+    """V at a duty cycle of one."""
+    resistance: Positive
+    """Of the winding and its leads, ohm."""
+
+
 class Axis(Part):
-    """One drive: motor, gear, sensors and controller."""
+    """One drive: motor, gear, sensors, and the controller of a torque drive or a servo that sets a voltage."""
 
     joint: str | None = None
     """The joint it moves; by default the joint of the same name."""
@@ -101,5 +116,12 @@ class Axis(Part):
     """Friction at the motor."""
     sensors: Sensors = Sensors()
     """Encoder and torque measurement."""
-    controller: ControllerEntry
-    """Gains of the drive's cascade."""
+    controller: ControllerEntry | None = None
+    """Gains of the drive's cascade; an axis has either these or a servo."""
+    servo: VoltageServo | None = None
+    """A position servo that sets a voltage."""
+
+    @property
+    def stall_gain(self) -> float:
+        """Torque of the stalled motor per volt, k / R, N m/V; zero for a torque drive."""
+        return self.torque_constant / self.servo.resistance if self.servo is not None else 0.0

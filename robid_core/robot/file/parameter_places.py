@@ -32,6 +32,9 @@ _AXIS = (
     ("controller.{}.integral_gain", "controller", STATIC, "N m/rad", ("controller", "integral_gain")),
     ("controller.{}.position_gain", "controller", STATIC, "1/s", ("controller", "position_gain")),
     ("controller.{}.speed_feedforward", "controller", STATIC, "1", ("controller", "speed_feedforward")),
+    ("servo.{}.duty_gain", "controller", STATIC, "1/rad", ("servo", "duty_gain")),
+    ("servo.{}.supply_voltage", "drive", STATIC, "V", ("servo", "supply_voltage")),
+    ("servo.{}.resistance", "drive", SEPARATE, "ohm", ("servo", "resistance")),
     ("sensors.{}.encoder_counts", "sensor", SEPARATE, "1/rad", ("sensors", "encoder_counts")),
     ("sensors.{}.position_noise", "sensor", SEPARATE, "rad", ("sensors", "position_noise")),
     ("sensors.{}.torque_noise", "sensor", SEPARATE, "N m", ("sensors", "torque_noise")),
@@ -112,7 +115,7 @@ def _of_axes(description: RobotDescription) -> list[ParameterPlace]:
     found = []
     for pattern, kind, group, unit, path in _AXIS:
         for name, axis in description.axes.items():
-            if path[0] == "gear" and axis.gear is None:
+            if path[0] in ("gear", "controller", "servo") and getattr(axis, path[0]) is None:
                 continue
             here = linear_unit(unit) if is_prismatic(description, name) else unit
             if path == ("sensors", "encoder_counts"):

@@ -178,3 +178,53 @@ def test_what_a_simulation_does_not_depend_on_is_refused(tmp_path: Path) -> None
     silent = pendulum(tmp_path, 0.0, 0.0)
     with pytest.raises(ConfigurationError, match="states no noise that reaches every output"):
         TimeDomainFit(**FREE, weights="noise").run(record_of(silent), silent, context())
+
+
+SERVO = """\
+robid_robot: 1
+name: servo
+sample_time_s: 0.002
+step_s: 0.001
+bodies:
+  - {joint: swing, axis: [0.0, 1.0, 0.0], mass: 0.5, centre_of_mass: [0.0, 0.0, -0.1],
+     inertia: [[0, 0, 0], [0, 0, 0], [0, 0, 0]]}
+axes:
+  swing:
+    rotor_inertia: 0.001
+    torque_constant: 0.4
+    torque_limit: 40
+    speed_limit: 20
+    friction: {coulomb: 0.03, viscous: 0.01, speed: 0.1}
+    sensors: {position_noise: 1.0e-3}
+    servo: {duty_gain: 1.2, supply_voltage: 7.4, resistance: 3.2}
+"""
+
+
+def test_motor_and_friction_of_a_servo_are_found_from_its_angle_alone(tmp_path: Path) -> None:
+    """Where it is switched off the pendulum swings by itself: friction apart from what the winding brakes."""
+    (tmp_path / "servo.yaml").write_text(SERVO, encoding="utf-8")
+    plant = Robot.load(str(tmp_path / "servo.yaml"))
+    time = T * np.arange(1500)
+    shape = (1, 1, 1, 1, len(time), 1)
+    channels = {
+        "motor_position": Channel("motor", "rad", np.zeros(shape)),
+        "position_reference": Channel("motor", "rad", (1.2 * np.sin(9 * time)).reshape(shape)),
+        "drive_enabled": Channel("motor", "1", np.where((time > 1) & (time < 1.8), 0.0, 1.0).reshape(shape)),
+    }
+    run = DenseRun(T, channels, time, np.ones(shape[:-1], dtype=bool))
+    record = Record(("swing",), "simulated", "continuous", (run,), np.zeros((1, 1)))
+    names = (
+        "torque_constant.swing",
+        "friction.swing.coulomb",
+        "friction.swing.viscous",
+        "servo.swing.resistance",
+    )
+    true = np.array([plant.parameter(name) for name in names])
+    start = plant.with_parameters(dict(zip(names, true * (1.3, 0.6, 1.5, 0.8), strict=True)))
+    fit = TimeDomainFit(free=names, outputs=("motor_position",)).run(
+        simulate_record(plant, record, seed=3), start, context()
+    )
+    assert fit.converged
+    assert fit.parameters.names == names
+    assert (np.abs(fit.parameters.estimate - true) < 4 * fit.parameters.standard_error).all()
+    assert (fit.parameters.standard_error < 0.05 * true).all()
