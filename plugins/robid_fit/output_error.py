@@ -17,9 +17,6 @@ from robid_core import ConfigurationError, FloatArray, FreeParameters, Record, R
 from robid_core.estimation.serial_correlation import long_run_matrix
 from robid_core.mechanics import SimulationDiverged
 
-STEP = 1e-3
-"""Of a difference, in natural scales."""
-
 
 @dataclass(frozen=True)
 class Prediction:
@@ -29,6 +26,8 @@ class Prediction:
     horizon_s: float | None
     half_window: int
     skip_s: float
+    step: float
+    """Of differences, in natural scales."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +125,16 @@ class OutputErrorProblem:
         here = self.residuals(point)
         found = [np.empty((*one.shape, len(point))) for one in here]
         for i in range(len(point)):
-            ends, width = [], 0.0
+            ends, where = [], []
             for sign in (1.0, -1.0):
                 moved = point.copy()
-                moved[i] += sign * STEP
+                moved[i] = np.clip(
+                    point[i] + sign * self.prediction.step, self.free.lower[i], self.free.upper[i]
+                )
                 possible = self._is_possible(moved)
                 ends.append(self.residuals(moved) if possible else here)
-                width += STEP * possible
+                where.append(moved[i] if possible else point[i])
+            width = where[0] - where[1]
             for one, above, below in zip(found, *ends, strict=True):
                 one[..., i] = (above - below) / width if width else 0.0
         self._last, self._slopes = (point.tobytes(), here), (point.tobytes(), found)

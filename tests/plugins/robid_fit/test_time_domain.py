@@ -100,7 +100,7 @@ def wrong(plant: Robot) -> Robot:
 )
 def test_a_plant_without_noise_is_found(tmp_path: Path, settings: dict[str, Any]) -> None:
     plant = pendulum(tmp_path)
-    fit = TimeDomainFit(**FREE, **settings).run(record_of(plant), wrong(plant), context())
+    fit = TimeDomainFit(**FREE, **settings).run((record_of(plant),), wrong(plant), context())
     assert fit.converged
     # Whole runs begin where the plant did: what is left is the tolerance. A window begins at what parabolas through
     # eleven samples tell: of a wave at 4.1 Hz (w 5 T)^2 / 10 = 0.7 % less speed, 0.007 rad/s, and the damping of the
@@ -117,7 +117,7 @@ def test_a_torque_that_was_not_recorded_is_not_needed(tmp_path: Path) -> None:
     record = record_of(plant, without=("motor_torque", "speed_reference"))
     for settings in ({}, {"horizon_s": 0.3}):
         fit = TimeDomainFit(**FREE, outputs=("motor_position",), **settings).run(
-            record, wrong(plant), context()
+            (record,), wrong(plant), context()
         )
         # The speed reference is not in this control law but for its derivative of the position reference: 2nd order.
         assert fit.parameters.value("mass.swing") == pytest.approx(2.0, rel=1e-2)
@@ -130,7 +130,7 @@ def test_stated_errors_cover_under_noise_that_the_loop_colours(tmp_path: Path) -
     deviations, fit = [], TimeDomainFit(**FREE)  # type: ignore[arg-type]
     for seed in range(16):
         found = fit.run(
-            record_of(plant, seed=seed), wrong(plant) if seed < 1 else plant, context()
+            (record_of(plant, seed=seed),), wrong(plant) if seed < 1 else plant, context()
         ).parameters
         deviations.append((found.estimate - true) / found.standard_error)
     power = (np.array(deviations) ** 2).mean(axis=0)
@@ -141,11 +141,11 @@ def test_stated_errors_cover_under_noise_that_the_loop_colours(tmp_path: Path) -
 def test_the_misfit_is_one_where_noise_is_told_and_more_where_the_model_is_wrong(tmp_path: Path) -> None:
     plant = pendulum(tmp_path)
     fit = TimeDomainFit(**FREE, weights="noise")
-    right = fit.run(record_of(plant, seed=5), plant, context())
+    right = fit.run((record_of(plant, seed=5),), plant, context())
     # The noise of the weights is one draw of 1500 correlated samples.
     assert right.misfit == pytest.approx(1.0, abs=0.25)
     other = TimeDomainFit(free=NAMES, fixed=("mass.*",), weights="noise")
-    assert other.run(record_of(plant, seed=5), wrong(plant), context()).misfit > 3
+    assert other.run((record_of(plant, seed=5),), wrong(plant), context()).misfit > 3
 
 
 def test_a_horizon_forgives_what_builds_up(tmp_path: Path) -> None:
@@ -164,20 +164,38 @@ def test_a_horizon_forgives_what_builds_up(tmp_path: Path) -> None:
     assert np.sqrt(((exact - position) ** 2).mean()) < 0.01 * 1.0 * 0.04
 
 
+def test_records_of_several_variants_share_what_is_free(tmp_path: Path) -> None:
+    """Two records of other lengths, the second of the same pendulum under another controller."""
+    plant, other = pendulum(tmp_path), pendulum(tmp_path, integral=5.0)
+    second = record_of(other, seconds=1.0).replace(variants=("integrating",))
+    path = tmp_path / "pendulum_5.yaml"
+    start = wrong(plant)
+    path.write_text(start.to_yaml().replace("integral_gain: 0.0", "integral_gain: 5.0"), encoding="utf-8")
+    assert Robot.load(str(path)).drives.integral_gain[0] == 5.0
+    fit = TimeDomainFit(**FREE, robots={"integrating": str(path)}).run(
+        (record_of(plant), second), start, context()
+    )
+    true = np.array([plant.parameter(name) for name in NAMES])
+    np.testing.assert_allclose(fit.parameters.estimate, true, rtol=1e-4)
+    assert len(fit.time[0].time_s) == 1500
+    with pytest.raises(ConfigurationError, match="nothing was measured as 'loaded'"):
+        TimeDomainFit(**FREE, robots={"loaded": str(path)}).run((record_of(plant),), start, context())
+
+
 def test_what_a_simulation_does_not_depend_on_is_refused(tmp_path: Path) -> None:
     plant = pendulum(tmp_path, integral=5.0)
     told = TimeDomainFit(free=("mass.*", "sensors.*")).problems_with(plant)
     assert "a simulation without noise does not depend on it" in told[("free", 1)]
     record = record_of(plant, without=("motor_torque",))
     with pytest.raises(DataRejected, match="the record has no channel motor_torque"):
-        TimeDomainFit(**FREE).run(record, plant, context())
+        TimeDomainFit(**FREE).run((record,), plant, context())
     with pytest.raises(DataRejected, match="what the integrators of the drives held"):
-        TimeDomainFit(**FREE, outputs=("motor_position",), horizon_s=0.3).run(record, plant, context())
+        TimeDomainFit(**FREE, outputs=("motor_position",), horizon_s=0.3).run((record,), plant, context())
     with pytest.raises(ConfigurationError, match="less than three samples"):
-        TimeDomainFit(**FREE, horizon_s=0.002).run(record_of(plant), plant, context())
+        TimeDomainFit(**FREE, horizon_s=0.002).run((record_of(plant),), plant, context())
     silent = pendulum(tmp_path, 0.0, 0.0)
     with pytest.raises(ConfigurationError, match="states no noise that reaches every output"):
-        TimeDomainFit(**FREE, weights="noise").run(record_of(silent), silent, context())
+        TimeDomainFit(**FREE, weights="noise").run((record_of(silent),), silent, context())
 
 
 SERVO = """\
@@ -222,7 +240,7 @@ def test_motor_and_friction_of_a_servo_are_found_from_its_angle_alone(tmp_path: 
     true = np.array([plant.parameter(name) for name in names])
     start = plant.with_parameters(dict(zip(names, true * (1.3, 0.6, 1.5, 0.8), strict=True)))
     fit = TimeDomainFit(free=names, outputs=("motor_position",)).run(
-        simulate_record(plant, record, seed=3), start, context()
+        (simulate_record(plant, record, seed=3),), start, context()
     )
     assert fit.converged
     assert fit.parameters.names == names
