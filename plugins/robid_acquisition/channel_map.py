@@ -26,6 +26,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "N m": ("N m", 1.0), "Nm": ("N m", 1.0), "mN m": ("N m", 1e-3), "kN m": ("N m", 1e3),
     "N": ("N", 1.0), "kN": ("N", 1e3),
     "A": ("A", 1.0), "mA": ("A", 1e-3), "V": ("V", 1.0), "mV": ("V", 1e-3), "degC": ("degC", 1.0), "K": ("K", 1.0),
+    "1": ("1", 1.0),
 }  # fmt: skip
 
 # Word in a channel's name -> SI symbols it may have (of a revolute or of a prismatic axis).

@@ -14,7 +14,7 @@ class Channel(Artifact):
     """One measured quantity of every axis, with the sign of the URDF axis, on a stated side of the gear.
 
     `side` is "motor" or "joint". Names in use: motor_position, motor_speed, motor_torque, speed_reference,
-    position_reference, joint_position, temperature.
+    position_reference, joint_position, temperature, drive_enabled (1 where a drive is on, 0 where its motor coasts).
     """
 
     side: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core.compiled.kernel import kernel
-from robid_core.compiled.lanes import where
+from robid_core.compiled.lanes import like, where
 from robid_core.compiled.views import lane_view, parameter_view, view_of
 from robid_core.mechanics.integrator import act_on_signal, hold_torque
 from robid_core.mechanics.mechanical_model import PlantArrays
@@ -19,9 +19,15 @@ DIVERGED = 1e6  # rad, rad/s, m or m/s: no motor is there, a numerical explosion
 
 @kernel
 def sample_controller(control, terms, work, state, inputs):  # type: ignore[no-untyped-def]
-    """Measure, and turn speed references into torque commands; `inputs` are the buffers of `run_blocks`."""
+    """Measure, and turn speed references into torque commands; `inputs` are the buffers of `run_blocks`.
+
+    Under a voltage (back EMF above zero) the speed brakes the motor at every instant (`work.braking`), and not through
+    the controller; the command is the torque of the stalled motor.
+    """
     gains, sample_time = control.gains, control.sample_time
-    wanted, aim, feedforward, noise, reported_noise, measured_out, torque_out, saturated, has = inputs
+    wanted, aim, feedforward, noise, reported_noise, measured_out, torque_out, saturated, enabled, has = (
+        inputs
+    )
     n_axis = gains.shape[0]
     motor = state.position.shape[0] - n_axis
     for a in range(n_axis):
@@ -40,16 +46,25 @@ def sample_controller(control, terms, work, state, inputs):  # type: ignore[no-u
         state.reference[a] = where(reference == reference, reference, measured)
         if has[0]:
             state.reference[a] = aim[a]
-        error = gains[a, 3] * wanted[a] + gains[a, 2] * (state.reference[a] - measured) - measured_speed
+        cascade = 0.0 if gains[a, 6] > 0.0 else 1.0
+        error = (
+            gains[a, 3] * wanted[a] + gains[a, 2] * (state.reference[a] - measured) - cascade * measured_speed
+        )
         state.reference[a] = state.reference[a] + sample_time * wanted[a]
         state.integral[a] = state.integral[a] + gains[a, 1] * sample_time * error
-        demand = gains[a, 0] * error + state.integral[a] + state.holding_torque[a] + feedforward[a]
+        held = state.integral[a] + state.holding_torque[a]
+        demand = gains[a, 0] * error + cascade * held + feedforward[a]
         limit = gains[a, 4]
         saturated[a] = saturated[a] + where(abs(demand) >= limit, 1.0, 0.0)
         demand = where(demand > limit, limit, demand)
         demand = where(demand < -limit, -limit, demand)
-        work.command[a] = demand
+        braking = like(measured, gains[a, 6])
+        if has[1]:
+            demand, braking = enabled[a] * demand, enabled[a] * gains[a, 6]
+            state.integral[a] = enabled[a] * state.integral[a]
+        work.command[a], work.braking[a] = demand, braking
         measured_out[a] = measured
+        demand = demand - braking * state.speed[motor + a]
         reported = demand
         if terms.signal.shape[0] > 0:
             reported = act_on_signal(
@@ -108,15 +123,21 @@ def run_blocks(arrays, work, control, state, signals, single, first_block, last_
     clock = ControlArrays(view_of(control.gains), control.sample_time, control.n_step, control.runge_kutta)
     n_axis, width = control.gains.shape[0], state.position.shape[2]
     step = control.sample_time / control.n_step
-    buffers = np.zeros((8, n_axis, width))
-    has = np.zeros(1, dtype=np.int64)
-    has[0] = signals.position_reference.shape[0]
+    buffers = np.zeros((9, n_axis, width))
+    has = np.zeros(2, dtype=np.int64)
+    has[0], has[1] = signals.position_reference.shape[0], signals.enabled.shape[0]
     wanted, aim, feedforward, noise = buffers[0], buffers[1], buffers[2], buffers[3]
-    reported_noise, measured, torque, saturated = buffers[4], buffers[5], buffers[6], buffers[7]
+    reported_noise, measured, torque, saturated, enabled = (
+        buffers[4],
+        buffers[5],
+        buffers[6],
+        buffers[7],
+        buffers[8],
+    )
     inputs = (
         lane_view(wanted, single), lane_view(aim, single), lane_view(feedforward, single), lane_view(noise, single),
         lane_view(reported_noise, single), lane_view(measured, single), lane_view(torque, single),
-        lane_view(saturated, single), view_of(has),
+        lane_view(saturated, single), lane_view(enabled, single), view_of(has),
     )  # fmt: skip
     for block in range(first_block, last_block):
         first_lane = block * width
@@ -129,6 +150,7 @@ def run_blocks(arrays, work, control, state, signals, single, first_block, last_
             gather(feedforward, signals.torque_feedforward, first_lane, sample)
             gather(noise, signals.position_noise, first_lane, sample)
             gather(reported_noise, signals.torque_noise, first_lane, sample)
+            gather(enabled, signals.enabled, first_lane, sample)
             sample_controller(clock, terms, step_work, views, inputs)
             scatter(signals.position, measured, first_lane, sample)
             scatter(signals.torque, torque, first_lane, sample)
@@ -184,6 +206,6 @@ def step_views(work, single):  # type: ignore[no-untyped-def]
         lane_view(work.middle_speed, single), lane_view(work.spring, single), lane_view(work.start, single),
         lane_view(work.right, single), lane_view(work.pivot, single), lane_view(work.system, single),
         lane_view(work.stage, single), lane_view(work.torque, single), lane_view(work.command, single),
-        lane_view(work.load, single), lane_view(work.force, single), lane_view(work.slope, single),
-        lane_view(work.place, single), lane_view(work.next_state, single),
+        lane_view(work.braking, single), lane_view(work.load, single), lane_view(work.force, single),
+        lane_view(work.slope, single), lane_view(work.place, single), lane_view(work.next_state, single),
     )  # fmt: skip

@@ -99,7 +99,7 @@ def act_on_signal(  # type: ignore[no-untyped-def]
 def pass_torque(  # type: ignore[no-untyped-def]
     plant, terms, work, command, law_state, acceleration, step, stateless_step, keep
 ):
-    """Acting motor torques from the held commands, and the torques that the transmissions pass."""
+    """Acting motor torques from the held commands, braked at the midpoint, and those that the transmissions pass."""
     n_axis = command.shape[0]
     middle, middle_speed, torque, load = work.middle, work.middle_speed, work.torque, work.load
     motor = middle.shape[0] - n_axis
@@ -110,6 +110,7 @@ def pass_torque(  # type: ignore[no-untyped-def]
             torque[a] = act_on_signal(
                 terms, work, law_state, TORQUE, a, command[a], angle, speed, step, stateless_step, keep
             )
+        torque[a] = torque[a] - work.braking[a] * middle_speed[motor + a]
     if terms.loads[0]:
         for a in range(n_axis):
             deflection, rate = 0.0 * middle[0], 0.0 * middle[0]
@@ -284,8 +285,9 @@ def hold_torque(chain, plant, terms, chain_work, work, state, step, n_step, rung
         )  # fmt: skip
         for a in range(n_axis):
             i = motor + a
-            force[i] = force[i] + work.torque[a]
-            system[i, i] = plant.constant[i, i]
+            braking = work.braking[a]
+            force[i] = force[i] + work.torque[a] - braking * (right[i] - middle_speed[i])
+            system[i, i] = plant.constant[i, i] + half * braking
             for e in range(1, fill[a, 0] + 1):
                 system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
         add_forces(terms, work, law_state, force, half, step)

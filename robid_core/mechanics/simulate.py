@@ -39,7 +39,9 @@ class Controller:
 
     error = speed_feedforward * speed reference + position_gain * (position reference - measured position)
     - measured speed; torque = speed_gain * error + integral, within the limit. The measured speed is the difference
-    of the measured positions over the sampling time.
+    of the measured positions over the sampling time. A drive that sets a voltage has a back EMF: its command has no
+    measured speed, integral and holding torque in it, and is the torque of the stalled motor; the motor gives that less
+    back_emf * speed, at every instant.
     """
 
     speed_gain: FloatArray
@@ -54,6 +56,8 @@ class Controller:
     """N m."""
     encoder_step: FloatArray
     """Angle of one encoder count, rad; 0 measures without steps."""
+    back_emf: FloatArray | None = None
+    """Torque lost per speed, torque constant squared over resistance, N m s/rad; 0 or None: the drive sets a torque."""
 
 
 class SimulationDiverged(NotTrustworthy):
@@ -100,7 +104,8 @@ class Simulation:
     position: FloatArray
     """Measured motor angle, rad, (n_lane, n_sample, n_axis)."""
     torque: FloatArray
-    """Measured motor torque, held from this instant to the next, N m, (n_lane, n_sample, n_axis)."""
+    """Measured motor torque, N m, (n_lane, n_sample, n_axis): held from this instant to the next; of a motor
+    under a voltage that at this instant."""
     saturated: FloatArray
     """Share of samples at the torque limit, (n_lane, n_axis)."""
     coordinates: FloatArray | None
@@ -141,6 +146,7 @@ def simulate(
     torque_feedforward: FloatArray | None = None,
     position_noise: FloatArray | None = None,
     torque_noise: FloatArray | None = None,
+    enabled: FloatArray | None = None,
     sample_time: float = 1e-3,
     step: float = 2.5e-4,
     method: Method = "implicit_midpoint",
@@ -168,6 +174,8 @@ def simulate(
     position_noise, torque_noise
         Added to what is measured, rad and N m, same shape; position noise acts through the controller too,
         torque noise does not act.
+    enabled
+        1 where a drive is on, 0 where it is off and its motor coasts, same shape; by default all are on.
     sample_time, step
         Of controller and integration, s; the sample time is a whole number of steps.
     method
@@ -211,6 +219,7 @@ def simulate(
         signal(torque_feedforward, "torque_feedforward"),
         signal(position_noise, "position_noise"),
         signal(torque_noise, "torque_noise"),
+        signal(enabled, "enabled"),
         np.zeros(wanted.shape),
         np.zeros(wanted.shape),
         np.zeros((n_lane, n_sample, n) if keep_coordinates else (0, 0, 0)),
@@ -370,7 +379,8 @@ def _lanes(blocks: FloatArray, n_lane: int, size: int) -> FloatArray:
 
 
 def _axes(values: Controller, name: str, n_axis: int) -> FloatArray:
-    value = np.array(getattr(values, name), dtype=np.float64, order="C")
+    given = getattr(values, name)
+    value = np.zeros(n_axis) if given is None else np.array(given, dtype=np.float64, order="C")
     if value.shape != (n_axis,) or not np.isfinite(value).all() or (value < 0).any():
         raise ConfigurationError(
             f"simulate: {name} needs {n_axis} finite numbers >= 0, one an axis; it is {value}"

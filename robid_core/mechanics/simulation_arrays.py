@@ -30,6 +30,7 @@ class StepWork(NamedTuple):
     stage: FloatArray  # (4, n) accelerations of the stages
     torque: FloatArray  # (n_axis,) acting
     command: FloatArray  # (n_axis,) held
+    braking: FloatArray  # (n_axis,) torque per speed that motors under a voltage lose
     load: FloatArray  # (n_axis,) torque that the transmissions pass
     force: FloatArray  # (n_force,) of each law
     slope: FloatArray  # (n_force,) what its slopes add to the system
@@ -53,7 +54,7 @@ class LaneState(NamedTuple):
 class ControlArrays(NamedTuple):
     """The cascade controller and its clock."""
 
-    gains: FloatArray  # (n_axis, 6) speed, integral, position, speed feedforward, torque limit, encoder step
+    gains: FloatArray  # (n_axis, 7) speed, integral, position, speed feedforward, torque limit, encoder step, back EMF
     sample_time: float
     n_step: int  # integration steps a sample
     runge_kutta: bool
@@ -67,6 +68,7 @@ class Signals(NamedTuple):
     torque_feedforward: FloatArray
     position_noise: FloatArray
     torque_noise: FloatArray
+    enabled: FloatArray
     position: FloatArray
     torque: FloatArray
     coordinates: FloatArray
@@ -96,7 +98,16 @@ def work_memory(mechanism: Mechanism, n_force: int, n_state: int, width: int) ->
     shapes = (
         *((n_joint,), (n_joint,)),
         *((n,), (n,), (n,), (n,), (n,), (n,), (n, n), (4, n)),
-        *((n_axis,), (n_axis,), (n_axis,), (n_force,), (n_force,), (N_INPUT + N_OUTPUT,), (n_state,)),
+        *(
+            (n_axis,),
+            (n_axis,),
+            (n_axis,),
+            (n_axis,),
+            (n_force,),
+            (n_force,),
+            (N_INPUT + N_OUTPUT,),
+            (n_state,),
+        ),
     )
     memory = aligned_arrays(*((*(max(size, 1) for size in shape), width) for shape in shapes))
     return Work(chain_work(n_joint, width), StepWork(*memory))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import operator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.robot.file.description import RobotDescription
+from robid_core.robot.file.description import Axis, ControllerEntry, RobotDescription
 from robid_core.robot.file.flexible_links import mode_names, with_flexible_links
 from robid_core.robot.file.left_out import AxisKey, left_out
 
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 class DriveArrays:
     """Drives as arrays over the axes, (n_axis,) each, motor side; `gear` (n_axis, n_axis) is r_g.
 
-    Limits and gains that the robot file left out raise ConfigurationError where they are asked for.
+    A servo that sets a voltage, ``k / R (duty V - k v)``, is the cascade of ``speed_gain = k^2 / R`` and
+    ``position_gain = V duty_gain / k`` whose speed acts at every instant and not through samples: `back_emf` is
+    k^2 / R, zero for a torque drive; `torque_limit` is then the smaller of the file's and k V / R. Limits and gains
+    that the robot file left out raise ConfigurationError where they are asked for.
     """
 
     description: RobotDescription
@@ -38,6 +41,7 @@ class DriveArrays:
     viscous: FloatArray
     friction_offset: FloatArray
     friction_speed: FloatArray
+    back_emf: FloatArray
     encoder_counts: FloatArray
     position_noise: FloatArray
     torque_noise: FloatArray
@@ -45,43 +49,42 @@ class DriveArrays:
     @property
     def torque_limit(self) -> FloatArray:
         """Largest torque, N m."""
-        return self._told("torque_limit", "torque_limit")
+        return self._told("torque_limit", _torque_limit)
 
     @property
     def speed_limit(self) -> FloatArray:
         """Largest speed, rad/s."""
-        return self._told("speed_limit", "speed_limit")
+        return self._told("speed_limit", lambda axis: axis.speed_limit)
 
     @property
     def speed_gain(self) -> FloatArray:
         """Torque per speed error, N m s/rad."""
-        return self._told("controller", "controller.speed_gain")
+        return self._told("controller", lambda axis: _gains(axis).speed_gain)
 
     @property
     def integral_gain(self) -> FloatArray:
         """Torque per integrated speed error, N m/rad."""
-        return self._told("controller", "controller.integral_gain")
+        return self._told("controller", lambda axis: _gains(axis).integral_gain)
 
     @property
     def position_gain(self) -> FloatArray:
         """Speed asked per position error, 1/s."""
-        return self._told("controller", "controller.position_gain")
+        return self._told("controller", lambda axis: _gains(axis).position_gain)
 
     @property
     def speed_feedforward(self) -> FloatArray:
         """Share of the reference speed that is fed forward."""
-        return self._told("controller", "controller.speed_feedforward")
+        return self._told("controller", lambda axis: _gains(axis).speed_feedforward)
 
     def torque_limit_or(self, other: FloatArray) -> FloatArray:
         """Return the largest torque, of an axis whose file tells none that of another array, N m, shape (n_axis,)."""
-        told = [axis.torque_limit for axis in self.description.axes.values()]
+        told = [_torque_limit(axis) for axis in self.description.axes.values()]
         return np.array([o if t is None else t for t, o in zip(told, other.tolist(), strict=True)])
 
-    def _told(self, key: AxisKey, path: str) -> FloatArray:
+    def _told(self, key: AxisKey, number: Callable[[Axis], float | None]) -> FloatArray:
         missing = left_out(self.description, (key,))
         if missing:
             raise ConfigurationError(missing)
-        number = operator.attrgetter(path)
         return np.array([number(axis) for axis in self.description.axes.values()], dtype=float)
 
 
@@ -102,10 +105,32 @@ def drive_arrays(description: RobotDescription) -> DriveArrays:
         viscous=np.array([axis.friction.viscous for axis in axes]),
         friction_offset=np.array([axis.friction.offset for axis in axes]),
         friction_speed=np.array([axis.friction.speed for axis in axes]),
+        back_emf=np.array([axis.stall_gain * axis.torque_constant for axis in axes]),
         encoder_counts=np.array([axis.sensors.encoder_counts for axis in axes]),
         position_noise=np.array([axis.sensors.position_noise for axis in axes]),
         torque_noise=np.array([axis.sensors.torque_noise for axis in axes]),
     )
+
+
+def _gains(axis: Axis) -> ControllerEntry:
+    """Gains of a drive; those of a servo are of the cascade that it is while its voltage is not at the limit."""
+    servo = axis.servo
+    if servo is None:
+        assert axis.controller is not None  # `left_out` has refused it
+        return axis.controller
+    return ControllerEntry(
+        speed_gain=axis.stall_gain * axis.torque_constant,
+        position_gain=servo.supply_voltage * servo.duty_gain / axis.torque_constant,
+        speed_feedforward=0.0,
+    )
+
+
+def _torque_limit(axis: Axis) -> float | None:
+    """Largest torque that the drive asks for: a servo's at its full voltage; None: not told."""
+    if axis.servo is None:
+        return axis.torque_limit
+    most = axis.stall_gain * axis.servo.supply_voltage
+    return most if axis.torque_limit is None else min(axis.torque_limit, most)
 
 
 def gear_matrix(description: RobotDescription) -> FloatArray:

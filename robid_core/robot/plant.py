@@ -34,6 +34,7 @@ def controller_of(robot: Robot) -> Controller:
         d.speed_feedforward,
         d.torque_limit,
         _encoder_step(robot),
+        d.back_emf,
     )
 
 
@@ -102,7 +103,7 @@ def drive_open_loop(robot: Robot, torque: FloatArray, state: SimulationState, **
     push = np.ascontiguousarray(torque, dtype=float)
     none = np.zeros(robot.n_axis)
     unlimited = np.full(robot.n_axis, np.finfo(float).max)
-    passive = Controller(none, none, none, none, unlimited, _encoder_step(robot))
+    passive = Controller(none, none, none, none, unlimited, _encoder_step(robot), none)
     free = replace(
         state, holding_torque=np.zeros_like(state.holding_torque), integral=np.zeros_like(state.integral)
     )

@@ -37,11 +37,16 @@ def refuse_unstable(robot: Robot, angle: FloatArray, step: float, method: str) -
     _refuse_step(robot, model, step, method)
     growth, axis = _loop(robot, robot.linearize(angle, ("motor_angle",)))
     if growth > GROWTH:
-        d = robot.drives
+        entry, d = robot.structure.axes[robot.axis_names[axis]], robot.drives
+        advice = (
+            f"lower its speed_gain {d.speed_gain[axis]:g}, integral_gain {d.integral_gain[axis]:g} or position_gain "
+            f"{d.position_gain[axis]:g}"
+            if entry.servo is None
+            else f"lower its duty_gain {entry.servo.duty_gain:g} 1/rad, or sample_time_s"
+        )
         raise ConfigurationError(
             f"{robot.name}: {robot.axis_names[axis]}: the controller is unstable, a disturbance grows by "
-            f"{growth:.3g} of itself a sample; lower its speed_gain {d.speed_gain[axis]:g}, integral_gain "
-            f"{d.integral_gain[axis]:g} or position_gain {d.position_gain[axis]:g}"
+            f"{growth:.3g} of itself a sample; {advice}"
         )
 
 

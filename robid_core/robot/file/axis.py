@@ -79,8 +79,23 @@ class ControllerEntry(Part):
     """Share of the reference speed that is fed forward."""
 
 
+class VoltageServo(Part):
+    """A servo that sets a voltage by its position error and no torque: duty = gain * (q_ref - q) within -1 and 1.
+
+    Its direct-current motor gives ``k / R (duty V - k v)`` with the axis' torque constant k: what it induces at speed v
+    brakes it. Switched off (channel `drive_enabled`) its winding is open, and the motor coasts.
+    """
+
+    duty_gain: Positive
+    """Duty cycle per position error, 1/rad."""
+    supply_voltage: Positive
+    """V at a duty cycle of one."""
+    resistance: Positive
+    """Of the winding and its leads, ohm."""
+
+
 class Axis(Part):
-    """One drive: motor, gear, sensors and controller."""
+    """One drive: motor, gear, sensors, and the controller of a torque drive or a servo that sets a voltage."""
 
     joint: str | None = None
     """The joint it moves; by default the joint of the same name."""
@@ -105,4 +120,11 @@ class Axis(Part):
     sensors: Sensors = Sensors()
     """Encoder and torque measurement."""
     controller: ControllerEntry | None = None
-    """Gains of the drive's cascade; null: not known, and asked for by whatever simulates it."""
+    """Gains of the drive's cascade; null: not known, and asked for by whatever simulates it, or a servo."""
+    servo: VoltageServo | None = None
+    """A position servo that sets a voltage, in place of a controller."""
+
+    @property
+    def stall_gain(self) -> float:
+        """Torque of the stalled motor per volt, k / R, N m/V; zero for a torque drive."""
+        return self.torque_constant / self.servo.resistance if self.servo is not None else 0.0

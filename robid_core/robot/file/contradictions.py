@@ -55,10 +55,16 @@ def _sequence(value: Any) -> tuple[Any, ...]:
 def _drives(
     axes: Mapping[str, Mapping[str, Any]], bodies: list[Mapping[str, Any]], joints: list[str]
 ) -> Iterator[Contradiction]:
-    """Every joint has exactly one drive, or a spring of its own and none."""
+    """Every joint has exactly one drive, or a spring of its own and none; a drive sets a torque or a voltage."""
     moved: dict[str, str] = {}
     elastic = {joint for joint, body in zip(joints, bodies, strict=True) if body.get("elastic") is not None}
     for name, axis in axes.items():
+        if axis.get("controller") is not None and axis.get("servo") is not None:
+            yield (
+                ("axes", name),
+                "the drive has a controller and a servo; give `controller` (a cascade that sets torques) or `servo` "
+                "(one that sets a voltage)",
+            )
         joint = str(axis.get("joint") or name)
         if joint not in joints:
             if joints and all(joints):

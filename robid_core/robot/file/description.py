@@ -17,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
-from robid_core.robot.file.axis import Axis, ControllerEntry, Friction, Sensors, Spring
+from robid_core.robot.file.axis import Axis, ControllerEntry, Friction, Sensors, Spring, VoltageServo
 from robid_core.robot.file.body import Body, Direction, FlexibleLink
 from robid_core.robot.file.clock import LONGEST_STEP_S, whole_step
 from robid_core.robot.file.contradictions import contradictions
@@ -43,6 +43,7 @@ __all__ = [
     "RobotDescription",
     "Sensors",
     "Spring",
+    "VoltageServo",
 ]
 
 

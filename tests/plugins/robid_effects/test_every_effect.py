@@ -44,6 +44,7 @@ LIVELY: dict[str, dict[str, float]] = {
     "friction.eyring": {"viscous_forwards": 0.01, "coulomb_backwards": 0.3},
     "friction.load_dependent": {"viscous": 0.01},
     "friction.power_law": {"viscous_backwards": 0.01, "exponent": 1.7},
+    "friction.quadratic_load": {"load_square": 0.3, "viscous": 0.01},
     "friction.lugre": {"damping": 0.3, "viscous": 0.2},
     "friction.stribeck": {"exponent": 1.3, "viscous": 0.01},
     "friction.temperature": {"start": 40.0},
