@@ -114,6 +114,9 @@ class ChannelMap(Settings):
     """-1 where the file counts against the axis of the robot's model; one for all axes, or a list."""
     side: Literal["motor", "joint"] = "motor"
     """Side of the gear on which the file states the values."""
+    hold: bool = False
+    """Whether a value holds until the next one, as a switch does, or what a controller was asked for: `resample` takes
+    the last one then."""
     delay_s: PerAxis = 0.0
     """By how much the file states values too late, s; they are moved back. One for all axes, or a list."""
     enable: Annotated[

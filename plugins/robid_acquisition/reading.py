@@ -204,7 +204,8 @@ class ReadFiles(Sources):
         assert self.resample != "none"
         covered = {name: ~np.isnan(one).all(axis=0) for name, one in values.items()}
         tables = {name: one[:, covered[name]] for name, one in values.items()}
-        even, errors = on_even_grid(tables, known, stamps.time, step, self.resample)
+        held = [name for name, channel in self.channels.items() if channel.hold]
+        even, errors = on_even_grid(tables, known, stamps.time, step, self.resample, held)
         n_sample = len(next(iter(even.values())))
         spread = {name: np.full((n_sample, one.shape[1]), np.nan) for name, one in values.items()}
         for name, one in spread.items():

@@ -11,6 +11,7 @@ of the band-limited one is its difference to a window of half the length, which 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Literal
 
 import numpy as np
@@ -27,7 +28,12 @@ RIDGE = 1e-9  # of the mean square of a row: what the rows do not tell stays sma
 
 
 def on_even_grid(
-    tables: dict[str, FloatArray], known: BoolArray, time: FloatArray, sample_time_s: float, method: Method
+    tables: dict[str, FloatArray],
+    known: BoolArray,
+    time: FloatArray,
+    sample_time_s: float,
+    method: Method,
+    held: Collection[str] = (),
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return channels on the grid that begins at the first row, NaN where they are not known, and their errors.
 
@@ -43,6 +49,8 @@ def on_even_grid(
         Spacing of the grid.
     method
         How.
+    held
+        Channels whose values hold until the next one; they have no error.
 
     Returns
     -------
@@ -76,7 +84,10 @@ def on_even_grid(
         own = time[rows]
         inside = np.flatnonzero((grid >= own[0] - 1e-9 * usual) & (grid <= own[-1] + 1e-9 * usual))
         for name, table in tables.items():
-            if method == "band_limited":
+            if name in held:
+                last = np.searchsorted(own, grid[inside] + 1e-9 * usual, side="right") - 1
+                piece, error = table[rows][last], np.zeros(table.shape[1])
+            elif method == "band_limited":
                 piece, error = _band_limited(own, table[rows], grid[inside], sample_time_s)
             else:
                 piece = _interpolated(own, table[rows], grid[inside], method)

@@ -84,6 +84,23 @@ def test_the_told_error_of_resampling_holds_for_steps_too() -> None:
     assert true / 3 < error["u"][0] < 3 * true
 
 
+def test_what_is_held_keeps_its_values_until_the_next_one() -> None:
+    time = jittered(0.4)
+    values = np.random.default_rng(1).integers(0, 2, 2000).astype(np.float64)
+    step = 0.5 * TimeStamps.of(time).sample_time_s
+    found, error = on_even_grid(
+        {"on": values[:, None], "q": signal(time, 0.1)[:, None]},
+        np.ones(2000, dtype=bool),
+        time,
+        step,
+        "linear",
+        held=["on"],
+    )
+    for instant, value in zip(step * np.arange(len(found["on"])), found["on"][:, 0], strict=True):
+        assert value == values[time <= instant + 1e-12][-1]
+    assert error["on"][0] == 0 < error["q"][0]
+
+
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
 def test_band_limited_resampling_brings_back_what_lies_below_the_nyquist_frequency(share: float) -> None:
     """With a jitter below a quarter of a sample (Kadec) even and uneven samples say the same; 1e-5 is the window's."""
