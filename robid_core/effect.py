@@ -141,6 +141,8 @@ class Effect(abc.ABC):
     """The table: name, unit, default and bounds."""
     test_values: ClassVar[tuple[TestValue, ...]] = ()
     """Values of the law that are known from elsewhere."""
+    searched: ClassVar[bool] = True
+    """Whether a diagnosis tries it unasked; not one of which a law with fewer numbers is a special case."""
 
     @classmethod
     def defaults(cls) -> FloatArray:

@@ -22,7 +22,7 @@ from robid_core import (
     Robot,
     SignalEffect,
 )
-from robid_core.residual import BoundEffect, effect_names, place_in
+from robid_core.residual import BoundEffect, effect_class, effect_names, place_in
 from robid_diagnosis.hypothesis import ZERO_SPEEDS
 
 LABEL = "candidate"
@@ -107,8 +107,12 @@ class Candidate:
 
 
 def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str]:
-    """Return the effects that are tried, by name, strangers' included."""
-    return [name for name in effect_names() if name not in exclude and (not only or name in only)]
+    """Return the effects that are tried, by name, strangers' included; of those that ask for it only where named."""
+    return [
+        name
+        for name in effect_names()
+        if name not in exclude and (name in only if only else effect_class(name).searched)
+    ]
 
 
 def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:

@@ -31,7 +31,7 @@ from robid_core import (
     SeparatingExperiment,
     StageRef,
 )
-from robid_core.residual import check_variants, misfit_table
+from robid_core.residual import check_variants, effect_names, misfit_table
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.free_motion import closed_loop_errors
@@ -171,7 +171,7 @@ class Effects(DiagnosisStage):
 
     def _known(self) -> list[str]:
         """Effects that are asked for; ConfigurationError for a name that there is not."""
-        known = catalogue()
+        known = effect_names()
         for name in (*(one.partition("@")[0] for one in self.only), *self.exclude):
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=1)
@@ -240,7 +240,7 @@ class Effects(DiagnosisStage):
             for one in (*outcome.searches[-1].failures, *selection.failures)
         )
         tried = outcome.searches[0].tried
-        excluded = tuple(name for name in catalogue() if name not in tried)
+        excluded = tuple(name for name in effect_names() if name not in tried)
         return Diagnosis(
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),

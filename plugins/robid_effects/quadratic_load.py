@@ -44,6 +44,7 @@ class QuadraticLoad(ForceEffect):
         "actuators, 2024"
     )
     sides = ("motor", "gear", "arm")
+    searched = False  # load-dependent friction is a special case
     parameters = (
         Parameter("coulomb", "N m", 0.5, 0.0, 1e5, "level without load, F_c"),
         Parameter("load_coulomb", "1", 0.03, 0.0, 2.0, "level per load, a"),

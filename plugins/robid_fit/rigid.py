@@ -28,7 +28,7 @@ from robid_core import (
     pattern_problems,
 )
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
-from robid_fit.rigid_doubts import doubts
+from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
 from robid_fit.rigid_model import KINDS, Columns, Kind, random_motion, torque_columns
@@ -38,6 +38,7 @@ from robid_fit.rigid_unknowns import RigidUnknowns
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
 # A fit that leaves more than this share of the torque unexplained describes another machine.
 LARGEST_RELATIVE_ERROR = 0.5
+SOME = 2  # blocks: one alone leaves nothing
 SEEN = 0.5  # of what was known before: a short table shows what the data have told better
 BODIES = {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1, "rotor_inertia.*": 0.1}
 
@@ -100,6 +101,9 @@ class RigidBodyFit(Estimator):
     """Speed scale of Coulomb friction, tanh(v / v_s), at the motor; 0: plain sign(v); null: the robot's."""
     discard: NonNegativeInt = 0
     """Leading periods left out of a periodic record."""
+    blocks: Annotated[int, Field(ge=0, le=100)] = 0
+    """Blocks into which the record is cut: each is left out of a fit in turn, and what the others make of its torque is
+    told; 0: none."""
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot."""
@@ -133,11 +137,28 @@ class RigidBodyFit(Estimator):
             equations, unknowns, instruments, robust=self.loss == "huber", widen=self.widen
         )
         solution = problem.solve()
-        return _result(robot, record, equations, unknowns, solution, columns, wanted, base)
+        found = _result(robot, record, equations, unknowns, solution, columns, wanted, base)
+        if self.blocks < SOME:
+            return found
+        left = _share(problem.left_out(solution, self.blocks), equations.torque)
+        told = ", ".join(
+            f"{name} {100 * own:.3g} %" for name, own in zip(robot.axis_names, left.tolist(), strict=True)
+        )
+        return found.replace(
+            status=f"{found.status}; torque of blocks left out, {self.blocks} in turn: {told}",
+            stated_doubts=found.stated_doubts
+            + prediction_doubts(_share(solution.at.residual, equations.torque), left, robot.axis_names),
+        )
 
     def _kinds_of_bodies(self) -> tuple[str, ...]:
         bodies = ("mass", "centre_of_mass", "inertia") if "inertia" in self.unknowns else ()
         return (*bodies, "rotor_inertia") if "rotor_inertia" in self.unknowns else bodies
+
+
+def _share(residual: FloatArray, torque: FloatArray) -> FloatArray:
+    """What is left of each torque, rms, (n_axis,)."""
+    result: FloatArray = np.linalg.norm(residual, axis=0) / np.linalg.norm(torque, axis=0)
+    return result
 
 
 def _refuse_still(equations: RigidEquations, independent: IntArray) -> None:

@@ -16,6 +16,7 @@ COLOURED = 0.5  # from one sample to the next
 WIDENED = 3.0  # times the tolerances that were stated
 DISAGREE = 2.0  # stated errors between experiments, rms over the base parameters
 WEAK = 0.5  # of what was known before
+WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence
 
 
@@ -40,6 +41,26 @@ def doubts(
         *_weak(solution, base, base_names),
         *_unlike(solution),
         *_apart(solution, base),
+    )
+
+
+def prediction_doubts(
+    fitted: FloatArray, left_out: FloatArray, axis_names: Sequence[str]
+) -> tuple[Doubt, ...]:
+    """Doubt axes whose torque is predicted much worse than it is fitted; shares that are left, (n_axis,) each."""
+    told = [
+        f"{name} {100 * there:.3g} % for {100 * here:.3g} %"
+        for name, here, there in zip(axis_names, fitted.tolist(), left_out.tolist(), strict=True)
+        if there > WORSE * here
+    ]
+    if not told:
+        return ()
+    return (
+        Doubt(
+            "prediction",
+            f"blocks left out are predicted much worse than they are fitted: {_listed(told)}",
+            "record longer and richer motions, state tolerances that are narrower (prior), or free less (fixed)",
+        ),
     )
 
 

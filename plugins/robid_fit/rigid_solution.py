@@ -79,6 +79,7 @@ class RigidProblem:
     ) -> None:
         self.equations, self.unknowns, self.instruments = equations, unknowns, instruments
         self.robust, self.widen = robust, widen
+        self._counts = np.ones(len(equations.torque))
         self.laws = tuple(name for name in unknowns.free.names if name.startswith("effect."))
         self._place = [unknowns.names.index(name) for name in self.laws]
         self._still = len(unknowns.names) - len(unknowns.friction)
@@ -99,13 +100,25 @@ class RigidProblem:
             rows = rows + columns @ unknowns.slopes(point)[self._place]
         return residual, rows
 
-    def solve(self) -> RigidSolution:
+    def left_out(self, at: RigidSolution, n_block: int) -> FloatArray:
+        """Torque that is left, (n_equation, n_axis), of each of so many blocks by a fit to all others."""
+        found = np.empty_like(at.at.residual)
+        for block in np.array_split(np.arange(len(found)), n_block):
+            rest = RigidProblem(
+                self.equations, self.unknowns, self.instruments, robust=self.robust, widen=self.widen
+            )
+            rest._counts = np.ones(len(found))
+            rest._counts[block] = 0.0
+            found[block] = rest.solve(at.at).at.residual[block]
+        return found
+
+    def solve(self, begin: Linearised | None = None) -> RigidSolution:
         """Go on until weights, tolerances and unknowns stay."""
         unknowns = self.unknowns
-        here = self.linearised(unknowns.start)
+        here = begin or self.linearised(unknowns.start)
         scale, widened = np.sqrt((self.equations.torque**2).mean(axis=0)), 1.0
         scale = np.where(scale > 0, scale, 1.0)
-        kappa, weights, n_rounds = np.ones_like(scale), np.ones_like(here.residual), 0
+        kappa, weights, n_rounds = np.ones_like(scale), self._counts[:, None] * np.ones_like(scale), 0
         settled, asked, last = False, 1.0, np.zeros_like(here.point)
         while not settled and n_rounds < ROUNDS:
             n_rounds += 1
@@ -215,12 +228,12 @@ class RigidProblem:
 
     def _weights(self, at: Linearised) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviation and long-run ratio of each axis, and what each sample counts, (n_equation, n_axis)."""
-        residual, n = at.residual, len(at.residual)
-        each = np.ones_like(residual)
+        residual, n = self._counts[:, None] * at.residual, int(self._counts.sum())
+        each = self._counts[:, None] * np.ones_like(residual)
         if self.robust:
-            middle = NORMAL * np.median(np.abs(residual), axis=0)
+            middle = NORMAL * np.median(np.abs(residual[self._counts > 0]), axis=0)
             size = np.abs(residual) / np.where(middle > 0, middle, 1.0)
-            each = np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
+            each = each * np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
         freedom = max(n - len(at.point) / residual.shape[1], 1.0)
         power = ((each * residual) ** 2).sum(axis=0)
         floor = ROUNDING * float(np.abs(self.equations.torque).max())

@@ -82,3 +82,10 @@ def test_scales_are_those_of_the_place(robot: Robot) -> None:
     assert ratio == pytest.approx(abs(1 / robot.drives.gear[1, 1]))
     assert arm.level == pytest.approx(ratio * motor.level)
     assert motor.speed == pytest.approx(2 * np.sqrt(np.mean(seen**2)))
+
+
+def test_a_law_of_which_others_are_special_cases_is_tried_where_it_is_named() -> None:
+    general = "friction.quadratic_load"
+    assert general not in catalogue()
+    assert catalogue(only=[general]) == [general]
+    assert "friction.load_dependent" in catalogue()

@@ -13,6 +13,7 @@ from oracles.rigid_arm import ARM, STEP, loaded, record_of, recording, slide
 from robid_core import Channel, DenseRun, Record, Robot
 from robid_core.estimation.rigid.coloured import bandwidth, inflation, score_covariance
 from robid_fit.rigid import RigidBodyFit
+from robid_fit.rigid_equations import RigidEquations, Sampling
 
 TRUE = np.array([95.0, 200.0, 20.0, -3.0])  # of the slide: mass with rotor, viscous, Coulomb, offset
 
@@ -155,3 +156,27 @@ def test_instruments_take_away_what_noise_of_the_position_costs(tmp_path: Path) 
     value, error = found["reference"]
     assert abs(value - TRUE[0]) < 3 * error
     assert error < 0.1 * TRUE[0]
+
+
+def test_blocks_that_are_left_out_are_predicted_by_a_fit_to_the_others(tmp_path: Path) -> None:
+    """The same as a fit to a record that lacks the block, within what filters do at the new ends."""
+    robot = slide(tmp_path)
+    record = recording(robot, 5, seconds=12.0, noise=2.0)
+    settings = RigidBodyFit(cutoff_hz=50.0, drop_first=100, drop_last=100)
+    whole = settings.model_copy(update={"blocks": 2}).run(record, robot)
+    told = float(whole.status.rpartition("x ")[2].removesuffix(" %")) / 100
+    position, force = (record.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
+    left, power = 0.0, 0.0
+    for own, other in ((slice(None, 6000), slice(6000, None)), (slice(6000, None), slice(None, 6000))):
+        fit = settings.run(record_of(robot, position[other], force[other]), robot)
+        assert fit.model is not None
+        model = Robot.of_model(fit.model)
+        equations = RigidEquations.of_record(
+            record_of(model, position[own], force[own]),
+            model,
+            model.drives.friction_speed,
+            Sampling(50.0, 4, 10, 100, 100, 0),
+        )
+        rest = equations.torque - equations.regressor @ equations.columns.value
+        left, power = left + float((rest**2).sum()), power + float((equations.torque**2).sum())
+    assert told == pytest.approx(np.sqrt(left / power), rel=0.02)
