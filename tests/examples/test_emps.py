@@ -108,7 +108,9 @@ def test_the_page_shows_measured_against_simulated() -> None:
     page = stage("page").run(robot, record=record, fit=fit, diagnosis=diagnosis).html
     for text in ("mass.carriage", "95.11", "measured − simulated", "motor force", "4.08"):
         assert text in page
-    assert 'class="banner red"' not in page
+    # What four parameters leave has a memory: that, and nothing else, is doubted.
+    assert [doubt.kind for doubt in fit.doubts] == ["residual colour"]
+    assert page.count('<li class="serious">') == 1
     assert len(page) < 8e6
 
 

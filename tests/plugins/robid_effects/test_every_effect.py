@@ -222,7 +222,9 @@ def test_every_parameter_of_a_law_has_a_column(name: str) -> None:
 def test_the_robot_file_of_the_readme_loads_and_moves(tmp_path: Path) -> None:
     readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
     (text,) = (
-        block for block in re.findall(r"```yaml\n(.*?)```", readme, re.DOTALL) if "robid_robot" in block
+        block
+        for block in re.findall(r"```yaml\n(.*?)```", readme, re.DOTALL)
+        if "robid_robot" in block and "effects:" in block
     )
     (tmp_path / "robot.yaml").write_text(text)
     robot = Robot.load(str(tmp_path / "robot.yaml"))
