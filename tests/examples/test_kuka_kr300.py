@@ -29,10 +29,10 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def stage(name: str, **changes: Any) -> Any:
+def stage(name: str) -> Any:
     node = YAML(typ="safe", pure=True).load(EXAMPLE / "pipeline.yaml")["stages"][name]
-    settings = {**node.get("with", {}), **changes}
-    return registry().load(STAGES, node["use"]).model_validate_json(json.dumps(settings), strict=True)
+    text = json.dumps(node.get("with", {}))
+    return registry().load(STAGES, node["use"]).model_validate_json(text, strict=True)
 
 
 @functools.cache

@@ -1,0 +1,94 @@
+"""The Staubli TX40: laws of friction and the ripple of a gear come out of five seconds of motion."""
+
+from __future__ import annotations
+
+import functools
+import json
+import logging
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from robid_core import Context, Fit, Record, Robot
+from robid_core.registry import STAGES, registry
+from robid_core.stage import map_in_process
+
+PROJECT = Path(__file__).parents[2]
+EXAMPLE = PROJECT / "examples" / "staubli_tx40"
+DATA = Path(os.environ.get("ROBID_DATA", PROJECT.parent / "shared" / "data"))
+
+pytestmark = pytest.mark.skipif(
+    not (DATA / "staubli_tx40" / "motor_torque.csv").is_file(),
+    reason=f"{DATA / 'staubli_tx40'} is absent; get it from the examples of FIGAROH and set ROBID_DATA",
+)
+
+
+def stage(name: str) -> Any:
+    node = YAML(typ="safe", pure=True).load(EXAMPLE / "pipeline.yaml")["stages"][name]
+    text = json.dumps(node.get("with", {}))
+    return registry().load(STAGES, node["use"]).model_validate_json(text, strict=True)
+
+
+def context() -> Context:
+    log = logging.getLogger("test.staubli")
+    return Context(np.random.default_rng(0), map_in_process, lambda *_: None, log, data_root=DATA)
+
+
+@functools.cache
+def recorded() -> tuple[Robot, Record]:
+    robot = Robot.load("robot_friction.yaml", EXAMPLE)
+    return robot, stage("acquire").run(robot, context())
+
+
+@functools.cache
+def rough() -> Fit:
+    robot, record = recorded()
+    fit = stage("rough").run(record, robot)
+    assert isinstance(fit, Fit)
+    return fit
+
+
+def left(fit: Fit) -> np.ndarray:
+    (time,) = fit.time
+    return np.linalg.norm(time.measured - time.modelled, axis=0) / np.linalg.norm(time.measured, axis=0)
+
+
+def test_only_the_third_axis_rubs_with_its_load() -> None:
+    table, found = rough().parameters, rough()
+    assert found.converged
+    rows = [table.names.index(f"effect.load_{i}.load_coulomb") for i in range(1, 7)]
+    size, error = table.estimate[rows], table.standard_error[rows]
+    assert size[2] > 10 * error[2]
+    assert (np.delete(size, 2) < 3 * np.delete(error, 2)).all()
+
+
+def test_the_gear_of_the_fourth_axis_has_a_wave_that_both_halves_of_the_motion_show(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    _, record = recorded()
+    assert rough().model is not None
+    with caplog.at_level(logging.INFO, logger="test.staubli"):
+        clean = stage("smooth").run(record, Robot.of_model(rough().model), context())
+    waves = re.findall(r"axis_4: cogging ripple, order ([\d.]+), amplitude ([\d.]+)", caplog.text)
+    orders = np.array([float(order) for order, _ in waves])
+    assert np.abs(orders - 0.640).min() < 0.003
+    assert np.abs(orders - 2 * 0.640).min() < 0.006
+    before, after = record.run.values("motor_torque"), clean.run.values("motor_torque")
+    assert np.abs(before - after)[..., 3].max() > 0.011
+    assert np.array_equal(before[..., :3], after[..., :3])  # no wave stands out there
+
+
+@pytest.mark.full
+def test_each_tenth_is_predicted_by_the_others() -> None:
+    robot, record = recorded()
+    assert rough().model is not None
+    clean = stage("smooth").run(record, Robot.of_model(rough().model), context())
+    fit = stage("fit").run(clean, robot)
+    told = [float(number) for number in re.findall(r"axis_\d ([\d.]+) %", fit.status)]
+    assert (np.array(told[:4]) < [4.9, 4.7, 6.5, 6.5]).all()
+    assert left(fit)[3] < 0.6 * left(rough())[3]
