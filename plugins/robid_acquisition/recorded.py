@@ -33,6 +33,7 @@ from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.recording import Recording
 from robid_acquisition.samples import Samples
 from robid_acquisition.signals import samples_per_period, split_periods, window
+from robid_acquisition.suspect_signals import doubts_of_limits, refuse_jumps
 from robid_core import (
     BoolArray,
     Channel,
@@ -114,6 +115,11 @@ class RecordedAcquisition(ReadFiles):
 
     def _check(self, record: Record, robot: Robot, context: Context) -> None:
         """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it."""
+        if self.plausibility == "refuse":
+            refuse_jumps(record)
+        if self.plausibility != "ignore":
+            for words in doubts_of_limits(record):
+                context.log.warning("%s", words)
         slips = slips_of(record, robot) if self.plausibility != "ignore" else []
         if not slips:
             if self.plausibility != "ignore":

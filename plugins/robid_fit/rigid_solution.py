@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from robid_core import ConfigurationError, FloatArray
+from robid_core import ConfigurationError, FloatArray, NotIdentifiable
 from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.estimation.rigid.coloured import bandwidth, inflation, sandwich, score_covariance
 from robid_fit.rigid_equations import RigidEquations
@@ -28,6 +28,7 @@ ROUNDING = 1e-12  # of the torque: a residual of that is none
 SHORTER = 0.5
 SAME = 1e-9  # of a cost
 SMALL = 1e-6  # of coordinates
+ALIKE = 1e-12  # of the largest eigenvalue, unknowns scaled alike: a millionth of a column is rounding
 TRUSTED = 1.0  # natural units that a law's number moves at once
 
 
@@ -269,6 +270,18 @@ class RigidProblem:
 
     # The end
 
+    def _refuse_alike(self, hessian: FloatArray) -> None:
+        """Raise NotIdentifiable where neither data nor tolerances tell some unknowns apart."""
+        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+        if values[0] < ALIKE:
+            share = np.abs(vectors[:, 0])
+            members = np.flatnonzero(share > 0.1 * share.max()).tolist()
+            raise NotIdentifiable(
+                f"the data cannot tell apart {', '.join(self.unknowns.names[i] for i in members)}; hold some of them "
+                "(fixed), or record a richer motion: both directions, several speeds"
+            )
+
     def _solution(
         self,
         at: Linearised,
@@ -290,6 +303,7 @@ class RigidProblem:
             own = rows[part].reshape(-1, len(precision))
             halves.append((own.T @ own, by_sample[part].sum(axis=0)))
         hessian = sum((half for half, _ in halves), np.diag(precision))
+        self._refuse_alike(hessian)
         freedom = float((len(each) / kappa).sum())
         covariance = sandwich(hessian, scores, precision, freedom)
         influence = [

@@ -62,7 +62,10 @@ def test_the_mass_matrix_is_positive_everywhere_however_little_a_motion_shows(tm
         body["mass"] *= 1.5
         body["centre_of_mass"] = [0.6 * x for x in body.get("centre_of_mass", [0, 0, 0])]
     robot = loaded(tmp_path, wrong)
-    settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=100, drop_last=100)
+    offsets = (
+        "friction.*.offset",
+    )  # an axis that turns one way only does not tell them from Coulomb's level
+    settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=100, drop_last=100, fixed=offsets)
     angle = np.random.default_rng(0).uniform(-3, 3, (300, 3)) * [1, 1, 0.1]
     for seed in range(5):
         fit = settings.run(recording(truth, seed, seconds=1.0, noise=0.3), robot)
@@ -302,3 +305,23 @@ def test_friction_that_scatters_below_zero_is_none_in_the_model(tmp_path: Path) 
     assert fit.model is not None
     assert Robot.of_model(fit.model).parameter("friction.x.coulomb") == 0.0
     assert fit.model.standard_errors()["friction.x.coulomb"] > 0
+
+
+def test_friction_that_one_speed_in_one_direction_cannot_tell_apart_is_refused(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    n = 4000
+    time = np.arange(n) * STEP
+    still = 1e-3 * np.sin(2 * np.pi * 5 * time)[:, None]  # enough to show the mass, too little to turn round
+    position = 0.2 * time[:, None] + still
+    speed, acceleration = (
+        np.gradient(position, STEP, axis=0),
+        np.gradient(np.gradient(position, STEP, axis=0), STEP, axis=0),
+    )
+    force = 95.0 * acceleration + 200.0 * speed + 20.0 - 3.0
+    force = force + 0.1 * np.random.default_rng(1).standard_normal(force.shape)
+    with pytest.raises(NotIdentifiable, match=r"friction\.x\.coulomb, friction\.x\.offset"):
+        RigidBodyFit(cutoff_hz=50.0).run(record_of(robot, position, force), robot)
+    held = RigidBodyFit(cutoff_hz=50.0, fixed=("friction.x.offset",)).run(
+        record_of(robot, position, force), robot
+    )
+    assert held.parameters.value("friction.x.coulomb") == pytest.approx(20.0, abs=1.0)

@@ -1,0 +1,225 @@
+"""Fifteen broken recordings of one robot: each is refused, told of, or read right; none gives a number in silence."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robid_acquisition.recorded import RecordedAcquisition
+from robid_acquisition.suspect_signals import doubts_of_limits
+from robid_core import Context, FloatArray, Record, RobidError, Robot
+from robid_core.stage import map_in_process
+from robid_fit.rigid import RigidBodyFit
+
+ROBOT = Robot.load("six_axis")
+STEP, N_PERIOD, N_SAMPLE = ROBOT.sample_time_s, 4, 1000
+LINES = [3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47]
+AXES = [f"{k}" for k in range(1, 7)]
+
+
+@pytest.fixture(scope="module")
+def sound() -> dict[str, FloatArray]:
+    """Angles and torques of multisines on slow sines, settled: four periods of a second."""
+    draw = np.random.default_rng(0)
+    time = np.arange((N_PERIOD + 2) * N_SAMPLE) / N_SAMPLE
+    phase = draw.uniform(0, 2 * np.pi, (6, len(LINES), 1))
+    waves = np.cos(2 * np.pi * np.array(LINES)[:, None] * time + phase).sum(axis=1)
+    slow = np.sin(2 * np.pi * time + draw.uniform(0, 2 * np.pi, (6, 1)))
+    reference = (4 * waves / waves.std() + 30 * slow).T
+    done = ROBOT.simulate(reference[None], draw.uniform(-0.6, 0.6, (1, 6)), seed=3)
+    return {"q": done.position[0], "tau": done.torque[0]}
+
+
+class Lab:
+    """A folder with recordings, and what reading one says."""
+
+    def __init__(self, folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+        self.folder, self.caplog = folder, caplog
+
+    def read(self, file: str, channels: dict[str, Any] | None = None, **settings: Any) -> Record:
+        usual = {
+            "motor_position": {"column": "q", "unit": "rad"},
+            "motor_torque": {"column": "tau", "unit": "N m"},
+        }
+        words = {"path": file, "channels": usual | (channels or {}), **settings}
+        words.setdefault("sample_time_s", STEP)
+        words = {key: value for key, value in words.items() if value is not None}
+        stage = RecordedAcquisition.model_validate_json(json.dumps(words), strict=True)
+        context = Context(
+            np.random.default_rng(0),
+            map_in_process,
+            lambda *_, **__: None,
+            logging.getLogger("lab"),
+            self.folder,
+        )
+        return stage.run(ROBOT, context)
+
+    def told(self, file: str, *args: Any, **settings: Any) -> str:
+        """All that is said of a recording, refusals among it."""
+        with self.caplog.at_level(logging.WARNING, logger="lab"):
+            try:
+                self.read(file, *args, **settings)
+            except RobidError as refusal:
+                return f"refused: {refusal}"
+        return "\n".join(self.caplog.messages)
+
+
+@pytest.fixture
+def lab(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> Lab:
+    return Lab(tmp_path, caplog)
+
+
+def settled(sound: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    return {name: values[2 * N_SAMPLE :].copy() for name, values in sound.items()}
+
+
+PERIODIC = {"period_s": N_SAMPLE * STEP, "lines": LINES}
+
+
+def test_the_sound_one_is_read_without_a_word(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    np.savez(lab.folder / "run.npz", **settled(sound))
+    assert lab.told("run.npz", torque_hold="zero_order_hold", **PERIODIC) == ""
+
+
+def test_a_turned_sign(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    run["tau"][:, 1] *= -1
+    np.savez(lab.folder / "run.npz", **run)
+    assert "torque of axis_2 has the opposite sign" in lab.told("run.npz")
+
+
+def test_degrees(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    np.savez(lab.folder / "run.npz", q=np.degrees(run["q"]), tau=run["tau"])
+    assert "angles look like degrees" in lab.told("run.npz")
+
+
+def test_a_wrong_hold(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    np.savez(lab.folder / "run.npz", **settled(sound))
+    assert "torque_hold is missing" in str(_refusal(lab, "run.npz", **PERIODIC))
+    assert "hold" in lab.told("run.npz", torque_hold="continuous", **PERIODIC)
+
+
+def _refusal(lab: Lab, file: str, **settings: Any) -> Exception:
+    with pytest.raises((RobidError, ValueError)) as refused:
+        lab.read(file, **settings)
+    return refused.value
+
+
+def test_a_delay(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    np.savez(lab.folder / "run.npz", q=run["q"][1:], tau=run["tau"][:-1])
+    assert "lag the angles by 0.9" in lab.told("run.npz", torque_hold="zero_order_hold")
+
+
+def test_a_wrong_period(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    np.savez(lab.folder / "run.npz", **settled(sound))
+    told = lab.told("run.npz", torque_hold="zero_order_hold", period_s=0.99, lines=LINES)
+    assert "period" in told or "repeat" in told
+
+
+def test_a_transient(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    np.savez(lab.folder / "run.npz", **sound)
+    told = lab.told("run.npz", torque_hold="zero_order_hold", **PERIODIC)
+    assert "first period" in told or "settle" in told or "discard" in told
+
+
+def test_a_missing_experiment(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    for name in ("c1_e1", "c1_e2", "c2_e1"):
+        np.savez(lab.folder / f"{name}.npz", **settled(sound))
+    told = lab.told(None, pattern="c{config}_e{exp}.npz")  # type: ignore[arg-type]
+    assert "configuration 2" in told or "c2" in told
+
+
+def table(run: dict[str, FloatArray], separator: str, comma: bool, head: str = "") -> str:
+    rows = [separator.join([*(f"q{a}" for a in AXES), *(f"tau{a}" for a in AXES)])]
+    for row in np.concatenate((run["q"], run["tau"]), axis=1)[:2000]:
+        rows.append(separator.join(f"{value:.9f}" for value in row))
+    text = "\n".join(rows)
+    return head + (text.replace(".", ",") if comma else text) + "\n"
+
+
+COLUMNS = {
+    "motor_position": {"column": [f"q{a}" for a in AXES], "unit": "rad"},
+    "motor_torque": {"column": [f"tau{a}" for a in AXES], "unit": "N m"},
+}
+
+
+def test_decimal_commas_and_another_encoding(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    (lab.folder / "comma.csv").write_text(table(run, ";", comma=True))
+    (lab.folder / "latin.csv").write_bytes(
+        table(run, ",", comma=False, head="# Prüfstand 3, 21 °C\n").encode("latin-1")
+    )
+    for file in ("comma.csv", "latin.csv"):
+        torque = lab.read(file, COLUMNS).run.values("motor_torque")
+        np.testing.assert_allclose(torque[0, 0, 0, 0], run["tau"][:2000], atol=1e-9)
+
+
+def test_an_uneven_clock(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    time = STEP * (np.arange(len(run["q"])) + np.random.default_rng(1).uniform(-0.3, 0.3, len(run["q"])))
+    np.savez(lab.folder / "run.npz", t=time, **run)
+    told = lab.told("run.npz", sample_time_s=None, time_column="t")
+    assert told.startswith("refused")
+    assert "resample" in told
+
+
+def test_a_computed_channel(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    np.savez(lab.folder / "run.npz", **settled(sound))
+    computed = {"motor_torque": {"column": "tau", "unit": "N m", "computed": True}}
+    with pytest.raises((RobidError, ValueError), match="computed"):
+        lab.read("run.npz", computed)
+
+
+def test_exchanged_axes(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    run["tau"] = run["tau"][:, [1, 0, 2, 3, 4, 5]]
+    np.savez(lab.folder / "run.npz", **run)
+    told = lab.told("run.npz")
+    assert told.startswith("refused")
+    assert "axis_1 and axis_2" in told
+
+
+def test_a_torque_that_a_limit_cut_off(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    limit = 0.7 * np.abs(run["tau"][:, 2]).max()
+    run["tau"][:, 2] = np.clip(run["tau"][:, 2], -limit, limit)
+    np.savez(lab.folder / "run.npz", **run)
+    assert "motor_torque of axis_3 stays at its largest value" in lab.told("run.npz")
+
+
+def test_a_coarse_torque_that_no_limit_cut_off_is_not_taken_for_one(
+    lab: Lab, sound: dict[str, FloatArray]
+) -> None:
+    run = settled(sound)
+    step = np.ptp(run["tau"], axis=0) / 60
+    np.savez(lab.folder / "run.npz", q=run["q"], tau=step * np.round(run["tau"] / step))
+    assert list(doubts_of_limits(lab.read("run.npz"))) == []
+
+
+def test_an_offset_of_the_torque_is_estimated_as_one(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    run["tau"][:, 0] += 0.4
+    np.savez(lab.folder / "run.npz", **run)
+    table = RigidBodyFit(cutoff_hz=20.0, decimation=20).run(lab.read("run.npz"), ROBOT).parameters
+    row = table.names.index("friction.axis_1.offset")
+    assert table.estimate[row] == pytest.approx(0.4, abs=4 * table.standard_error[row])
+
+
+def test_counts_that_wrap(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    wrapped = np.mod(run["q"], 2 * np.pi)
+    assert (np.abs(np.diff(wrapped, axis=0)) > 6).any()
+    np.savez(lab.folder / "run.npz", q=wrapped, tau=run["tau"])
+    told = lab.told("run.npz")
+    assert told.startswith("refused")
+    assert "wraps" in told
+    mended = {"motor_position": {"column": "q", "unit": "rad", "wrap": 2 * np.pi}}
+    position = lab.read("run.npz", mended).run.values("motor_position")[0, 0, 0, 0]
+    np.testing.assert_allclose(np.diff(position, axis=0), np.diff(run["q"], axis=0), atol=1e-9)
