@@ -12,6 +12,7 @@ and 9.3 (correlated residuals). Standard errors are those of residuals that are 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
@@ -82,16 +83,25 @@ class Estimate:
     iterations: int
 
 
-def minimise(problem: OutputErrorProblem, iterations: int) -> Estimate:
+def minimise(
+    problem: OutputErrorProblem, iterations: int, progress: Callable[[float, float, str], None]
+) -> Estimate:
     """Minimise the output error, and weigh residuals against priors by what they turn out to tell."""
-    point, count = np.zeros(len(problem.free.names)), 0
+    point, count, done = np.zeros(len(problem.free.names)), 0, 0
+
+    def equations(there: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        nonlocal done
+        progress(min(done, iterations - 1), iterations, "simulating the closed loop")
+        done += 1
+        return problem.equations(there)
+
     for renewal in range(RENEWALS):
         mean_square, matrix, long_run = problem.information(point)
         before, problem.share = problem.share, information_share(mean_square, matrix, long_run)
         if renewal and abs(problem.share / before - 1) < SETTLED:
             break
         minimum = levenberg_marquardt(
-            problem.equations,
+            equations,
             problem.cost,
             point,
             problem.free.lower,
@@ -168,9 +178,8 @@ class TimeDomainFit(Estimator):
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot from one record or several together."""
         problem = self.problem(record, robot, context.generator)
-        context.progress(0, 1, "simulating the closed loop")
-        estimate = minimise(problem, self.iterations)
-        context.progress(1, 1)
+        estimate = minimise(problem, self.iterations, context.progress)
+        context.progress(self.iterations, self.iterations)
         return self._result(problem, estimate, robot)
 
     # Data and unknowns
