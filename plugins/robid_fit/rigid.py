@@ -16,6 +16,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, Pos
 
 from robid_core import (
     BoolArray,
+    Context,
     Estimator,
     Fit,
     FloatArray,
@@ -109,8 +110,9 @@ class RigidBodyFit(Estimator):
         """Patterns that mean nothing in this robot."""
         return pattern_problems(robot, list(robot.layout), self.fixed, self.prior, lambda name: "")
 
-    def run(self, record: Record, robot: Robot) -> Fit:
+    def run(self, record: Record, robot: Robot, context: Context | None = None) -> Fit:
         """Smooth, differentiate, decimate, solve."""
+        progress = context.progress if context is not None else lambda *_: None
         stiff = rigid_robot(robot)
         speed = robot.drives.friction_speed
         if self.friction_speed is not None:
@@ -136,11 +138,12 @@ class RigidBodyFit(Estimator):
         problem = RigidProblem(
             equations, unknowns, instruments, robust=self.loss == "huber", widen=self.widen
         )
+        progress(0, 1 + self.blocks, "fitting bodies")
         solution = problem.solve()
         found = _result(robot, record, equations, unknowns, solution, columns, wanted, base)
         if self.blocks < SOME:
             return found
-        left = _share(problem.left_out(solution, self.blocks), equations.torque)
+        left = _share(problem.left_out(solution, self.blocks, progress), equations.torque)
         told = ", ".join(
             f"{name} {100 * own:.3g} %" for name, own in zip(robot.axis_names, left.tolist(), strict=True)
         )

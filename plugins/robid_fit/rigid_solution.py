@@ -7,6 +7,7 @@ interpolation, 1992).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,10 +102,13 @@ class RigidProblem:
             rows = rows + columns @ unknowns.slopes(point)[self._place]
         return residual, rows
 
-    def left_out(self, at: RigidSolution, n_block: int) -> FloatArray:
+    def left_out(
+        self, at: RigidSolution, n_block: int, progress: Callable[[float, float, str], None]
+    ) -> FloatArray:
         """Torque that is left, (n_equation, n_axis), of each of so many blocks by a fit to all others."""
         found = np.empty_like(at.at.residual)
-        for block in np.array_split(np.arange(len(found)), n_block):
+        for number, block in enumerate(np.array_split(np.arange(len(found)), n_block)):
+            progress(1 + number, 1 + n_block, "predicting a block left out")
             rest = RigidProblem(
                 self.equations, self.unknowns, self.instruments, robust=self.robust, widen=self.widen
             )
