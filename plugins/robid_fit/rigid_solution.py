@@ -15,7 +15,13 @@ import scipy
 
 from robid_core import ConfigurationError, FloatArray, NotIdentifiable
 from robid_core.estimation.least_squares import levenberg_marquardt
-from robid_core.estimation.rigid.coloured import bandwidth, inflation, sandwich, score_covariance
+from robid_core.estimation.rigid.coloured import (
+    bandwidth,
+    inflation,
+    sandwich,
+    scaled_inverse,
+    score_covariance,
+)
 from robid_fit.rigid_equations import RigidEquations
 from robid_fit.rigid_unknowns import RigidUnknowns
 
@@ -252,7 +258,7 @@ class RigidProblem:
     def _posterior(self, at: Linearised, weight: FloatArray, prior: FloatArray) -> FloatArray:
         """Covariance as if residuals were white in their long-run variance, (n_unknown, n_unknown)."""
         rows = self._seen(at, weight).reshape(-1, len(at.point))
-        return _inverse(rows.T @ rows + np.diag(1 / prior**2))
+        return scaled_inverse(rows.T @ rows + np.diag(1 / prior**2))
 
     def _seen(self, at: Linearised, weight: FloatArray) -> FloatArray:
         """Weighted derivatives as far as instruments show them, (n_equation, n_axis, n_unknown)."""
@@ -333,9 +339,3 @@ def _size(basis: list[FloatArray] | None, residual: FloatArray) -> float:
     if basis is None:
         return float((residual**2).sum())
     return float(sum(((own.T @ residual[:, axis]) ** 2).sum() for axis, own in enumerate(basis)))
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse: FloatArray = scipy.linalg.pinvh(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-    return inverse

@@ -91,9 +91,15 @@ def sandwich(hessian: FloatArray, scores: FloatArray, precision: FloatArray, fre
     freedom
         Independent residuals: fitted unknowns have made them smaller.
     """
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    inverse = scipy.linalg.pinvh(hessian / np.outer(scale, scale)) / np.outer(scale, scale)
+    inverse = scaled_inverse(hessian)
     fitted = float(np.trace(inverse @ (hessian - np.diag(precision))))
     lost = min(freedom / max(freedom - fitted, freedom / MOST_FOR_FREEDOM), MOST_FOR_FREEDOM)
     result: FloatArray = inverse @ (lost * scores + np.diag(precision)) @ inverse
     return (result + result.T) / 2
+
+
+def scaled_inverse(matrix: FloatArray) -> FloatArray:
+    """Inverse of a positive matrix, its rows and columns scaled alike; pseudo-inverse where it is singular."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse: FloatArray = scipy.linalg.pinvh(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+    return inverse
