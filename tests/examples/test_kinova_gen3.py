@@ -2,42 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import logging
-import os
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from oracles.example_stages import LOG, PROJECT, context, needs, stage_of
 from pydantic import ValidationError
-from ruamel.yaml import YAML
 
-from robid_core import Context, RobidError, Robot
-from robid_core.registry import STAGES, registry
-from robid_core.stage import map_in_process
+from robid_core import RobidError, Robot
 
-PROJECT = Path(__file__).parents[2]
 EXAMPLE = PROJECT / "examples" / "kinova_gen3"
-DATA = Path(os.environ.get("ROBID_DATA", PROJECT.parent / "shared" / "data"))
 
-pytestmark = pytest.mark.skipif(
-    not (DATA / "kinova_gen3" / "joint_2_trapez.csv").is_file(),
-    reason=f"{DATA / 'kinova_gen3'} is absent; get it from github wissem01chiha/dynamic-identification and set "
-    "ROBID_DATA",
-)
+pytestmark = needs("kinova_gen3/joint_2_trapez.csv", "github wissem01chiha/dynamic-identification")
 
 
 def stage(name: str, text: str = "") -> Any:
-    node = YAML(typ="safe", pure=True).load(text or (EXAMPLE / "pipeline.yaml").read_text())["stages"][name]
-    settings = json.dumps(node.get("with", {}))
-    return registry().load(STAGES, node["use"]).model_validate_json(settings, strict=True)
-
-
-def context() -> Context:
-    log = logging.getLogger("test.kinova")
-    return Context(np.random.default_rng(0), map_in_process, lambda *_: None, log, data_root=DATA)
+    return stage_of(text or (EXAMPLE / "pipeline.yaml").read_text(), name)
 
 
 def robot() -> Robot:
@@ -68,7 +50,7 @@ def test_both_halves_show_one_wave(caplog: pytest.LogCaptureFixture) -> None:
     record = stage("whole").run(robot(), context())
     model = stage("all").run(record, robot()).model
     assert model is not None
-    with caplog.at_level(logging.INFO, logger="test.kinova"):
+    with caplog.at_level(logging.INFO, logger=LOG):
         stage("waves").run(record, Robot.of_model(model), context())
     orders = re.findall(r"cogging ripple, order ([\d.]+)", caplog.text)
     assert [float(order) for order in orders] == [166.0]

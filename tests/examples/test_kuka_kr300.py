@@ -3,47 +3,27 @@
 from __future__ import annotations
 
 import functools
-import json
-import logging
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-from ruamel.yaml import YAML
+from oracles.example_stages import PROJECT, context, needs, stage_of
 
-from robid_core import Context, Fit, Record, Robot
+from robid_core import Fit, Record, Robot
 from robid_core.pipeline import Pipeline
-from robid_core.registry import STAGES, registry
-from robid_core.stage import map_in_process
 
-PROJECT = Path(__file__).parents[2]
 EXAMPLE = PROJECT / "examples" / "kuka_kr300"
-DATA = Path(os.environ.get("ROBID_DATA", PROJECT.parent / "shared" / "data"))
 
-pytestmark = pytest.mark.skipif(
-    not (DATA / "kuka_kr300" / "trajectory_A.mat").is_file(),
-    reason=f"{DATA / 'kuka_kr300/trajectory_A.mat'} is absent; get it from github JonasWeigand/Robot_Identification "
-    "and set ROBID_DATA",
-)
+pytestmark = needs("kuka_kr300/trajectory_A.mat", "github JonasWeigand/Robot_Identification")
 
 
 def stage(name: str) -> Any:
-    node = YAML(typ="safe", pure=True).load(EXAMPLE / "pipeline.yaml")["stages"][name]
-    text = json.dumps(node.get("with", {}))
-    return registry().load(STAGES, node["use"]).model_validate_json(text, strict=True)
+    return stage_of((EXAMPLE / "pipeline.yaml").read_text(), name)
 
 
 @functools.cache
 def recorded() -> tuple[Robot, Record, Record]:
     robot = Robot.load("robot.yaml", EXAMPLE)
     return robot, *(stage(name).run(robot, context()) for name in ("acquire", "later"))  # type: ignore[return-value]
-
-
-def context() -> Context:
-    log = logging.getLogger("test")
-    return Context(np.random.default_rng(0), map_in_process, lambda *_: None, log, data_root=DATA)
 
 
 @functools.cache

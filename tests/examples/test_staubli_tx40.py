@@ -3,40 +3,23 @@
 from __future__ import annotations
 
 import functools
-import json
 import logging
-import os
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
+from oracles.example_stages import LOG, PROJECT, context, needs, stage_of
 
-from robid_core import Context, Fit, Record, Robot
-from robid_core.registry import STAGES, registry
-from robid_core.stage import map_in_process
+from robid_core import Fit, Record, Robot
 
-PROJECT = Path(__file__).parents[2]
 EXAMPLE = PROJECT / "examples" / "staubli_tx40"
-DATA = Path(os.environ.get("ROBID_DATA", PROJECT.parent / "shared" / "data"))
 
-pytestmark = pytest.mark.skipif(
-    not (DATA / "staubli_tx40" / "motor_torque.csv").is_file(),
-    reason=f"{DATA / 'staubli_tx40'} is absent; get it from the examples of FIGAROH and set ROBID_DATA",
-)
+pytestmark = needs("staubli_tx40/motor_torque.csv", "the examples of FIGAROH")
 
 
 def stage(name: str) -> Any:
-    node = YAML(typ="safe", pure=True).load(EXAMPLE / "pipeline.yaml")["stages"][name]
-    text = json.dumps(node.get("with", {}))
-    return registry().load(STAGES, node["use"]).model_validate_json(text, strict=True)
-
-
-def context() -> Context:
-    log = logging.getLogger("test.staubli")
-    return Context(np.random.default_rng(0), map_in_process, lambda *_: None, log, data_root=DATA)
+    return stage_of((EXAMPLE / "pipeline.yaml").read_text(), name)
 
 
 @functools.cache
@@ -72,7 +55,7 @@ def test_the_gear_of_the_fourth_axis_has_a_wave_that_both_halves_of_the_motion_s
 ) -> None:
     _, record = recorded()
     assert rough().model is not None
-    with caplog.at_level(logging.INFO, logger="test.staubli"):
+    with caplog.at_level(logging.INFO, logger=LOG):
         clean = stage("smooth").run(record, Robot.of_model(rough().model), context())
     waves = re.findall(r"axis_4: cogging ripple, order ([\d.]+), amplitude ([\d.]+)", caplog.text)
     orders = np.array([float(order) for order, _ in waves])
