@@ -39,9 +39,7 @@ from robid_fit.rigid_unknowns import RigidUnknowns
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
 # A fit that leaves more than this share of the torque unexplained describes another machine.
 LARGEST_RELATIVE_ERROR = 0.5
-SOME = 2  # blocks: one alone leaves nothing
 SEEN = 0.5  # of what was known before: a short table shows what the data have told better
-BODIES = {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1, "rotor_inertia.*": 0.1}
 
 
 def structure(
@@ -102,9 +100,9 @@ class RigidBodyFit(Estimator):
     """Speed scale of Coulomb friction, tanh(v / v_s), at the motor; 0: plain sign(v); null: the robot's."""
     discard: NonNegativeInt = 0
     """Leading periods left out of a periodic record."""
-    blocks: Annotated[int, Field(ge=0, le=100)] = 0
+    blocks: Annotated[int, Field(ge=2, le=100)] | None = None
     """Blocks into which the record is cut: each is left out of a fit in turn, and what the others make of its torque is
-    told; 0: none."""
+    told; null: none."""
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot."""
@@ -129,33 +127,29 @@ class RigidBodyFit(Estimator):
         instruments = None
         if self.instruments == "reference":
             instruments = RigidEquations.of_record(record, stiff, speed, sampling, "position_reference")
-        known = {k: v for k, v in BODIES.items() if k.partition(".")[0] in self._kinds_of_bodies()}
-        unknowns = RigidUnknowns.of_robot(
-            stiff, equations.columns, self.unknowns, self.fixed, {**known, **self.prior}
-        )
+        unknowns = RigidUnknowns.of_robot(stiff, equations.columns, self.unknowns, self.fixed, self.prior)
         columns, wanted, base = structure(stiff, self.unknowns, speed)
         _refuse_still(equations, np.flatnonzero(wanted)[base.independent])
         problem = RigidProblem(
             equations, unknowns, instruments, robust=self.loss == "huber", widen=self.widen
         )
-        progress(0, 1 + self.blocks, "fitting bodies")
+        progress(0, 1 + (self.blocks or 0), "fitting bodies")
         solution = problem.solve()
         found = _result(robot, record, equations, unknowns, solution, columns, wanted, base)
-        if self.blocks < SOME:
+        if self.blocks is None:
             return found
-        left = _share(problem.left_out(solution, self.blocks, progress), equations.torque)
+        residual, n_unsettled = problem.left_out(solution, self.blocks, progress)
+        left = _share(residual, equations.torque)
         told = ", ".join(
             f"{name} {100 * own:.3g} %" for name, own in zip(robot.axis_names, left.tolist(), strict=True)
         )
         return found.replace(
-            status=f"{found.status}; torque of blocks left out, {self.blocks} in turn: {told}",
+            status=f"{found.status}; torque of blocks left out, {self.blocks} in turn"
+            + (f" ({n_unsettled} of these fits did not settle)" if n_unsettled else "")
+            + f": {told}",
             stated_doubts=found.stated_doubts
             + prediction_doubts(_share(solution.at.residual, equations.torque), left, robot.axis_names),
         )
-
-    def _kinds_of_bodies(self) -> tuple[str, ...]:
-        bodies = ("mass", "centre_of_mass", "inertia") if "inertia" in self.unknowns else ()
-        return (*bodies, "rotor_inertia") if "rotor_inertia" in self.unknowns else bodies
 
 
 def _share(residual: FloatArray, torque: FloatArray) -> FloatArray:

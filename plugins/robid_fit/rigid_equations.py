@@ -57,7 +57,7 @@ class RigidEquations:
     each: tuple[Experiment, ...]
     sampling: Sampling
     columns: Columns
-    """Names, units and values; the regressor is that of the first state only."""
+    """Names, units and values of the robot; the regressor in it is that of the last experiment alone."""
 
     @classmethod
     def of_record(

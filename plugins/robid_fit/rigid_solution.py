@@ -84,10 +84,12 @@ class RigidProblem:
         *,
         robust: bool,
         widen: bool,
+        counts: FloatArray | None = None,
     ) -> None:
+        """Prepare; `counts` is zero for equations that are left out, (n_equation,)."""
         self.equations, self.unknowns, self.instruments = equations, unknowns, instruments
         self.robust, self.widen = robust, widen
-        self._counts = np.ones(len(equations.torque))
+        self._counts = np.ones(len(equations.torque)) if counts is None else counts
         self.laws = tuple(name for name in unknowns.free.names if name.startswith("effect."))
         self._place = [unknowns.names.index(name) for name in self.laws]
         self._still = len(unknowns.names) - len(unknowns.friction)
@@ -110,18 +112,21 @@ class RigidProblem:
 
     def left_out(
         self, at: RigidSolution, n_block: int, progress: Callable[[float, float, str], None]
-    ) -> FloatArray:
-        """Torque that is left, (n_equation, n_axis), of each of so many blocks by a fit to all others."""
-        found = np.empty_like(at.at.residual)
+    ) -> tuple[FloatArray, int]:
+        """Torque that is left, (n_equation, n_axis), of each of so many blocks by a fit to all others.
+
+        And how many of these fits did not settle.
+        """
+        found, n_unsettled = np.empty_like(at.at.residual), 0
         for number, block in enumerate(np.array_split(np.arange(len(found)), n_block)):
             progress(1 + number, 1 + n_block, "predicting a block left out")
-            rest = RigidProblem(
-                self.equations, self.unknowns, self.instruments, robust=self.robust, widen=self.widen
-            )
-            rest._counts = np.ones(len(found))
-            rest._counts[block] = 0.0
-            found[block] = rest.solve(at.at).at.residual[block]
-        return found
+            counts = np.ones(len(found))
+            counts[block] = 0.0
+            given = self.equations, self.unknowns, self.instruments
+            rest = RigidProblem(*given, robust=self.robust, widen=self.widen, counts=counts).solve(at.at)
+            found[block] = rest.at.residual[block]
+            n_unsettled += not rest.converged
+        return found, n_unsettled
 
     def solve(self, begin: Linearised | None = None) -> RigidSolution:
         """Go on until weights, tolerances and unknowns stay."""

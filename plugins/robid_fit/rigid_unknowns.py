@@ -22,6 +22,7 @@ MOMENTS = tuple(noun.partition(".")[2] for noun in PARAMETERS[4:])
 ENTRIES = tuple(zip(*(index.tolist() for index in np.triu_indices(3)), strict=True))
 FRICTION = ("viscous", "coulomb", "offset")
 PROMISED = ("mass", "centre_of_mass", "inertia", "rotor_inertia")  # by drawings and data sheets
+TOLERANCE = 0.1  # of what these promise, where nobody says another
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,8 @@ class RigidUnknowns:
         ]
         free = [name for name in names if not name.startswith("friction.")]
         friction = tuple(name for name in columns.names if name in names and name.startswith("friction."))
-        return cls(FreeParameters.of_robot(robot, free, dict(priors)), friction, columns)
+        promised = {name: TOLERANCE for name in free if name.partition(".")[0] in PROMISED}
+        return cls(FreeParameters.of_robot(robot, free, promised | dict(priors)), friction, columns)
 
     @property
     def names(self) -> tuple[str, ...]:

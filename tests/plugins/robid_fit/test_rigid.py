@@ -325,3 +325,17 @@ def test_friction_that_one_speed_in_one_direction_cannot_tell_apart_is_refused(t
         record_of(robot, position, force), robot
     )
     assert held.parameters.value("friction.x.coulomb") == pytest.approx(20.0, abs=1.0)
+
+
+@pytest.mark.parametrize("fixed", ["rotor_inertia.*", "centre_of_mass.*"])
+def test_what_is_held_needs_no_tolerance(tmp_path: Path, fixed: str) -> None:
+    robot = loaded(tmp_path, ARM)
+    settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500, fixed=(fixed,))
+    fit = settings.run(recording(robot, 1), robot)
+    assert fit.converged
+    assert not [name for name in fit.parameters.names if name.startswith(fixed[:-1])]
+
+
+def test_one_block_left_out_is_nothing_to_fit_to() -> None:
+    with pytest.raises(ValueError, match="greater than or equal to 2"):
+        RigidBodyFit(blocks=1)

@@ -60,6 +60,24 @@ def test_intervals_hold_the_truth_where_residuals_are_coloured(tmp_path: Path) -
     assert 0.88 <= np.mean(held) <= 0.99
 
 
+def test_standard_errors_cover_with_axes_of_different_noise(tmp_path: Path) -> None:
+    """Each axis is weighted by its own residual: the first has a hundred times the noise of the second."""
+    robot = loaded(tmp_path, ARM)
+    clean = recording(robot, 1, seconds=8.0)
+    position, torque = (clean.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
+    settings = RigidBodyFit(cutoff_hz=50.0, decimation=10, drop_first=200, drop_last=200)
+    draw, true = np.random.default_rng(4), settings.run(clean, robot).base
+    assert true is not None
+    normalised = []
+    for _ in range(12):
+        noise = [0.5, 0.005, 0.5] * draw.standard_normal(torque.shape)
+        base = settings.run(record_of(robot, position, torque + noise), robot).base
+        assert base is not None
+        normalised.append((base.estimate - true.estimate) / base.standard_error)
+    # The mean of 240 squares scatters by 0.1 where all are independent; tolerances keep some below one.
+    assert 0.5 < np.mean(np.square(normalised)) < 1.4
+
+
 def test_a_record_of_white_noise_has_no_inflation_to_speak_of(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     fit = RigidBodyFit(cutoff_hz=50.0).run(recording(robot, 8, seconds=10.0, noise=1.0), robot)

@@ -1,17 +1,16 @@
-"""Smoothing, differentiation, decimation, weighted least squares and base parameters."""
+"""Smoothing, differentiation, decimation and base parameters."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from robid_core.errors import DataRejected, NotIdentifiable
+from robid_core.errors import DataRejected
 from robid_core.estimation.rigid.regression import (
     base_parameters,
     decimate,
     decimated_index,
     differentiate,
-    linear_least_squares,
     smooth,
 )
 
@@ -76,56 +75,6 @@ def test_decimation_passes_slow_waves_and_stops_what_would_fold_back() -> None:
 def test_decimation_by_one_changes_nothing() -> None:
     values = np.random.default_rng(0).normal(size=(7, 2))
     np.testing.assert_array_equal(decimate(values, 1), values)
-
-
-def test_one_axis_is_ordinary_least_squares() -> None:
-    draw = np.random.default_rng(2)
-    a, b = draw.normal(size=(200, 1, 3)) * [1.0, 1e4, 1e-4], draw.normal(size=(200, 1))
-    fit = linear_least_squares(a, b, ("x", "y", "z"))
-    expected, (squares,), _, _ = np.linalg.lstsq(a[:, 0], b[:, 0])
-    np.testing.assert_allclose(fit.estimate, expected, rtol=1e-9)
-    np.testing.assert_allclose(fit.covariance, squares / 197 * np.linalg.inv(a[:, 0].T @ a[:, 0]), rtol=1e-8)
-    assert fit.relative_error == pytest.approx(np.sqrt(squares) / np.linalg.norm(b))
-
-
-def test_standard_errors_cover_with_axes_of_different_noise() -> None:
-    draw = np.random.default_rng(3)
-    true, noise = np.array([2.0, -1.0, 0.5]), np.array([0.01, 1.0])
-    a = draw.normal(size=(150, 2, 3))
-    normalised, plain = [], []
-    for _ in range(200):
-        b = a @ true + noise * draw.normal(size=(150, 2))
-        fit = linear_least_squares(a, b, ("x", "y", "z"))
-        normalised.append((fit.estimate - true) / fit.standard_error)
-        plain.append(np.linalg.lstsq(a.reshape(-1, 3), b.reshape(-1))[0] - true)
-    # The mean of 600 squares of a standard normal variable scatters by sqrt(2/600) = 0.058: five of these.
-    assert np.mean(np.square(normalised)) == pytest.approx(1.0, abs=0.3)
-    # Without weights the noisy axis would decide: its noise is 100 times that of the other.
-    errors = np.array(normalised) * fit.standard_error
-    assert np.std(errors) < 0.05 * np.std(plain)
-
-
-def test_exact_data_give_the_exact_answer() -> None:
-    a = np.random.default_rng(4).normal(size=(20, 2, 2))
-    fit = linear_least_squares(a, a @ [3.0, 4.0], ("x", "y"))
-    np.testing.assert_allclose(fit.estimate, [3.0, 4.0], rtol=1e-12)
-    assert fit.relative_error < 1e-14
-
-
-def test_what_the_data_cannot_see_is_refused_by_name() -> None:
-    draw = np.random.default_rng(5)
-    a = draw.normal(size=(50, 1, 4))
-    a[:, :, 3] = a[:, :, 1] + 1e-10 * draw.normal(size=(50, 1))
-    with pytest.raises(NotIdentifiable, match=r"cannot tell apart inertia, friction \("):
-        linear_least_squares(a, a[:, :, 0], ("mass", "inertia", "offset", "friction"))
-    a[:, :, 2] = 0.0
-    with pytest.raises(NotIdentifiable, match="does not excite offset;"):
-        linear_least_squares(a, a[:, :, 0], ("mass", "inertia", "offset", "friction"))
-
-
-def test_as_many_parameters_as_equations_are_too_many() -> None:
-    with pytest.raises(DataRejected, match="4 equations cannot carry 4 parameters"):
-        linear_least_squares(np.zeros((2, 2, 4)), np.zeros((2, 2)), ("a", "b", "c", "d"))
 
 
 def test_dependent_columns_are_grouped_into_the_first_of_their_set() -> None:
