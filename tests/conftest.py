@@ -35,7 +35,11 @@ DEAR = (  # files that begin first: a worker that begins late with one keeps the
     "plugins/robid_effects/test_every_effect.py",
 )
 SOURCES = [sys.executable, "-m", "compileall", "-q", "robid_core", "plugins", "adapters"]
-SIMULATOR = [sys.executable, "-c", "from robid_core.mechanics import warm_up; warm_up()"]
+SIMULATOR = [
+    sys.executable,
+    "-c",
+    "from robid_core.run.compilation import compile_ahead; compile_ahead(jobs=1)",
+]
 LOCAL_METHODS = [
     *(sys.executable, "-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider"),
     str(HERE / "robid_core" / "estimation" / "response" / "local" / "test_between_blocks.py"),

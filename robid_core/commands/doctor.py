@@ -75,17 +75,9 @@ def plugins() -> list[Finding]:
 
 def kernel_cache() -> Finding:
     """Tell where compiled kernels are kept, and whether that can be written."""
-    import robid_core
+    from robid_core.compiled.machine_code import cache_folder
 
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else Path(robid_core.__file__).parent
-    if _writable(folder):
-        return 0, f"compiled kernels are kept in {chosen or 'the folders of their sources'}"
-    # numba then falls back to a folder of the user; only the first run of each process is slow if that fails too.
-    return (
-        0,
-        f"{folder} cannot be written: kernels are kept in the user's cache folder, or compiled every time",
-    )
+    return 0, f"compiled kernels are kept in {cache_folder('kernels')}, for all installations of this user"
 
 
 def threads() -> Finding:

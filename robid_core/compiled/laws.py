@@ -12,26 +12,23 @@ runs it lane after lane.
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import importlib.util
 import os
-import platform
 import sys
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
 from typing import Any, Literal
 
 import numba
-import numpy as np
 from numba.core.caching import NullCache
 from numba.core.errors import NumbaError
 from numba.extending import is_jitted
 
+from robid_core.compiled.content import content_hash, reached
 from robid_core.compiled.lanes import LANES
+from robid_core.compiled.machine_code import cache_folder
 from robid_core.errors import PluginError
 
 Law = Any
@@ -97,7 +94,7 @@ def _compile(law: Law, kind: Kind, n_state: int, n_argument: int | None) -> Entr
     sources = {
         way: _source(name, way, kind, n_state, None if way == "single" else n_argument) for way in ways
     }
-    digest = law_hash(law)
+    digest = content_hash(law.py_func)
     try:
         single, lanes, vectorized = _entry(law, name, sources["single"], digest), None, True
         lanes = _entry(law, name, sources["lanes"], digest)
@@ -105,92 +102,6 @@ def _compile(law: Law, kind: Kind, n_state: int, n_argument: int | None) -> Entr
         single = _entry(law, name, sources["single"], digest)  # an error here is the law's own
         lanes, vectorized = _entry(law, name, sources["lane_after_lane"], digest), False
     return Entries(single.address, lanes.address, vectorized, (law, single, lanes))
-
-
-# What a law reaches --------------------------------------------------------------------------------------------
-
-
-def reached(law: Law) -> list[Any]:
-    """Return the law and every compiled function it calls, directly or through others."""
-    found: dict[int, Any] = {}
-    waiting = [law]
-    while waiting:
-        function = waiting.pop()
-        if id(function) in found:
-            continue
-        found[id(function)] = function
-        waiting += [thing for _, thing in _named(function.py_func) if is_jitted(thing)]
-    return list(found.values())
-
-
-def law_hash(law: Law) -> str:
-    """Hash of everything that decides what a law computes: sources, code, constants, compiler.
-
-    The code as Python has it counts besides its source: a file may have been edited since it was imported, and what
-    is compiled then is the code.
-    """
-    digest = hashlib.sha256(f"{numba.__version__} {LANES} {sys.version_info} {platform.machine()}".encode())
-    texts: dict[str, bytes] = {}
-    here = Path(__file__).parent
-    for path in (Path(__file__), here / "lanes.py", here / "views.py"):
-        texts[str(path)] = path.read_bytes()
-    constants: list[str] = []
-    for function in reached(law):
-        python = function.py_func
-        texts.setdefault(*_text(python))
-        constants.append(f"{python.__qualname__} {_code(python.__code__)}")
-        for name, thing in _named(python):
-            if isinstance(thing, FunctionType):
-                texts.setdefault(*_text(thing))
-                constants.append(f"{thing.__qualname__} {_code(thing.__code__)}")
-            elif isinstance(thing, np.ndarray):
-                constants.append(
-                    f"{python.__qualname__}.{name} {thing.dtype} {thing.shape} {thing.tobytes().hex()}"
-                )
-            elif isinstance(thing, (bool, int, float, complex, str, tuple)):
-                constants.append(f"{python.__qualname__}.{name} {thing!r}")
-    for _, text in sorted(texts.items()):
-        digest.update(hashlib.sha256(text).digest())
-    digest.update("\n".join(sorted(constants)).encode())
-    return digest.hexdigest()
-
-
-def _text(function: FunctionType) -> tuple[str, bytes]:
-    path = Path(function.__code__.co_filename)
-    try:
-        return str(path), path.read_bytes()
-    except OSError:  # typed at a prompt
-        return f"{path} {function.__qualname__}", function.__code__.co_code
-
-
-def _code(code: CodeType) -> str:
-    """Instructions, names and constants of a function, those of functions inside it included."""
-    inner = [_code(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
-    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {inner}"
-
-
-def _named(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Things that a function names: globals, what they hold where they are modules, and what it closes over."""
-    names = set(_names(function.__code__))
-    scope = dict(
-        zip(function.__code__.co_freevars, (c.cell_contents for c in function.__closure__ or ()), strict=True)
-    )
-    scope |= {name: function.__globals__[name] for name in names if name in function.__globals__}
-    for name, thing in scope.items():
-        yield name, thing
-        if isinstance(thing, ModuleType) and thing.__name__.partition(".")[0] not in (
-            "numpy",
-            "math",
-            "numba",
-        ):
-            yield from ((f"{name}.{n}", getattr(thing, n)) for n in names if hasattr(thing, n))
-
-
-def _names(code: CodeType) -> Iterator[str]:
-    yield from code.co_names
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _names(constant)
 
 
 # Entries -------------------------------------------------------------------------------------------------------
@@ -260,7 +171,7 @@ def _entry(law: Law, name: tuple[str, str] | None, source: str, digest: str) -> 
         exec(compile(source, "<entry of a law>", "exec"), scope)
         return numba.cfunc(ENTRY, **options)(scope["entry"])
     key = hashlib.sha256(f"{digest} {name} {source}".encode()).hexdigest()[:32]
-    path = cache_folder() / f"law_{key}.py"
+    path = cache_folder("laws") / f"law_{key}.py"
     if not path.is_file():
         _write(path, source)
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -270,22 +181,6 @@ def _entry(law: Law, name: tuple[str, str] | None, source: str, digest: str) -> 
     sys.modules[path.stem] = module  # where numba looks for it when it loads the machine code
     spec.loader.exec_module(module)
     return numba.cfunc(ENTRY, cache=True, **options)(module.entry)
-
-
-@functools.cache
-def cache_folder() -> Path:
-    """Folder for the modules of entries: numba's cache folder where one is set, else the user's."""
-    home = (
-        os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    )
-    for folder in (Path(home) / "robid" / "laws", Path(tempfile.gettempdir()) / f"robid-laws-{os.getuid()}"):
-        try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK) and folder.stat().st_uid == os.getuid():
-            return folder
-    return Path(tempfile.mkdtemp(prefix="robid-laws-"))
 
 
 def _write(path: Path, text: str) -> None:

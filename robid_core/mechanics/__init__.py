@@ -55,9 +55,10 @@ from robid_core.mechanics.slopes import (
 )
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
 from robid_core.mechanics.tool import Pose, pose_of
-from robid_core.mechanics.warm_up import warm_up
+from robid_core.mechanics.warm_up import WARM_UP
 
 __all__ = [
+    "WARM_UP",
     "PRISMATIC",
     "REVOLUTE",
     "Chain",
@@ -104,7 +105,6 @@ __all__ = [
     "smooth_sign",
     "solve_equilibrium",
     "torque_slopes",
-    "warm_up",
     "where",
     "with_motor_impedance",
 ]

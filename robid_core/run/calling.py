@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from robid_core.artifacts import Artifact, Truth
+from robid_core.compiled.telling import compilation_told
 from robid_core.drives import Drives
 from robid_core.executors import ProcessMap, process_executor
 from robid_core.interruption import heed
-from robid_core.mechanics import warm_up
 from robid_core.pipeline import StageNode
 from robid_core.pipeline.wiring import each
 from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of
 from robid_core.run.beginning import executor_choice
+from robid_core.run.compilation import compile_ahead
 from robid_core.run.confine import Job, run_confined
 from robid_core.run.folder import RunFolder
 from robid_core.run.guard import checked_result
@@ -70,9 +71,9 @@ class Caller:
                     self._progress(node),
                     self._raw_folder(node),
                 )
-        if Robot in node.stage.lends().values():
-            self._compile_kernels(node)
-        return checked_result(node, node.stage.run(**arguments))
+        self._compile_ahead(node)
+        with compilation_told(lambda kernel: self._tell_compilation(node, kernel)):
+            return checked_result(node, node.stage.run(**arguments))
 
     def _raw_folder(self, node: StageNode) -> Path:
         """Return the folder for logs that are no artifacts; each motion of hardware gets one of its own."""
@@ -84,12 +85,20 @@ class Caller:
             folder.mkdir(parents=True, exist_ok=True)
         return folder
 
-    def _compile_kernels(self, node: StageNode) -> None:
-        """Compile what the robot's mechanics need, or read it from the cache, and say so: once a process."""
-        if not self._compiled:
-            progress = self._progress(node)
-            warm_up(lambda kernel: progress(0, 1, f"compiling kernels, once: {kernel}"))
+    def _compile_ahead(self, node: StageNode) -> None:
+        """Compile what simulations need before the first stage of a pipeline that simulates; once a process."""
+        stages = self._shared.pipeline.stages
+        if not self._compiled and Robot in node.stage.lends().values() and any(map(_has_drives, stages)):
             self._compiled = True
+            jobs = self._tasks.jobs if isinstance(self._tasks, ProcessMap) else 0
+            compile_ahead(self._progress(node), jobs)
+
+    def _tell_compilation(self, node: StageNode, kernel: str) -> None:
+        if not self._compiled:
+            self._compiled = True
+            self._listener.note(
+                f"{node.name}: compiling kernels as they are needed, once: {kernel} and others"
+            )
 
     def _inputs(
         self, node: StageNode, entries: Mapping[str, Entry]

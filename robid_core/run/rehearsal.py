@@ -6,7 +6,6 @@ written, and nothing that could move is lent.
 
 from __future__ import annotations
 
-import functools
 import logging
 import time
 from collections.abc import Callable
@@ -16,12 +15,12 @@ from typing import Any
 
 from robid_core.artifacts import Artifact
 from robid_core.executors import one_thread
-from robid_core.mechanics import warm_up
 from robid_core.pipeline import Pipeline, StageNode
 from robid_core.pipeline.wiring import each
 from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of
 from robid_core.run.calling import make_context
+from robid_core.run.compilation import compile_ahead
 from robid_core.run.guard import checked_result, named_errors
 from robid_core.run.log import NAME
 from robid_core.run.progress import Listener, Silence
@@ -72,7 +71,7 @@ def rehearse(pipeline: Pipeline, listener: Listener | None = None) -> dict[str, 
             began = time.perf_counter()
             progress = _progress(listener, node.name)
             if index == 1:
-                warm_up(functools.partial(_compiling, progress))
+                compile_ahead(progress)
             made[node.name] = _make(node, pipeline, robot, made, progress)
             listener.end(node.name, "made", time.perf_counter() - began)
     return made
@@ -114,10 +113,6 @@ class _Heard(logging.Handler):
         """Keep it; errors are raised as well."""
         if record.levelno == logging.WARNING:
             self.warnings.append(record.getMessage())
-
-
-def _compiling(progress: Callable[..., None], kernel: str) -> None:
-    progress(0, 1, f"compiling kernels, once: {kernel}")
 
 
 def _progress(listener: Listener, name: str) -> Callable[..., None]:

@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from robid_core.mechanics import warm_up
-
 _LAW = """
 from robid_core.compiled.kernel import kernel
 @kernel
@@ -42,10 +40,3 @@ def test_a_cached_kernel_is_compiled_again_when_a_law_in_another_file_changes(tm
     assert run(1.0) == ["3.0", "0"]
     assert run(1.0) == ["3.0", "1"]
     assert run(4.0) == ["9.0", "0"]
-
-
-def test_warming_up_tells_what_it_compiles() -> None:
-    told: list[str] = []
-    warm_up(told.append)
-    assert [line.split(":")[0] for line in told] == [f"kernel {k} of 4" for k in (1, 2, 3, 4)]
-    warm_up()

@@ -14,7 +14,8 @@ import numba
 import numpy as np
 import pytest
 
-from robid_core.compiled.laws import entries_of, law_hash
+from robid_core.compiled.content import content_hash
+from robid_core.compiled.laws import entries_of
 from robid_core.errors import PluginError
 from robid_core.mechanics import (
     Controller,
@@ -236,7 +237,7 @@ def test_a_law_that_is_edited_while_it_runs_leaves_no_stale_code_behind(tmp_path
 
 
 def test_two_laws_of_one_file_have_different_entries_but_one_law_has_one(tmp_path: Path) -> None:
-    assert law_hash(branching_law) == law_hash(branching_law)
+    assert content_hash(branching_law.py_func) == content_hash(branching_law.py_func)
     first = entries_of(branching_law, "force", 1, "a")
     assert first is entries_of(branching_law, "force", 1, "b")
     assert first.single != entries_of(coulomb_viscous_law, "force", 0, "c").single

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from robid_core.compiled.machine_code import VERSIONS
+
 KERNEL = "from robid_core.compiled.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + {number}\n"
 # Ends the process at once after so many files of the cache are written: index and machine code of one function.
 KILLED = """
@@ -97,11 +99,60 @@ def test_two_signatures_compiled_at_once_both_stay_and_keep_their_code(tmp_path:
     assert said(run(again)) == "5.5 5.75 2"
 
 
-def test_machine_code_of_earlier_sources_is_removed(tmp_path: Path, run: Start) -> None:
-    for number in ("1.0", "2.0", "3.0"):
-        edit(tmp_path, number)
-        assert said(run(CALL)).startswith(number)
-    assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
+def codes(folder: Path) -> list[Path]:
+    return sorted((folder / "cache").rglob("*.nbc"))
+
+
+def test_machine_code_of_sources_of_long_ago_is_removed(tmp_path: Path, run: Start) -> None:
+    for number in range(1, VERSIONS + 3):
+        edit(tmp_path, f"{number}.0")
+        assert said(run(CALL)).startswith(f"{number}.0")
+    assert len(codes(tmp_path)) == VERSIONS
+    assert said(run(CALL)) == f"{number}.0 {{(float64,): 1}}", "the newest is kept"
+
+
+def test_the_same_source_in_another_place_finds_the_machine_code(tmp_path: Path, run: Start) -> None:
+    edit(tmp_path, "2.0")
+    assert said(run(CALL)) == "2.0 {}"
+    other = tmp_path / "other"
+    other.mkdir()
+    (tmp_path / "edited_kernel.py").rename(other / "edited_kernel.py")
+    os.utime(other / "edited_kernel.py", (5e8, 5e8))
+    assert said(run(f"import sys; sys.path.insert(0, {str(other)!r}); {CALL}")) == "2.0 {(float64,): 1}"
+    assert len(codes(tmp_path)) == 1
+
+
+def test_a_constant_of_another_file_decides_what_is_found(tmp_path: Path, run: Start) -> None:
+    header = "from robid_core.compiled.kernel import kernel\nimport {0}\n"
+    body = "from constants import SIZE\n\n\n@kernel\ndef plus(x):\n    return x + SIZE\n"
+    (tmp_path / "edited_kernel.py").write_text(header.format("constants") + body)
+    for size in ("1.0", "2.0", "1.0"):
+        (tmp_path / "constants.py").write_text(f"SIZE = {size}\n")
+        os.utime(tmp_path / "constants.py", (1e9 + float(size), 1e9 + float(size)))
+        assert said(run(CALL)).startswith(size)
+    assert said(run(CALL)) == "1.0 {(float64,): 1}"
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
+def test_a_damaged_file_is_compiled_anew(tmp_path: Path, run: Start, suffix: str, damage: str) -> None:
+    edit(tmp_path, "3.0")
+    assert said(run(CALL)) == "3.0 {}"
+    (path,) = (tmp_path / "cache").rglob(f"*.{suffix}")
+    content = bytearray(path.read_bytes())
+    if damage == "flipped":
+        content[len(content) // 2] ^= 0x10
+    path.write_bytes({"cut": content[: len(content) // 2], "flipped": content, "empty": b""}[damage])
+    assert said(run(CALL)).startswith("3.0")
+    assert said(run(CALL)) == "3.0 {(float64,): 1}"
+
+
+def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, run: Start) -> None:
+    """As on a full disk: writing fails, the kernel is compiled."""
+    edit(tmp_path, "4.0")
+    full = "from numba.core.caching import IndexDataCacheFile as F\ndef full(*_):\n    raise OSError(28, 'full')\n"
+    assert said(run(f"{full}F._open_for_write = full\n{CALL}")) == "4.0 {}"
+    assert codes(tmp_path) == []
 
 
 def test_an_index_that_names_a_type_which_is_no_more_is_made_anew(tmp_path: Path, run: Start) -> None:

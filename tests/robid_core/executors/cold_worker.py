@@ -39,7 +39,7 @@ def digest(folder: Path) -> str:
 
 if __name__ == "__main__":
     cache, start = Path(sys.argv[1]), Path(sys.argv[2])
-    laws.cache_folder = lambda: cache  # type: ignore[assignment]
+    laws.cache_folder = lambda what: cache  # type: ignore[assignment]
     print("ready", flush=True)
     while not start.exists():
         time.sleep(0.001)
