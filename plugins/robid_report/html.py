@@ -219,7 +219,7 @@ class HtmlReport(ReportStage):
             "title": self.title or robot.name,
             "robot": robot.name,
             "axes": robot.axis_names,
-            "findings": findings(frf, fit, record, design, truth),
+            "findings": findings(frf, fit, record, design, diagnosis, truth),
             "facts": facts(frf, fit, record, design, diagnosis, truth),
             "verdict": diagnosis.verdict.split("\n") if diagnosis is not None else [],
             "causes": cause_sections(diagnosis),

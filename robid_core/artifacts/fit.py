@@ -126,8 +126,13 @@ class Fit(Artifact):
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
-        """Every reason not to rely on these numbers, as screen, page and manifest tell it."""
+        """Every doubt and remark about these numbers, as screen, page and manifest tell them."""
         return judge(self)
+
+    @property
+    def is_doubted(self) -> bool:
+        """Whether there is any reason not to rely on these numbers."""
+        return any(not doubt.is_remark for doubt in self.doubts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +143,8 @@ class Diagnosis(Artifact):
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
     `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
     `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency;
-    `witness` what frequency responses say of its stiffnesses, None where they were not asked.
+    `witness` what frequency responses say of its stiffnesses, None where they were not asked; `doubts` are reasons not
+    to rely on its numbers.
     """
 
     method: str
@@ -155,3 +161,4 @@ class Diagnosis(Artifact):
     data: DiagnosedData | None = None
     residuals: tuple[ResidualCurve, ...] = ()
     witness: Witness | None = None
+    doubts: tuple[Doubt, ...] = ()
