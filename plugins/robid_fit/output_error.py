@@ -18,6 +18,8 @@ from robid_core.estimation.disagreement import ExperimentShare
 from robid_core.estimation.serial_correlation import long_run_matrix
 from robid_core.mechanics import SimulationDiverged
 
+ROUNDING = 1e-30  # of a squared residual in units of what was measured
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -198,7 +200,7 @@ def information_share(mean_square: float, gauss_newton: FloatArray, long_run: Fl
     white = mean_square * np.diag(gauss_newton)
     told = white > 0
     ratio = np.log(np.diag(long_run)[told] / white[told]) if told.any() else np.zeros(1)
-    return 1 / (max(mean_square, 1e-300) * max(float(np.exp(ratio.mean())), 1.0))
+    return 1 / (max(mean_square, ROUNDING) * max(float(np.exp(ratio.mean())), 1.0))
 
 
 def _power(residuals: Sequence[FloatArray]) -> float:

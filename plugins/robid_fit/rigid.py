@@ -29,6 +29,7 @@ from robid_core import (
     pattern_problems,
 )
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
+from robid_core.residual import excited_range
 from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
@@ -136,6 +137,7 @@ class RigidBodyFit(Estimator):
         progress(0, 1 + (self.blocks or 0), "fitting bodies")
         solution = problem.solve()
         found = _result(robot, record, equations, unknowns, solution, columns, wanted, base)
+        found = found.replace(excited=excited_range((record,)))
         if self.blocks is None:
             return found
         residual, n_unsettled = problem.left_out(solution, self.blocks, progress)

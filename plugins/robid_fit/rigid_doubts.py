@@ -88,7 +88,7 @@ def _coloured(
             "residual colour",
             f"{sentence}. Standard errors count it: they are {wider:.2g} times those of residuals without memory "
             "(median over the base parameters)",
-            "diagnosis.effects looks for what acts in the machine and is not in the model; a bias by it no error counts",
+            "diagnosis.effects looks for what acts in the machine and is not in the model; errors count no bias by it",
             "remark",
         )
         return

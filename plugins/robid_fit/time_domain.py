@@ -40,7 +40,13 @@ from robid_core import (
 from robid_core.estimation.disagreement import ExperimentShare, disagreement
 from robid_core.estimation.least_squares import Minimum, levenberg_marquardt
 from robid_core.estimation.serial_correlation import n_cosine, sandwich_covariance
-from robid_core.residual import check_variants, default_patterns, parts_by_variant
+from robid_core.residual import (
+    check_variants,
+    default_patterns,
+    excited_range,
+    parts_by_variant,
+    variant_robots,
+)
 from robid_fit.disagreement_doubt import disagreement_doubt
 from robid_fit.output_error import (
     OutputErrorProblem,
@@ -168,6 +174,10 @@ class TimeDomainFit(Estimator):
     """Robots under which variants of a record were measured, where they are not the nominal one; all share the free
     parameters."""
 
+    constants: dict[str, str] = {}
+    """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
+    has the value of its experiments, and needs no file under `robots`."""
+
     tells_variants: ClassVar[bool] = True
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
@@ -183,7 +193,9 @@ class TimeDomainFit(Estimator):
         problem = self.problem(record, robot, context.generator)
         estimate = minimise(problem, self.iterations, context.progress)
         context.progress(self.iterations, self.iterations)
-        return self._result(problem, estimate, robot)
+        told, _ = variant_robots(record, robot, self.robots, self.constants)
+        found = self._result(problem, estimate, told)
+        return found.replace(excited=excited_range([part.record for part in problem.parts]))
 
     # Data and unknowns
 
@@ -195,7 +207,7 @@ class TimeDomainFit(Estimator):
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
-        others = {variant: Robot.load(name) for variant, name in self.robots.items()}
+        robot, others = variant_robots(record, robot, self.robots, self.constants)
         check_variants(record, robot, others, names)
         training = [one.training() for one in record]
         for run in (run for one in training for run in one.runs):

@@ -33,12 +33,13 @@ from robid_core.residual import (
     TorqueProblem,
     default_patterns,
     estimated_robot,
+    excited_range,
     functions_of_speed,
     misfit,
     misfit_table,
-    robots_by_constants,
     solve,
     torque_problem,
+    variant_robots,
 )
 from robid_fit.torque_gain import common_scale_problem
 
@@ -123,7 +124,7 @@ class TorqueResidualFit(Estimator):
         model = estimated_robot(
             robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance
         )
-        return self._result(problem, solution).replace(model=model)
+        return self._result(problem, solution).replace(model=model, excited=excited_range((record,)))
 
     # Data and unknowns
 
@@ -139,10 +140,7 @@ class TorqueResidualFit(Estimator):
 
     def _told(self, record: Record, robot: Robot) -> tuple[Robot, dict[str, Robot]]:
         """Return the nominal robot, and those of other variants."""
-        robots = {variant: Robot.load(name) for variant, name in self.robots.items()}
-        return (
-            robots_by_constants(record, robot, robots, self.constants) if self.constants else (robot, robots)
-        )
+        return variant_robots((record,), robot, self.robots, self.constants)
 
     def _problem(self, record: Record, robot: Robot, robots: dict[str, Robot]) -> TorqueProblem:
         for place, message in self.problems_with(robot).items():
