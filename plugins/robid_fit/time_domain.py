@@ -301,7 +301,7 @@ class TimeDomainFit(Estimator):
             ExperimentShare(one.information[among], one.gradient[inside], one.scores[among])
             for one in problem.by_experiment(point)
         ]
-        if len(shares) < 2 or not len(inside):
+        if len(shares) < 2 or not len(inside) or not estimate.minimum.converged:
             return
         hessian = np.diag(1 / free.prior[inside] ** 2) + np.sum([one.information for one in shares], axis=0)
         freedom = sum(n_cosine(len(lane)) for residual in problem.residuals(point) for lane in residual)

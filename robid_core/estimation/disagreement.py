@@ -38,8 +38,8 @@ class ExperimentShare:
 class Disagreement:
     """How far experiments disagree on numbers, (n_number,) each."""
 
-    moved: FloatArray
-    """Standard error by leaving out one experiment in turn (jackknife), over the stated one."""
+    ratio: FloatArray
+    """By which experiments are further apart than their residuals explain (R. T. Birge, Physical Review 40, 1932)."""
     p_value: FloatArray
     """Probability of such moves where experiments are alike, times the count of numbers."""
 
@@ -66,18 +66,15 @@ def disagreement(
     freedom
         Independent residuals that tell the scores' covariances.
     """
-    n, n_number = len(experiments), len(directions)
-    square, total, seen = np.zeros(n_number), np.zeros(n_number), np.zeros(n_number)
+    n_number = len(directions)
+    total, seen = np.zeros(n_number), np.zeros(n_number)
     for one in experiments:
         inverse = directions @ scaled_inverse(hessian - one.information)
         moved = (inverse @ one.gradient) ** 2
         variance = np.einsum("bi,ij,bj->b", inverse, one.scores, inverse)
         counts = variance > UNSEEN * np.einsum("bi,ij,bj->b", directions, covariance, directions)
-        square += moved
         total += np.where(counts, moved / np.where(counts, variance, 1.0), 0.0)
         seen += counts
-    stated = np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", directions, covariance, directions), 0.0))
-    jackknife = np.sqrt((n - 1) / n * square) / np.where(stated > 0, stated, np.inf)
     count = np.maximum(seen - 1, 1.0)
     tail = scipy.stats.f.sf(total / count, count, max(freedom, 1.0))
-    return Disagreement(jackknife, np.where(seen > 1, np.minimum(n_number * tail, 1.0), 1.0))
+    return Disagreement(np.sqrt(total / count), np.where(seen > 1, np.minimum(n_number * tail, 1.0), 1.0))

@@ -137,7 +137,7 @@ def test_experiments_that_disagree_are_told(tmp_path: Path) -> None:
     kinds = [d.kind for d in settings.run(of_experiments(robot, warm), robot).doubts]
     assert "experiments disagree" in kinds
     (doubt,) = [d for d in settings.run(of_experiments(robot, warm), robot).doubts if "disagree" in d.kind]
-    assert "friction.x.coulomb by" in doubt.sentence
+    assert "friction.x.coulomb " in doubt.sentence
     assert not doubt.is_remark
 
 
