@@ -108,7 +108,7 @@ class Prediction(DiagnosisStage):
         pieces, marked = pieces_of(record)
         variants = dict.fromkeys(piece.variant for piece in pieces)
         models = {
-            one: self._models(files.get(one, filed), others.get(one, robot), fit, explained)
+            one: self._models(filed, files.get(one), others.get(one, robot), fit, explained)
             for one in variants
         }
         names = tuple(models[pieces[0].variant])
@@ -164,13 +164,16 @@ class Prediction(DiagnosisStage):
         )
 
     def _models(
-        self, filed: Robot, told: Robot, fit: Fit | None, explained: Diagnosis | None
+        self, filed: Robot, own: Robot | None, told: Robot, fit: Fit | None, explained: Diagnosis | None
     ) -> Mapping[str, Robot]:
         """Robots of one variant by the names of the models: as its file has it, and with the constants of its runs."""
         numbers = {name: told.parameter(name) for name in self.constants.values()}
         models = {TOLD: told}
         if fit is not None:
-            models[FITTED] = identified(filed, fit).with_parameters(numbers)
+            found = identified(filed, fit)
+            models[FITTED] = (found if own is None else _shared(filed, own, found, fit)).with_parameters(
+                numbers
+            )
         if explained is not None and explained.model is not None:
             models[EXTENDED] = Robot.of_model(explained.model).with_parameters(numbers)
         return models
@@ -246,6 +249,18 @@ class Prediction(DiagnosisStage):
             measured=whole[0],
             modelled=whole[1],
         )
+
+
+def _shared(nominal: Robot, own: Robot, fitted: Robot, fit: Fit) -> Robot:
+    """Return the robot of a variant with what a fit found of the nominal one; what its file tells otherwise stays."""
+    if fitted.description.effects.keys() - nominal.description.effects.keys():
+        raise ConfigurationError(
+            "robots: the fit added effects to the nominal robot, which files of other variants lack; tell variants by "
+            "constants of the record"
+        )
+    names = fit.model.names if fit.model is not None else fit.free_names
+    alike = [n for n in names if n in own.layout and own.parameter(n) == nominal.parameter(n)]
+    return own.with_parameters({name: fitted.parameter(name) for name in alike})
 
 
 def _compared(comparison: Comparison, quantity: str, record: Record) -> list[FloatArray]:

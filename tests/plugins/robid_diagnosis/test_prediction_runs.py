@@ -213,3 +213,11 @@ def test_runs_of_a_servo_without_torque_are_predicted_by_their_angle(tmp_path: P
     assert found.time[0].channel == "motor_position"
     with pytest.raises(DataRejected, match="only the closed loop can be predicted"):
         Prediction(constants=told, closed_loop=False).run((other,), robot, context(), fit)
+    (tmp_path / "strong.yaml").write_text(
+        "robid_robot: 1\nname: strong\nbase: servo.yaml\nparameters: {servo.shoulder.duty_gain: 3.0}\n"
+    )
+    files = {"gain_3": str(tmp_path / "strong.yaml")}
+    nominal = fit.replace(model=robot.model({"friction.shoulder.viscous": 0.05}))
+    by_file = Prediction(start="rest", robots=files, skip_s=0.1).run((other,), robot, context(), nominal)
+    assert by_file.errors[1].rms[0] < 1e-4
+    np.testing.assert_allclose(by_file.errors[0].rms, before.rms, rtol=1e-6)
