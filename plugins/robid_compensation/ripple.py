@@ -38,6 +38,7 @@ from robid_core.estimation.distortion.order_analysis import (
     motors_of,
 )
 from robid_core.estimation.distortion.ripple_search import Found, find_ripple
+from robid_core.residual import leading_periods
 
 TORQUE, POSITION = "motor_torque", "motor_position"
 HELD = "zero_order_hold"
@@ -173,8 +174,9 @@ class RippleCompensation(Preprocessing):
     """Periods of a wave that the motor has to pass in some configuration, or the order is not looked for.
 
     Less than about three cannot be told from an arm whose inertia changes a little with the angle."""
-    discard: NonNegativeInt = 0
-    """Leading periods in which ripple is not looked for; it is removed from them, too."""
+    discard: NonNegativeInt | None = None
+    """Leading periods in which ripple is not looked for; it is removed from them, too. null: decided from the data, as
+    many as differ from those after them."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -190,11 +192,12 @@ class RippleCompensation(Preprocessing):
 
     def run(self, record: Record, robot: Robot, context: Context) -> Record:
         """Find the ripple, say what was found, and take it off."""
-        ripple = self.search(record, robot, context)
+        discard = leading_periods((record,), self.discard, context.log)
+        ripple = self.search(record, robot, context, discard)
         for line in table(record, ripple):
             context.log.info("%s", line)
         highest = max((wave.order for entry in ripple for wave in entry.found.ripple), default=0.0)
-        blur = (2 * np.pi * highest * drift_in_turns(record, self.discard)) ** 2 / 24
+        blur = (2 * np.pi * highest * drift_in_turns(record, discard)) ** 2 / 24
         if blur > 0.01:
             context.log.warning(
                 "the motors drift from period to period: order %g is found up to %.0f %% too small; let it settle "
@@ -204,7 +207,7 @@ class RippleCompensation(Preprocessing):
             )
         return without_ripple(record, ripple)
 
-    def search(self, record: Record, robot: Robot, context: Context) -> list[AxisRipple]:
+    def search(self, record: Record, robot: Robot, context: Context, discard: int = 0) -> list[AxisRipple]:
         """Ripple of each axis, for each set of configurations that share it."""
         n_config, n_axis = len(record.angle), len(record.axis_names)
         groups = [tuple(range(n_config))] if self.phase == "common" else [(c,) for c in range(n_config)]
@@ -219,11 +222,11 @@ class RippleCompensation(Preprocessing):
         on_lines = record.line is not None and len(record.line) > 0
         motors: Sequence[Sequence[Sequence[MotorData | Passage]]]
         if on_lines:
-            by_configuration = motors_by_configuration(record, self.band_hz, self.discard)
+            by_configuration = motors_by_configuration(record, self.band_hz, discard)
             motors = [[[motor] for motor in motors] for motors in by_configuration]
         else:
             highest_hz = None if self.band_hz is None else self.band_hz[1]
-            motors = passages_by_configuration(record, robot, highest_hz, self.discard)
+            motors = passages_by_configuration(record, robot, highest_hz, discard)
         shown = [[one for c in group for one in motors[c][axis]] for group, axis in places]
         candidates = [
             self._candidates(record.axis_names[axis], max(one.turns for one in own), on_lines, context)

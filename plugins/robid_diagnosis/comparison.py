@@ -44,6 +44,10 @@ class Comparison:
             for run in record.runs
         ]
 
+    def angle(self, record: Record) -> list[FloatArray]:
+        """Of the motors."""
+        return [self._filtered(run, run.lanes("motor_position")) for run in record.runs]
+
     def sums(
         self, records: Sequence[Record], measured: Signals, predicted: Mapping[str, Signals]
     ) -> tuple[dict[str, FloatArray], FloatArray, int]:

@@ -26,7 +26,7 @@ from robid_core import (
     TimeComparison,
 )
 from robid_core.estimation.rigid.regression import decimate, decimated_index
-from robid_core.residual import prescribe_record
+from robid_core.residual import prescribe_record, variant_robots
 from robid_diagnosis.closed_loop import relative_error
 from robid_diagnosis.comparison import EXTENDED, REFITTED, errors_of_models, still_axes
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
@@ -61,6 +61,9 @@ class CrossValidation(DiagnosisStage):
     passes: PositiveInt = 3
     """Prescribed motions of each fit, which begins where that to all blocks ended."""
 
+    constants: dict[str, str] = {}
+    """Constants of the record that are parameters of the robot, `{payload_kg: effect.load.mass}`."""
+
     def run(self, record: Record, robot: Robot, context: Context, explained: Diagnosis) -> Diagnosis:
         """Fit, predict and compare, for the robot file and for the extended robot."""
         if explained.model is None:
@@ -70,7 +73,8 @@ class CrossValidation(DiagnosisStage):
                 f"diagnosis.cross_validation: {record.run.valid[..., 0].size} experiments or periods; it cuts one long "
                 "motion into blocks; of several experiments diagnosis.effects leaves configurations out"
             )
-        extended = Robot.of_model(explained.model)
+        robot, _ = variant_robots((record,), robot, {}, self.constants)
+        extended, _ = variant_robots((record,), Robot.of_model(explained.model), {}, self.constants)
         additions = _additions(robot, extended, explained)
         bare = extended.without_effect(*(one.label for one in additions))
         models = {

@@ -8,7 +8,7 @@ robot and fitted with all else, and taken where they are significant after the s
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -31,7 +31,7 @@ from robid_core import (
     SeparatingExperiment,
     StageRef,
 )
-from robid_core.residual import check_variants, effect_names, misfit_table
+from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.free_motion import closed_loop_errors
@@ -104,8 +104,8 @@ class Effects(DiagnosisStage):
     Half of it may be alike in all bins: what gains less than such an error could is not named."""
     passes: PositiveInt = 12
     """Prescribed motions of a fit at most."""
-    discard: NonNegativeInt = 0
-    """Leading periods dropped as transient."""
+    discard: NonNegativeInt | None = None
+    """Leading periods dropped as transient; null: decided from the data, as many as differ from those after them."""
     blocks: Annotated[int, Field(ge=1, le=100)] = 1
     """Into which each experiment that does not repeat is cut: what one long motion tells must hold in parts of it."""
     skip_s: NonNegativeFloat = 0.0
@@ -117,6 +117,10 @@ class Effects(DiagnosisStage):
     of its file; null: where references were recorded and the file tells the controllers."""
     robots: dict[str, RobotName] = {}
     """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
+
+    constants: dict[str, str] = {}
+    """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
+    has the value of its experiments, and needs no file under `robots`."""
 
     witness: tuple[StageRef, ...] = (
         StageRef(use="compensate.friction"),
@@ -141,7 +145,9 @@ class Effects(DiagnosisStage):
         """Refit, search, extend, tell."""
         uses, whole, chain = self._known(), record, Chain.of(self.witness)
         record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
-        case, tests = self._case(record, robot)
+        robot, robots = variant_robots(record, robot, self.robots, self.constants)
+        discard = leading_periods(record, self.discard, context.log)
+        case, tests = self._case(record, robot, robots, discard)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
         outcome = selection.run()
         for one in self.only:
@@ -152,14 +158,15 @@ class Effects(DiagnosisStage):
                 )
         return self._told(robot, whole, tests, selection, outcome, chain, context)
 
-    def _case(self, records: tuple[Record, ...], robot: Robot) -> tuple[Case, tuple[Record, ...]]:
+    def _case(
+        self, records: tuple[Record, ...], robot: Robot, robots: Mapping[str, Robot], discard: int
+    ) -> tuple[Case, tuple[Record, ...]]:
         """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
-        robots = {variant: Robot.load(name) for variant, name in self.robots.items()}
         check_variants(records, robot, robots, ())
         training, tests = parted(records)
         _check(records, training, robot)
         case = Case(
-            training, robot, self.prior, self.highest_hz, self.discard, self.passes, self.model_error,
+            training, robot, self.prior, self.highest_hz, discard, self.passes, self.model_error,
             robots=robots,
         )  # fmt: skip
         if tests:

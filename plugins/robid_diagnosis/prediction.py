@@ -1,54 +1,66 @@
-"""How well a model predicts a record that was not used: torque in open loop, speed in closed loop, axis by axis.
+"""How well a model predicts runs that were not used: torque in open loop, speed or angle in closed loop, by axis.
 
 In open loop the motors move as recorded and the model says what torque that takes: nothing corrects what it gets wrong.
-In closed loop the model moves by itself under the recorded reference: what a user of a simulation sees. Each axis has
-its error in its unit and as a share of what was measured, with an interval; of two models, what the second gains.
+In closed loop the model moves by itself under the recorded reference: what a user of a simulation sees. Servos that set
+a voltage report no torque: then the angle in closed loop is what is compared. Each axis has its error in its unit and
+as a share of what was measured, with an interval; of two models, what the second gains. Runs that a fit was made from
+are predicted, too, and stand beside those that were put aside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from robid_core import (
     AxisKey,
+    ConfigurationError,
     Context,
+    DataRejected,
     Diagnosis,
     DiagnosisStage,
+    Doubt,
     Fit,
     FloatArray,
+    PredictionErrors,
     Record,
     Robot,
+    RobotName,
     TimeComparison,
     simulate_record,
 )
-from robid_core.residual import prescribe_record
+from robid_core.residual import check_variants, excited_range, prescribe_record, variant_robots
 from robid_diagnosis.closed_loop import identified, relative_error
 from robid_diagnosis.comparison import (
     EXTENDED,
     TOLD,
     Comparison,
+    Signals,
     errors_of_models,
     has_references,
     still_axes,
 )
+from robid_diagnosis.extrapolation import extrapolation_doubt
+from robid_diagnosis.prediction_curves import prediction_curves
+from robid_diagnosis.prediction_runs import Piece, pieces_of, predicted_runs, run_errors
 from robid_diagnosis.wording import errors_line
 
 FITTED = "fit"
-OPEN, CLOSED = "torque in open loop", "speed in closed loop"
+OPEN, CLOSED, ANGLE = "torque in open loop", "speed in closed loop", "angle in closed loop"
 
 
 class Prediction(DiagnosisStage):
-    """Predicts a record with the robot file's model and, where there are, with that of a fit and of a diagnosis.
+    """Predicts records with the robot file's model and, where there are, with that of a fit and of a diagnosis.
 
-    Of a record that has experiments of the role `test` it takes those; else give it one that the fit did not see::
+    Experiments of the role `test` are judged, where there are any, and those of the fit shown beside them; else give
+    it records that the fit did not see::
 
         check:
           use: diagnosis.prediction
-          inputs: {record: other, fit: fit}
+          inputs: {record: [other, another], fit: fit}
     """
 
     highest_hz: PositiveFloat = 100.0
@@ -62,6 +74,15 @@ class Prediction(DiagnosisStage):
     controllers."""
     start: Literal["rest", "motion"] = "motion"
     """How experiments begin in closed loop."""
+    horizon_s: PositiveFloat | None = None
+    """The closed loop begins anew from the measured state that often, as in `fit.time_domain`; null: never."""
+    robots: dict[str, RobotName] = {}
+    """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
+    constants: dict[str, str] = {}
+    """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
+    has the value of its experiments, and needs no file under `robots`."""
+
+    tells_variants: ClassVar[bool] = True
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """What a closed loop takes, where it is asked for; else it is left out where the file lacks it."""
@@ -69,84 +90,181 @@ class Prediction(DiagnosisStage):
 
     def run(
         self,
-        record: Record,
+        record: tuple[Record, ...],
         robot: Robot,
         context: Context,
         fit: Fit | None = None,
         explained: Diagnosis | None = None,
     ) -> Diagnosis:
         """Predict and compare."""
-        record, seen = _held_out(record)
-        models = {TOLD: robot} | ({FITTED: identified(robot, fit)} if fit is not None else {})
-        if explained is not None and explained.model is not None:
-            models[EXTENDED] = Robot.of_model(explained.model)
-        missing = robot.left_out(("torque_limit", "controller")) if has_references([record]) else ""
-        closed = has_references([record]) and not missing if self.closed_loop is None else self.closed_loop
+        filed, (_, files) = robot, variant_robots(record, robot, self.robots, {})
+        robot, others = variant_robots(record, robot, self.robots, self.constants)
+        check_variants(record, robot, others, ())
+        if files and explained is not None and explained.model is not None:
+            raise ConfigurationError(
+                "robots: the robot of a diagnosis is one robot; tell what variants carry as constants of the record "
+                "(constants: {payload_kg: effect.load.mass}), or predict one variant"
+            )
+        pieces, marked = pieces_of(record)
+        variants = dict.fromkeys(piece.variant for piece in pieces)
+        models = {
+            one: self._models(filed, files.get(one), others.get(one, robot), fit, explained)
+            for one in variants
+        }
+        names = tuple(models[pieces[0].variant])
+        missing = robot.left_out(("torque_limit", "controller")) if has_references(record) else ""
+        closed = has_references(record) and not missing if self.closed_loop is None else self.closed_loop
+        open_loop = all("motor_torque" in run.channels for one in record for run in one.runs)
+        if not (open_loop or closed):
+            raise DataRejected(
+                "diagnosis.prediction: no torque was recorded, so that only the closed loop can be predicted, and "
+                f"{missing or 'the record has no reference; map the channel that the controller followed'}"
+            )
         comparison = Comparison("diagnosis.prediction", self.highest_hz, self.skip_s, self.block_s)
-        n_step, torques, speeds = len(models) * (1 + closed), [], []
-        for number, (name, model) in enumerate(models.items()):
-            context.progress(number, n_step, f"torque of the recorded motion, {name}")
-            torques.append(comparison.torque(prescribe_record(model, record)))
-        for number, (name, model) in enumerate(models.items() if closed else ()):
-            context.progress(len(models) + number, n_step, f"closed loop, {name}")
-            speeds.append(comparison.speed(simulate_record(model, record, self.start)))
-        context.progress(n_step, n_step)
-        force, unit = (record.runs[0].channel(c).unit_symbol for c in ("motor_torque", "motor_position"))
-        torque, still = comparison.torque(record), still_axes(robot, [record])
-        errors, verdict = [], []
-        for quantity, symbol, measured, predicted in (
-            (OPEN, force, torque, torques),
-            (CLOSED, f"{unit}/s", comparison.speed(record), speeds),
-        ):
-            if predicted:
-                by_model = dict(zip(models, predicted, strict=True))
-                sums = comparison.sums([record], measured, by_model)
-                rows, gain = errors_of_models(quantity, symbol, *sums, record, still, context.generator)
-                errors += rows
-                verdict.append(errors_line(rows, gain))
+        unit = record[0].runs[0].channel("motor_position").unit_symbol
+        force = record[0].runs[0].channel("motor_torque").unit_symbol if open_loop else ""
+        quantities = {OPEN: force} if open_loop else {}
+        quantities |= ({CLOSED: f"{unit}/s"} if open_loop else {ANGLE: unit}) if closed else {}
+        signals, done = dict[str, dict[str, list[FloatArray]]](), 0
+        for quantity in quantities:
+            signals[quantity] = {name: [] for name in names}
+            for name, found in signals[quantity].items():
+                context.progress(done, len(quantities) * len(names), f"{quantity}, {name}")
+                done += 1
+                for piece in pieces:
+                    made = self._predicted(quantity, models[piece.variant][name], piece.record)
+                    found += _compared(comparison, quantity, made)
+        context.progress(done, done)
+        measured = {
+            quantity: [one for piece in pieces for one in _compared(comparison, quantity, piece.record)]
+            for quantity in quantities
+        }
+        errors, verdict, runs = list[PredictionErrors](), list[str](), []
+        for quantity, symbol in quantities.items():
+            rows, gain = self._errors(quantity, symbol, pieces, measured, signals, robot, comparison, context)
+            errors += rows
+            verdict.append(errors_line(rows, gain))
+            last = predicted_runs(pieces, measured[quantity], signals[quantity][names[-1]], self.skip_s)
+            runs.append((quantity, symbol, last))
         if missing:
             verdict.append(f"The closed loop was not simulated: {missing}.")
-        if seen and len(models) > 1:
+        if not marked and len(names) > 1:
             verdict.append(
                 "The record has no experiments of the role test: if the fit saw it, this is no prediction."
             )
+        first, symbol, last = runs[0]
         return Diagnosis(
             method="prediction of a record",
             verdict=" ".join(verdict),
-            time=(self._pictured(record, force, torque, torques[-1]),),
+            time=(self._pictured(pieces, first, symbol, measured[first], signals[first][names[-1]]),),
             errors=tuple(errors),
+            runs=tuple(run_errors(names[-1], q, u, robot.axis_names, own) for q, u, own in runs),
+            curves=prediction_curves(last, robot, first.partition(" ")[0], symbol),
+            doubts=tuple(self._beyond(pieces, fit)),
         )
+
+    def _models(
+        self, filed: Robot, own: Robot | None, told: Robot, fit: Fit | None, explained: Diagnosis | None
+    ) -> Mapping[str, Robot]:
+        """Robots of one variant by the names of the models: as its file has it, and with the constants of its runs."""
+        numbers = {name: told.parameter(name) for name in self.constants.values()}
+        models = {TOLD: told}
+        if fit is not None:
+            found = identified(filed, fit)
+            models[FITTED] = (found if own is None else _shared(filed, own, found, fit)).with_parameters(
+                numbers
+            )
+        if explained is not None and explained.model is not None:
+            models[EXTENDED] = Robot.of_model(explained.model).with_parameters(numbers)
+        return models
+
+    def _predicted(self, quantity: str, model: Robot, record: Record) -> Record:
+        if quantity == OPEN:
+            return prescribe_record(model, record)
+        return simulate_record(model, record, self.start, horizon_s=self.horizon_s)
+
+    def _errors(
+        self,
+        quantity: str,
+        unit: str,
+        pieces: Sequence[Piece],
+        measured: Mapping[str, Signals],
+        signals: Mapping[str, Mapping[str, Signals]],
+        robot: Robot,
+        comparison: Comparison,
+        context: Context,
+    ) -> tuple[list[PredictionErrors], FloatArray]:
+        """Of the judged experiments, over the torque limit, too, where the robot file tells it."""
+        judged = [piece for piece in pieces if piece.tested]
+        kept = [piece.tested for piece in pieces for _ in piece.record.runs]
+
+        def of_judged(values: Signals) -> list[FloatArray]:
+            return [one for one, keep in zip(values, kept, strict=True) if keep]
+
+        records = [piece.record for piece in judged]
+        theirs = of_judged(measured[quantity])
+        ours = {name: of_judged(values) for name, values in signals[quantity].items()}
+        sums = comparison.sums(records, theirs, ours)
+        still = still_axes(robot, records)
+        rows, gain = errors_of_models(quantity, unit, *sums, records[0], still, context.generator)
+        if quantity == OPEN:
+            limit = robot.drives.torque_limit_or(np.full(robot.n_axis, np.nan))
+            rows = [row.replace(of_limit=row.rms / limit) for row in rows]
+        return rows, gain
+
+    def _beyond(self, pieces: Sequence[Piece], fit: Fit | None) -> Iterator[Doubt]:
+        """Doubt a prediction that goes beyond the motion that the fit saw, or the other experiments show."""
+        seen = [piece.record for piece in pieces if not piece.tested]
+        trained = fit.excited if fit is not None else None
+        if trained is None and seen:
+            trained = excited_range(seen)
+        asked = excited_range([piece.record for piece in pieces if piece.tested])
+        if trained is not None and asked is not None:
+            yield from extrapolation_doubt(trained, asked)
 
     def _pictured(
-        self, record: Record, unit: str, measured: list[FloatArray], predicted: list[FloatArray]
+        self, pieces: Sequence[Piece], quantity: str, unit: str, measured: Signals, predicted: Signals
     ) -> TimeComparison:
-        """Torques over time for the page."""
-        times, elapsed = [], 0.0
-        for run, part in zip(record.runs, measured, strict=True):
-            first, length = self.skip_s, run.n_period * len(run.time_s) * run.sample_time_s
-            for _ in range(len(part)):
-                times.append(elapsed + first + run.sample_time_s * np.arange(part.shape[1]))
+        """Judged signals over time for the page."""
+        times, theirs, ours, elapsed = list[FloatArray](), list[FloatArray](), list[FloatArray](), 0.0
+        runs = [(piece.tested, run) for piece in pieces for run in piece.record.runs]
+        for (tested, run), there, here in zip(runs, measured, predicted, strict=True):
+            if not tested:
+                continue
+            length = run.n_period * len(run.time_s) * run.sample_time_s
+            for lane, own in zip(there, here, strict=True):
+                times.append(
+                    elapsed + self.skip_s + run.sample_time_s * np.arange(len(lane), dtype=np.float64)
+                )
+                theirs.append(lane)
+                ours.append(own)
                 elapsed += length
-        theirs, ours = np.concatenate(_flat(measured)), np.concatenate(_flat(predicted))
+        whole = np.concatenate(theirs), np.concatenate(ours)
         return TimeComparison(
-            axis_names=record.axis_names,
-            channel="motor_torque",
+            axis_names=pieces[0].record.axis_names,
+            channel="motor_torque" if quantity == OPEN else "motor_position",
             unit_symbol=unit,
-            relative_error=relative_error(theirs, ours),
+            relative_error=relative_error(*whole),
             time_s=np.concatenate(times),
-            measured=theirs,
-            modelled=ours,
+            measured=whole[0],
+            modelled=whole[1],
         )
 
 
-def _held_out(record: Record) -> tuple[Record, bool]:
-    """Return the test experiments of a record; all, and true, where it has none."""
-    if any(run.test is not None and run.test.any() for run in record.runs):
-        assert record.run.test is not None
-        return record.part(record.run.test), False
-    return record, True
+def _shared(nominal: Robot, own: Robot, fitted: Robot, fit: Fit) -> Robot:
+    """Return the robot of a variant with what a fit found of the nominal one; what its file tells otherwise stays."""
+    if fitted.description.effects.keys() - nominal.description.effects.keys():
+        raise ConfigurationError(
+            "robots: the fit added effects to the nominal robot, which files of other variants lack; tell variants by "
+            "constants of the record"
+        )
+    names = fit.model.names if fit.model is not None else fit.free_names
+    alike = [n for n in names if n in own.layout and own.parameter(n) == nominal.parameter(n)]
+    return own.with_parameters({name: fitted.parameter(name) for name in alike})
 
 
-def _flat(parts: Sequence[FloatArray]) -> list[FloatArray]:
-    """Lanes of each run one after another, shape (n_value, n_axis) each."""
-    return [part.reshape(-1, part.shape[-1]) for part in parts]
+def _compared(comparison: Comparison, quantity: str, record: Record) -> list[FloatArray]:
+    """What of a record is compared, of each run, (n_lane, n_sample, n_axis)."""
+    if quantity == OPEN:
+        return comparison.torque(record)
+    return comparison.speed(record) if quantity == CLOSED else comparison.angle(record)

@@ -44,8 +44,8 @@ def residual_curves(base: Fitted, final: Fitted, motion: Motion) -> tuple[Residu
         left, rest = before[..., a], after[..., a]
         speed = np.concatenate([one.motion.rate(1)[..., a].ravel() for one in motion.along])
         for variable, values, signed, friction in _variables(motion, a, speed):
-            parts, way = _parts(values, signed), np.sign(speed) if friction else 1.0
-            x, refitted, extended = (_means(one, parts) for one in (values, way * left, way * rest))
+            parts, way = parts_of(values, signed), np.sign(speed) if friction else 1.0
+            x, refitted, extended = (means_over(one, parts) for one in (values, way * left, way * rest))
             shares = _shares(way * left, parts, signed, independent)
             found.append(ResidualCurve(axis, variable, unit, x, refitted, extended, None, *shares))
         found.append(_over_time(motion, a, axis, unit, left, rest))
@@ -94,7 +94,7 @@ def _variables(motion: Motion, axis: int, speed: FloatArray) -> Iterator[tuple[s
     yield f"friction over size of the load, {force} at the motor", np.abs(load), False, True
 
 
-def _parts(values: FloatArray, signed: bool) -> list[IntArray]:
+def parts_of(values: FloatArray, signed: bool) -> list[IntArray]:
     """Numbers of the samples of each part, in the order of the variable; signed ones are alike on both sides of zero.
 
     No part holds fewer than FEWEST.
@@ -110,7 +110,8 @@ def _parts(values: FloatArray, signed: bool) -> list[IntArray]:
     return [part for part in found if len(part) >= FEWEST]
 
 
-def _means(values: FloatArray, parts: Sequence[IntArray]) -> FloatArray:
+def means_over(values: FloatArray, parts: Sequence[IntArray]) -> FloatArray:
+    """Mean of each part."""
     return np.array([values[part].mean() for part in parts])
 
 
@@ -124,7 +125,7 @@ def _shares(
     whole = float((residual**2).sum())
     if not whole > 0:
         return float("nan"), float("nan"), float("nan")
-    means, sizes = _means(residual, parts), np.array([len(part) for part in parts])
+    means, sizes = means_over(residual, parts), np.array([len(part) for part in parts])
 
     def beyond_chance(power: float, n_part: int) -> float:
         return max(power / whole - n_part / independent, 0.0)

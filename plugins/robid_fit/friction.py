@@ -8,6 +8,7 @@ tested on means over plateaus (`friction_law`); what is beyond the friction unde
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -26,6 +27,7 @@ from robid_core import (
     Record,
     Robot,
 )
+from robid_core.residual import leading_periods
 from robid_fit.friction_effects import (
     AxisFriction,
     curve_of,
@@ -93,8 +95,9 @@ class FrictionFromPlateaus(Estimator):
     smooth sign hides the friction."""
     others_at_rest: bool = False
     """Whether plateaus are left out during which another axis moves."""
-    discard: NonNegativeInt = 0
-    """Leading periods left out of a periodic record."""
+    discard: NonNegativeInt | None = None
+    """Leading periods left out of a periodic record; null: decided from the data, as many as differ from those after
+    them."""
 
     def uses(self) -> list[tuple[str, str]]:
         """Effects that may come into the robot."""
@@ -103,7 +106,7 @@ class FrictionFromPlateaus(Estimator):
 
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Find the plateaus, choose a law for each axis, put it into the robot."""
-        tables = self.plateaus(record, robot)
+        tables = self.plateaus(record, robot, context.log)
         seen = {axis: one for axis, one in zip(robot.axis_names, tables, strict=True) if one.n_plateau}
         if not seen:
             raise DataRejected(
@@ -135,13 +138,16 @@ class FrictionFromPlateaus(Estimator):
             context.log.warning("no plateau, friction stays as it was told: %s", ", ".join(silent))
         return _result(found_in, extended, results)
 
-    def plateaus(self, record: Record, robot: Robot) -> tuple[AxisPlateaus, ...]:
+    def plateaus(
+        self, record: Record, robot: Robot, log: logging.Logger | None = None
+    ) -> tuple[AxisPlateaus, ...]:
         """Return what the record tells of each axis."""
         slowest = BELOW_SMOOTHING * robot.drives.friction_speed
         if self.slowest_rad_s is not None:
             slowest = np.full(robot.n_axis, self.slowest_rad_s)
         evenness = Evenness(self.tolerance, self.shortest_s, max(self.settle_s, 1.0 / self.cutoff_hz))
-        reading = Reading(evenness, self.cutoff_hz, self.others_at_rest, self.discard, "fit.friction")
+        discard = leading_periods((record,), self.discard, log)
+        reading = Reading(evenness, self.cutoff_hz, self.others_at_rest, discard, "fit.friction")
         return plateaus_of_record(record, robot, slowest, reading)
 
     def _fitted(self, axis: str, table: AxisPlateaus, robot: Robot) -> tuple[tuple[str, ...], FrictionFit]:

@@ -14,8 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, FreeParameters, Record, Robot, simulate_record
+from robid_core.estimation.disagreement import ExperimentShare
 from robid_core.estimation.serial_correlation import long_run_matrix
 from robid_core.mechanics import SimulationDiverged
+
+ROUNDING = 1e-30  # of a squared residual in units of what was measured
 
 
 @dataclass(frozen=True)
@@ -169,6 +172,21 @@ class OutputErrorProblem:
         mean_square = _power(residuals) / max(self.n_residual - n, 1)
         return mean_square, np.sum([one.T @ one for one in flat], axis=0), long_run_matrix(scores)
 
+    def by_experiment(self, point: FloatArray) -> list[ExperimentShare]:
+        """What each experiment adds to half the cost, as far as it counts."""
+        found, n = list[ExperimentShare](), len(point)
+        for residual, slope in zip(self.residuals(point), self.derivatives(point), strict=True):
+            for own, rows in zip(residual, slope, strict=True):
+                flat, scores = rows.reshape(-1, n), np.einsum("to,ton->tn", own, rows)
+                found.append(
+                    ExperimentShare(
+                        self.share * flat.T @ flat,
+                        self.share * scores.sum(axis=0),
+                        self.share**2 * long_run_matrix([scores[None]]),
+                    )
+                )
+        return found
+
     def _is_possible(self, point: FloatArray) -> bool:
         return all(self.free.set_on(part.robot, point).is_possible for part in self.parts)
 
@@ -182,7 +200,7 @@ def information_share(mean_square: float, gauss_newton: FloatArray, long_run: Fl
     white = mean_square * np.diag(gauss_newton)
     told = white > 0
     ratio = np.log(np.diag(long_run)[told] / white[told]) if told.any() else np.zeros(1)
-    return 1 / (max(mean_square, 1e-300) * max(float(np.exp(ratio.mean())), 1.0))
+    return 1 / (max(mean_square, ROUNDING) * max(float(np.exp(ratio.mean())), 1.0))
 
 
 def _power(residuals: Sequence[FloatArray]) -> float:

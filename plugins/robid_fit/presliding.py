@@ -17,6 +17,7 @@ from robid_core import (
 )
 from robid_core.estimation.rigid.regression import smooth
 from robid_core.estimation.rigid.rigid_torque import motor_torque
+from robid_core.residual import leading_periods
 from robid_fit.bristles import Bristles, SmallMotion, bristles_of, slid_share
 from robid_fit.friction_effects import refuse_other_laws
 from robid_fit.plateau_torques import without_friction
@@ -46,8 +47,9 @@ class PreslidingFit(Estimator):
     ratio of amplitude to breakaway displacement, and its apparent stiffness falls about as much."""
     least_rad: NonNegativeFloat = 1e-7
     """Root mean square of a motor's angle below which it stands."""
-    discard: NonNegativeInt = 0
-    """Leading periods left out of a periodic record."""
+    discard: NonNegativeInt | None = None
+    """Leading periods left out of a periodic record; null: decided from the data, as many as differ from
+    those after them."""
 
     def uses(self) -> list[tuple[str, str]]:
         """The effect that comes into the robot."""
@@ -57,7 +59,7 @@ class PreslidingFit(Estimator):
         """Look at each axis that moves, estimate, put the bristles into the robot."""
         rubbing = [k for k, e in robot.description.effects.items() if e.use == STRIBECK]
         refuse_other_laws(robot.without_effect(*rubbing), "fit.presliding")
-        motions = self._motions(record, robot)
+        motions = self._motions(record, robot, leading_periods((record,), self.discard, context.log))
         found: dict[str, Bristles] = {}
         for axis, own in motions.items():
             if not own:
@@ -78,12 +80,12 @@ class PreslidingFit(Estimator):
             raise DataRejected("fit.presliding: no motor moves; excite it by less than its Coulomb level")
         return _result(robot, found)
 
-    def _motions(self, record: Record, robot: Robot) -> dict[str, list[SmallMotion]]:
+    def _motions(self, record: Record, robot: Robot, discard: int) -> dict[str, list[SmallMotion]]:
         """Small motions of each axis, one for each experiment in which it moves."""
         drives = without_friction(robot)
         result: dict[str, list[SmallMotion]] = {axis: [] for axis in robot.axis_names}
         for run in record.runs:
-            for position, torque in experiments(run, robot, self.discard, stage="fit.presliding"):
+            for position, torque in experiments(run, robot, discard, stage="fit.presliding"):
                 motion = motion_of(position, run.sample_time_s, self.cutoff_hz, order=2)
                 edge = round(2.0 / (self.cutoff_hz * run.sample_time_s))
                 kept = slice(edge, len(position) - edge)

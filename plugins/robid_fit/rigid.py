@@ -29,6 +29,7 @@ from robid_core import (
     pattern_problems,
 )
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
+from robid_core.residual import excited_range, leading_periods
 from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
@@ -98,8 +99,9 @@ class RigidBodyFit(Estimator):
     """Samples left out at the end."""
     friction_speed: NonNegativeFloat | None = None
     """Speed scale of Coulomb friction, tanh(v / v_s), at the motor; 0: plain sign(v); null: the robot's."""
-    discard: NonNegativeInt = 0
-    """Leading periods left out of a periodic record."""
+    discard: NonNegativeInt | None = None
+    """Leading periods left out of a periodic record; null: decided from the data, as many as differ from
+    those after them."""
     blocks: Annotated[int, Field(ge=2, le=100)] | None = None
     """Blocks into which the record is cut: each is left out of a fit in turn, and what the others make of its torque is
     told; null: none."""
@@ -121,7 +123,7 @@ class RigidBodyFit(Estimator):
             self.decimation,
             self.drop_first,
             self.drop_last,
-            self.discard,
+            leading_periods((record,), self.discard, context.log if context is not None else None),
         )
         equations = RigidEquations.of_record(record, stiff, speed, sampling)
         instruments = None
@@ -136,6 +138,7 @@ class RigidBodyFit(Estimator):
         progress(0, 1 + (self.blocks or 0), "fitting bodies")
         solution = problem.solve()
         found = _result(robot, record, equations, unknowns, solution, columns, wanted, base)
+        found = found.replace(excited=excited_range((record,)))
         if self.blocks is None:
             return found
         residual, n_unsettled = problem.left_out(solution, self.blocks, progress)

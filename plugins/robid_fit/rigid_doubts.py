@@ -7,14 +7,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robid_core import Doubt, FloatArray
-from robid_core.estimation.rigid.coloured import correlation
+from robid_core.estimation.disagreement import disagreement
+from robid_core.estimation.rigid.coloured import correlation, is_counted
+from robid_fit.disagreement_doubt import disagreement_doubt
 from robid_fit.rigid_equations import RigidEquations
 from robid_fit.rigid_solution import RigidSolution
 from robid_fit.rigid_unknowns import RigidUnknowns
 
 COLOURED = 0.5  # from one sample to the next
 WIDENED = 3.0  # times the tolerances that were stated
-DISAGREE = 2.0  # stated errors between experiments, rms over the base parameters
 WEAK = 0.5  # of what was known before
 WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence
@@ -37,10 +38,10 @@ def doubts(
         Base parameters per unit of each coordinate, (n_base, n_unknown), and what they are called.
     """
     return (
-        *_coloured(equations, solution, unknowns.free.robot.axis_names),
+        *_coloured(equations, solution, base, unknowns.free.robot.axis_names),
         *_weak(solution, base, base_names),
         *_unlike(solution),
-        *_apart(solution, base),
+        *_apart(equations, solution, base, base_names),
     )
 
 
@@ -65,21 +66,37 @@ def prediction_doubts(
 
 
 def _coloured(
-    equations: RigidEquations, solution: RigidSolution, axis_names: Sequence[str]
+    equations: RigidEquations, solution: RigidSolution, base: FloatArray, axis_names: Sequence[str]
 ) -> Iterator[Doubt]:
-    parts = [correlation(solution.at.residual[part]) for part in equations.parts]
+    residuals = [solution.at.residual[part] for part in equations.parts]
+    parts = [correlation(residual) for residual in residuals]
     lengths = [part.stop - part.start for part in equations.parts]
     each = np.average(parts, axis=0, weights=lengths)
     told = [
         f"{name} {own:.2f}" for name, own in zip(axis_names, each.tolist(), strict=True) if own > COLOURED
     ]
-    if told:
+    if not told:
+        return
+    sentence = f"what is left has a memory: correlation of one sample with the next {_listed(told)}"
+    if is_counted(residuals):
+        counted, white = (
+            np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", base, one, base), 0.0))
+            for one in (solution.covariance, solution.white)
+        )
+        wider = float(np.median(counted[white > 0] / white[white > 0])) if (white > 0).any() else 1.0
         yield Doubt(
             "residual colour",
-            f"what is left has a memory: correlation of one sample with the next {_listed(told)}",
-            "something that acts in the machine is not in the model; diagnosis.effects looks for it. Standard errors "
-            "count the colour, a bias they do not",
+            f"{sentence}. Standard errors count it: they are {wider:.2g} times those of residuals without memory "
+            "(median over the base parameters)",
+            "diagnosis.effects looks for what acts in the machine and is not in the model; errors count no bias by it",
+            "remark",
         )
+        return
+    yield Doubt(
+        "residual colour",
+        f"{sentence}, too long for this record: standard errors count it, but how far it reaches is not known",
+        "record longer motions, or look for what acts in the machine and is not in the model (diagnosis.effects)",
+    )
 
 
 def _weak(solution: RigidSolution, base: FloatArray, names: Sequence[str]) -> Iterator[Doubt]:
@@ -106,21 +123,14 @@ def _unlike(solution: RigidSolution) -> Iterator[Doubt]:
         )
 
 
-def _apart(solution: RigidSolution, base: FloatArray) -> Iterator[Doubt]:
-    n = len(solution.influence)
-    if n <= 1:
-        return
-    moved = solution.influence @ base.T
-    spread = np.sqrt((n - 1) / n * (moved**2).sum(axis=0))
-    stated = np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", base, solution.covariance, base), 0.0))
-    ratio = spread / np.where(stated > 0, stated, np.inf)
-    whole = float(np.sqrt((ratio**2).mean()))
-    if whole > DISAGREE:
-        yield Doubt(
-            "experiments disagree",
-            f"leaving out one of {n} experiments moves base parameters by {whole:.2g} stated errors (rms, jackknife)",
-            "do not rely on the stated errors: experiments differ in what the model lacks (temperature, load, speed)",
-        )
+def _apart(
+    equations: RigidEquations, solution: RigidSolution, base: FloatArray, names: Sequence[str]
+) -> Iterator[Doubt]:
+    shares = solution.experiments
+    if len(shares) > 1:
+        freedom = float((len(equations.torque) / solution.inflation).min())
+        found = disagreement(shares, solution.hessian, solution.covariance, base, freedom)
+        yield from disagreement_doubt(found, names, len(shares))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from robid_core import ConfigurationError, FloatArray, NotIdentifiable
+from robid_core.estimation.disagreement import ExperimentShare
 from robid_core.estimation.least_squares import levenberg_marquardt
 from robid_core.estimation.rigid.coloured import (
     bandwidth,
@@ -57,6 +58,8 @@ class RigidSolution:
     at: Linearised
     covariance: FloatArray
     """Of the coordinates, (n_unknown, n_unknown)."""
+    white: FloatArray
+    """The same if residuals had no memory."""
     prior: FloatArray
     """Standard deviations as they were used, (n_unknown,)."""
     widened: float
@@ -67,8 +70,10 @@ class RigidSolution:
     """Of what is left, (n_axis,)."""
     inflation: FloatArray
     """Long-run variance over variance of what is left, (n_axis,)."""
-    influence: FloatArray
-    """By how many coordinates move when an experiment is left out, (n_experiment, n_unknown)."""
+    hessian: FloatArray
+    """Of half the cost, priors included, (n_unknown, n_unknown)."""
+    experiments: tuple[ExperimentShare, ...]
+    """What each adds to it."""
     n_rounds: int
     converged: bool
 
@@ -311,29 +316,29 @@ class RigidProblem:
         precision = 1 / prior**2
         rows = self._seen(at, weight)
         by_sample = np.einsum("sap,sa->sp", rows, weight * at.residual)
-        scores, halves = np.zeros((len(precision),) * 2), []
+        alone, shares = np.zeros((len(precision),) * 2), list[ExperimentShare]()
         for part in self.equations.parts:
             length = bandwidth((each * at.residual)[part])
-            scores += score_covariance(by_sample[part], length)
+            alone += score_covariance(by_sample[part], 1)
             own = rows[part].reshape(-1, len(precision))
-            halves.append((own.T @ own, by_sample[part].sum(axis=0)))
-        hessian = sum((half for half, _ in halves), np.diag(precision))
+            memory = score_covariance(by_sample[part], length)
+            shares.append(ExperimentShare(own.T @ own, -by_sample[part].sum(axis=0), memory))
+        hessian = np.diag(precision) + np.sum([one.information for one in shares], axis=0)
+        scores = np.sum([one.scores for one in shares], axis=0)
         self._refuse_alike(hessian)
         freedom = float((len(each) / kappa).sum())
         covariance = sandwich(hessian, scores, precision, freedom)
-        influence = [
-            np.linalg.lstsq(hessian - half, -slope, rcond=None)[0]
-            for half, slope in halves
-            if len(halves) > 1
-        ]
+        white = sandwich(hessian, alone, precision, float(len(each)))
         return RigidSolution(
             at,
             covariance,
+            white,
             prior,
             *tolerances,
             scale,
             kappa,
-            np.array(influence).reshape(-1, len(precision)),
+            hessian,
+            tuple(shares),
             n_rounds,
             converged,
         )

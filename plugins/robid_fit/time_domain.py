@@ -12,7 +12,7 @@ and 9.3 (correlated residuals). Standard errors are those of residuals that are 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
@@ -23,6 +23,7 @@ from robid_core import (
     ConfigurationError,
     Context,
     DataRejected,
+    Doubt,
     Estimator,
     Fit,
     FloatArray,
@@ -36,9 +37,17 @@ from robid_core import (
     pattern_problems,
     simulate_record,
 )
+from robid_core.estimation.disagreement import ExperimentShare, disagreement
 from robid_core.estimation.least_squares import Minimum, levenberg_marquardt
-from robid_core.estimation.serial_correlation import sandwich_covariance
-from robid_core.residual import check_variants, default_patterns, parts_by_variant
+from robid_core.estimation.serial_correlation import n_cosine, sandwich_covariance
+from robid_core.residual import (
+    check_variants,
+    default_patterns,
+    excited_range,
+    parts_by_variant,
+    variant_robots,
+)
+from robid_fit.disagreement_doubt import disagreement_doubt
 from robid_fit.output_error import (
     OutputErrorProblem,
     Part,
@@ -165,6 +174,10 @@ class TimeDomainFit(Estimator):
     """Robots under which variants of a record were measured, where they are not the nominal one; all share the free
     parameters."""
 
+    constants: dict[str, str] = {}
+    """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
+    has the value of its experiments, and needs no file under `robots`."""
+
     tells_variants: ClassVar[bool] = True
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
@@ -180,7 +193,9 @@ class TimeDomainFit(Estimator):
         problem = self.problem(record, robot, context.generator)
         estimate = minimise(problem, self.iterations, context.progress)
         context.progress(self.iterations, self.iterations)
-        return self._result(problem, estimate, robot)
+        told, _ = variant_robots(record, robot, self.robots, self.constants)
+        found = self._result(problem, estimate, told)
+        return found.replace(excited=excited_range([part.record for part in problem.parts]))
 
     # Data and unknowns
 
@@ -192,7 +207,7 @@ class TimeDomainFit(Estimator):
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
         names = chosen_names(list(robot.layout), patterns, self.fixed)
-        others = {variant: Robot.load(name) for variant, name in self.robots.items()}
+        robot, others = variant_robots(record, robot, self.robots, self.constants)
         check_variants(record, robot, others, names)
         training = [one.training() for one in record]
         for run in (run for one in training for run in one.runs):
@@ -274,7 +289,24 @@ class TimeDomainFit(Estimator):
             free_names=free.names,
             time=time,
             model=robot.model(values, free.names, covariance),
+            stated_doubts=tuple(self._apart(problem, estimate)),
         )
+
+    def _apart(self, problem: OutputErrorProblem, estimate: Estimate) -> Iterator[Doubt]:
+        """Doubt parameters that experiments disagree on, those at a bound left aside."""
+        free, point = problem.free, estimate.minimum.point
+        inside = np.flatnonzero((point < free.upper - 1e-9) & (point > free.lower + 1e-9))
+        among = np.ix_(inside, inside)
+        shares = [
+            ExperimentShare(one.information[among], one.gradient[inside], one.scores[among])
+            for one in problem.by_experiment(point)
+        ]
+        if len(shares) < 2 or not len(inside) or not estimate.minimum.converged:
+            return
+        hessian = np.diag(1 / free.prior[inside] ** 2) + np.sum([one.information for one in shares], axis=0)
+        freedom = sum(n_cosine(len(lane)) for residual in problem.residuals(point) for lane in residual)
+        found = disagreement(shares, hessian, estimate.covariance[among], np.eye(len(inside)), float(freedom))
+        yield from disagreement_doubt(found, [free.names[i] for i in inside.tolist()], len(shares))
 
     def _comparisons(self, problem: OutputErrorProblem, point: FloatArray) -> tuple[TimeComparison, ...]:
         """Measured and simulated outputs, the experiments of all parts laid end to end."""

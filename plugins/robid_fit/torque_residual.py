@@ -8,6 +8,7 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
+import logging
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -33,12 +34,14 @@ from robid_core.residual import (
     TorqueProblem,
     default_patterns,
     estimated_robot,
+    excited_range,
     functions_of_speed,
+    leading_periods,
     misfit,
     misfit_table,
-    robots_by_constants,
     solve,
     torque_problem,
+    variant_robots,
 )
 from robid_fit.torque_gain import common_scale_problem
 
@@ -83,8 +86,8 @@ class TorqueResidualFit(Estimator):
     """Whether the measured torques of all axes have one delay, or each its own."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
-    discard: NonNegativeInt = 0
-    """Leading periods dropped as transient."""
+    discard: NonNegativeInt | None = None
+    """Leading periods dropped as transient; null: decided from the data, as many as differ from those after them."""
     starts: Annotated[int, Field(ge=1, le=1000)] = 1
     """Start points of the linear model: the nominal robot and random ones around it."""
     start_spread: PositiveFloat = 0.35
@@ -110,7 +113,7 @@ class TorqueResidualFit(Estimator):
     def run(self, record: Record, robot: Robot, context: Context) -> Fit:
         """Estimate the free parameters of the robot."""
         robot, robots = self._told(record, robot)
-        problem = self._problem(record, robot, robots)
+        problem = self._problem(record, robot, robots, context.log)
         solution = solve(
             problem,
             self.passes,
@@ -123,7 +126,7 @@ class TorqueResidualFit(Estimator):
         model = estimated_robot(
             robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance
         )
-        return self._result(problem, solution).replace(model=model)
+        return self._result(problem, solution).replace(model=model, excited=excited_range((record,)))
 
     # Data and unknowns
 
@@ -139,12 +142,11 @@ class TorqueResidualFit(Estimator):
 
     def _told(self, record: Record, robot: Robot) -> tuple[Robot, dict[str, Robot]]:
         """Return the nominal robot, and those of other variants."""
-        robots = {variant: Robot.load(name) for variant, name in self.robots.items()}
-        return (
-            robots_by_constants(record, robot, robots, self.constants) if self.constants else (robot, robots)
-        )
+        return variant_robots((record,), robot, self.robots, self.constants)
 
-    def _problem(self, record: Record, robot: Robot, robots: dict[str, Robot]) -> TorqueProblem:
+    def _problem(
+        self, record: Record, robot: Robot, robots: dict[str, Robot], log: logging.Logger | None = None
+    ) -> TorqueProblem:
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
@@ -155,7 +157,7 @@ class TorqueResidualFit(Estimator):
             self.prior,
             lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths),
             robots=robots,
-            discard=self.discard,
+            discard=leading_periods((record,), self.discard, log),
             highest_hz=self.highest_hz,
             each_delay=self.delays == "each",
         )

@@ -18,11 +18,12 @@ def chart(
     label: str,
     unit: str,
     x: FloatArray,
-    dots: FloatArray,
+    dots: FloatArray | Mapping[str, FloatArray],
     lines: Mapping[str, FloatArray],
     *,
     spoken: str,
     logarithmic: tuple[bool, bool] = (False, False),
+    ordinate: str = "",
 ) -> Markup:
     """Draw dots and lines.
 
@@ -31,25 +32,36 @@ def chart(
     label, unit
         Of the abscissa, and of the torque or force.
     x, dots
-        Shape (n_point,) each.
+        Shape (n_point,) each; dots of several colours by their class in the style sheet, NaN where there is none.
     lines
         By their class in the style sheet, (n_point,) each.
     spoken
         What a screen reader says.
     logarithmic
         Whether the abscissa is, and the ordinate; then nothing on it is negative.
+    ordinate
+        What is drawn, where it is no torque or force.
     """
     by_decade, in_decades = logarithmic
+    groups = dict(dots) if isinstance(dots, Mapping) else {"": dots}
     if by_decade:
         x = np.log10(x)
     if in_decades:
-        most = max(float(values.max()) for values in (dots, *lines.values())) or 1.0
-        dots = _logarithm(dots, most)
+        most = max(float(np.nanmax(values)) for values in (*groups.values(), *lines.values())) or 1.0
+        groups = {name: _logarithm(values, most) for name, values in groups.items()}
         lines = {name: _logarithm(values, most) for name, values in lines.items()}
-    every = np.concatenate((dots, *lines.values()))
+    every = np.concatenate((*groups.values(), *lines.values()))
+    every = every[np.isfinite(every)]
     across, up = _scale(x, LEFT, WIDTH - RIGHT), _scale(every, HEIGHT - BOTTOM, TOP)
     points = "".join(
-        f'<circle cx="{across(a):.1f}" cy="{up(b):.1f}" r="3"/>' for a, b in zip(x, dots, strict=True)
+        f'<g class="{escape(f"dots {name}".strip())}">'
+        + "".join(
+            f'<circle cx="{across(a):.1f}" cy="{up(b):.1f}" r="3"/>'
+            for a, b in zip(x, values, strict=True)
+            if np.isfinite(b)
+        )
+        + "</g>"
+        for name, values in groups.items()
     )
     paths = "".join(
         f'<path class="{escape(name)}" d="M'
@@ -68,10 +80,10 @@ def chart(
     )
     return Markup(
         f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT + 14:g}" class="cause" role="img" aria-label="{escape(spoken)}">'
-        f'{ticks}{paths}<g class="dots">{points}</g>'
+        f"{ticks}{paths}{points}"
         f'<text x="{(LEFT + WIDTH) / 2:g}" y="{HEIGHT + 10:g}" text-anchor="middle">{escape(label)}</text>'
         f'<text x="12" y="{HEIGHT / 2:g}" transform="rotate(-90 12 {HEIGHT / 2:g})" text-anchor="middle">'
-        f"{'force' if unit == 'N' else 'torque'}, {escape(unit)}</text></svg>"
+        f"{escape(ordinate or ('force' if unit == 'N' else 'torque'))}, {escape(unit)}</text></svg>"
     )
 
 

@@ -32,10 +32,21 @@ class Fact:
 
 
 def findings(
-    frf: Frf | None, fit: Fit | None, record: Record | None, design: Design | None, truth: Truth | None
+    frf: Frf | None,
+    fit: Fit | None,
+    record: Record | None,
+    design: Design | None,
+    diagnosis: Diagnosis | None,
+    truth: Truth | None,
 ) -> list[Finding]:
     """Return everything that limits the use of the results, serious things first."""
-    found = [*_of_record(record), *_of_frf(frf), *_of_fit(fit), *_of_truth(fit, truth)]
+    found = [
+        *_of_record(record),
+        *_of_frf(frf),
+        *_of_fit(fit),
+        *_of_diagnosis(diagnosis),
+        *_of_truth(fit, truth),
+    ]
     if design is not None and not design.gap <= GAP_LIMIT:
         found.append(
             Finding(
@@ -76,7 +87,12 @@ def _of_frf(frf: Frf | None) -> list[Finding]:
 
 
 def _of_fit(fit: Fit | None) -> list[Finding]:
-    return [Finding(True, f"Fit: {doubt}.") for doubt in fit.doubts] if fit is not None else []
+    return [Finding(not doubt.is_remark, f"Fit: {doubt}.") for doubt in fit.doubts] if fit is not None else []
+
+
+def _of_diagnosis(diagnosis: Diagnosis | None) -> list[Finding]:
+    found = diagnosis.doubts if diagnosis is not None else ()
+    return [Finding(not doubt.is_remark, f"Diagnosis: {doubt}.") for doubt in found]
 
 
 def _of_truth(fit: Fit | None, truth: Truth | None) -> list[Finding]:

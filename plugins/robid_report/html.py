@@ -37,7 +37,7 @@ from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
 from robid_report.numbers import percent, significant
 from robid_report.parameters import rows
-from robid_report.prediction import error_sections
+from robid_report.prediction import curve_sections, error_sections, run_sections
 from robid_report.residuals import residual_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 from robid_report.visible import visible_table
@@ -219,7 +219,7 @@ class HtmlReport(ReportStage):
             "title": self.title or robot.name,
             "robot": robot.name,
             "axes": robot.axis_names,
-            "findings": findings(frf, fit, record, design, truth),
+            "findings": findings(frf, fit, record, design, diagnosis, truth),
             "facts": facts(frf, fit, record, design, diagnosis, truth),
             "verdict": diagnosis.verdict.split("\n") if diagnosis is not None else [],
             "causes": cause_sections(diagnosis),
@@ -234,6 +234,8 @@ class HtmlReport(ReportStage):
             "friction": friction_sections(fit),
             "misfits": misfit_sections(fit, diagnosis),
             "errors": error_sections(diagnosis),
+            "runs": run_sections(diagnosis),
+            "curves": curve_sections(diagnosis),
             "visible": visible_table(diagnosis),
             "witness": witness_table(diagnosis),
             "response": response is not None,

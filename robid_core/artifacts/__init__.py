@@ -23,6 +23,7 @@ from robid_core.artifacts.frf import Frf
 from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
+from robid_core.artifacts.prediction import ExcitedRange, PredictionCurve, RunErrors
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
@@ -39,6 +40,7 @@ __all__ = [
     "Diagnosis",
     "Doubt",
     "Excitation",
+    "ExcitedRange",
     "Finding",
     "Fit",
     "FrictionCurve",
@@ -46,11 +48,13 @@ __all__ = [
     "MisfitTable",
     "Model",
     "ParameterTable",
+    "PredictionCurve",
     "PredictionErrors",
     "Record",
     "Report",
     "ResidualCurve",
     "ResponseComparison",
+    "RunErrors",
     "SearchRecord",
     "SeparatingExperiment",
     "VisibleSize",

@@ -1,14 +1,15 @@
-"""Why the numbers of a fit should be doubted: one list for screen, page, manifest and exit code.
+"""Why numbers should be doubted, and what is remarkable about them: one list for screen, page, manifest, exit code.
 
 Judged from the `Fit` alone, so that the fit of a stranger and one of an earlier version are judged by the same rules;
-what only an estimator can know (that experiments disagree, say) it states itself in `Fit.stated_doubts`.
+what only an estimator can know (that experiments disagree, say) it states itself in `Fit.stated_doubts`. Of what the
+stated errors count already the list holds remarks: they are told, and keep nobody from relying on the numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -40,18 +41,27 @@ MOST_NAMES = 6
 
 @dataclass(frozen=True)
 class Doubt(Artifact):
-    """One reason not to rely on a fit: its kind (one word or two), a sentence that says what was found, what to do."""
+    """One reason not to rely on a result: its kind (one word or two), a sentence that says what was found, what to do.
+
+    Its degree is `doubt` where it touches the numbers or their errors, `remark` where these count it already.
+    """
 
     kind: str
     sentence: str
     remedy: str
+    degree: Literal["doubt", "remark"] = "doubt"
+
+    @property
+    def is_remark(self) -> bool:
+        """Whether the numbers may be relied on all the same."""
+        return self.degree == "remark"
 
     def __str__(self) -> str:
         return f"{self.sentence}; {self.remedy}"
 
 
 def judge(fit: Fit) -> tuple[Doubt, ...]:
-    """Return every doubt about a fit: what its numbers show, then what its estimator states."""
+    """Return every doubt and remark about a fit: what its numbers show, then what its estimator states."""
     return (*(doubt for find in _JUDGES for doubt in find(fit)), *fit.stated_doubts)
 
 

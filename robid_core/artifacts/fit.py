@@ -11,6 +11,7 @@ from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, 
 from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
+from robid_core.artifacts.prediction import ExcitedRange, PredictionCurve, RunErrors
 from robid_core.artifacts.timing import Timing
 from robid_core.artifacts.witness import Witness
 
@@ -77,7 +78,8 @@ class PredictionErrors(Artifact):
     """How far a model is from a record, axis by axis; `low` and `high` hold `relative` in 95 % of such records.
 
     `model` and `quantity` in words ("fit", "torque in open loop"); `rms` in `unit_symbol`; `relative` is over the rms
-    of what was measured; `still` marks axes that hardly moved, of which a percentage says little.
+    of what was measured, `of_limit` over the torque limit of the robot file; `still` marks
+    axes that hardly moved, of which a percentage says little.
     """
 
     model: str
@@ -89,6 +91,7 @@ class PredictionErrors(Artifact):
     low: FloatArray = array("n_axis", finite=False)
     high: FloatArray = array("n_axis", finite=False)
     still: BoolArray = array("n_axis")
+    of_limit: FloatArray | None = array("n_axis", optional=True, finite=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +106,7 @@ class Fit(Artifact):
     (logarithms, natural scales); `model` is the robot that was found, its covariance in the parameters' own units:
     `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`. `base` are the combinations of inertial
     parameters that motion can show at all, where the estimator knows them; `friction` is drawn: torque over speed.
+    `excited` is how far the axes went in the data.
     """
 
     method: str
@@ -123,11 +127,17 @@ class Fit(Artifact):
     model: Model | None = None
     base: ParameterTable | None = None
     friction: tuple[FrictionCurve, ...] = ()
+    excited: ExcitedRange | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
-        """Every reason not to rely on these numbers, as screen, page and manifest tell it."""
+        """Every doubt and remark about these numbers, as screen, page and manifest tell them."""
         return judge(self)
+
+    @property
+    def is_doubted(self) -> bool:
+        """Whether there is any reason not to rely on these numbers."""
+        return any(not doubt.is_remark for doubt in self.doubts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +148,8 @@ class Diagnosis(Artifact):
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
     `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
     `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency;
-    `witness` what frequency responses say of its stiffnesses, None where they were not asked.
+    `witness` what frequency responses say of its stiffnesses, None where they were not asked; `runs` are errors of
+    single runs and `curves` what a prediction leaves; `doubts` are reasons not to rely on its numbers.
     """
 
     method: str
@@ -155,3 +166,6 @@ class Diagnosis(Artifact):
     data: DiagnosedData | None = None
     residuals: tuple[ResidualCurve, ...] = ()
     witness: Witness | None = None
+    runs: tuple[RunErrors, ...] = ()
+    curves: tuple[PredictionCurve, ...] = ()
+    doubts: tuple[Doubt, ...] = ()

@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from robid_core.artifacts import Fit, MisfitTable
 
 
-def doubt_lines(doubts: Sequence[object]) -> list[str]:
-    """Return each doubt as a line of its own, whole; where a person reads, broken at the edge of the terminal."""
-    texts, width = [" ".join(f"! {doubt}".split()) for doubt in doubts], _width()
+def doubt_lines(doubts: Sequence[object], remarks: Sequence[object] = ()) -> list[str]:
+    """Return each doubt, then each remark as a line of its own, whole; for a person broken at the terminal's edge."""
+    marked = [*(f"! {doubt}" for doubt in doubts), *(f"- {remark}" for remark in remarks)]
+    texts, width = [" ".join(text.split()) for text in marked], _width()
     if width is None:
         return texts
     broken = [textwrap.wrap(t, width, subsequent_indent="  ", break_on_hyphens=False) for t in texts]
@@ -23,7 +24,7 @@ def doubt_lines(doubts: Sequence[object]) -> list[str]:
 
 def fit_line(fit: Fit) -> str:
     """Say in one line how a fit ended, and whether it is doubted."""
-    state = "NOT CONVERGED: " if not fit.converged else "DO NOT RELY ON IT: " if fit.doubts else ""
+    state = "NOT CONVERGED: " if not fit.converged else "DO NOT RELY ON IT: " if fit.is_doubted else ""
     misfit = f"; misfit {fit.misfit:.3g}" if fit.misfit_against else ""
     return f"{state}{fit.status}{misfit}; {fit.n_agree} of {fit.n_starts} starts agree"
 

@@ -1,6 +1,6 @@
 """The last screen of `robid run`: what was done, what fits and diagnoses found, and where it is.
 
-At most 25 lines, but that doubts and verdicts are all told, and whole.
+At most 25 lines, but that doubts, remarks and verdicts are all told, and whole.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FEWEST_ROWS = 4  # of a table that doubts leave little room
 
 
 def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
-    """Return the lines that a person reads when the run is over: at most 25 beside doubts and verdicts.
+    """Return the lines that a person reads when the run is over: at most 25 beside doubts, remarks and verdicts.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     """
     show = f"robid show {_near(result.folder.path)}"
     head = [headline(pipeline, result)]
-    head += doubt_lines(result.doubts)
+    head += doubt_lines(result.doubts, result.remarks)
     page, found = last_page(pipeline, result), fits(pipeline, result)
     tail = [f"page       {_near(page)}"] if page is not None else []
     tail += [f"verdict    {_near(path)}" for path in verdict_files(pipeline, result)]

@@ -68,7 +68,7 @@ def command(
         int | None, typer.Option(metavar="MB", min=256, help="End a stage that takes more memory.")
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="End with exit code 6 where a fit is doubted for any reason.")
+        bool, typer.Option("--strict", help="End with exit code 6 where a result is doubted for any reason.")
     ] = False,
     data: DataRoot = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the essentials.")] = False,
@@ -122,7 +122,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
         typer.echo(headline(pipeline, result) + (f"; {page}" if page else ""))
         for line in filter(None, verdict_lines(pipeline, result)):
             typer.echo(line)
-        for doubt in result.doubts:
+        for doubt in (*result.doubts, *result.remarks):
             typer.echo(doubt, err=True)
     else:
         typer.echo("\n".join(last_screen(pipeline, result, again)))

@@ -13,7 +13,7 @@ from robid_core.commands.arguments import DEFAULT_PIPELINE
 from robid_core.errors import ConfigurationError, StoreError
 
 if TYPE_CHECKING:
-    from robid_core.artifacts import Artifact, Design, Frf
+    from robid_core.artifacts import Artifact, Design, Diagnosis, Fit, Frf
     from robid_core.run import Manifest, RunFolder
 
 LONGEST_TEXT = 60
@@ -85,7 +85,7 @@ def _read(path: Path) -> Artifact:
 
 
 def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
-    """Return what a run made: one line per stage; and why its fits should be doubted."""
+    """Return what a run made: one line per stage; and why its results should be doubted."""
     from robid_core.commands.fit_screen import doubt_lines
 
     lines = [
@@ -103,13 +103,13 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     lines += [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     ]
-    doubts = [
-        f"stage {name}: {doubt['sentence']}; {doubt['remedy']}"
-        for name, record in manifest.stages.items()
-        for doubt in record.doubts
-    ]
-    if doubts:
-        lines += ["", *doubt_lines(doubts)]
+    found: dict[str, list[str]] = {"doubt": [], "remark": []}
+    for name, record in manifest.stages.items():
+        for doubt in record.doubts:
+            text = f"stage {name}: {doubt['sentence']}; {doubt['remedy']}"
+            found[doubt.get("degree", "doubt")].append(text)
+    if any(found.values()):
+        lines += ["", *doubt_lines(found["doubt"], found["remark"])]
     return [*lines, "", f"in {folder.path}; one of them: robid show {folder.path} STAGE"]
 
 
@@ -117,7 +117,7 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     """Return an artifact as text: what is special about its kind first, then every field."""
     from robid_core.artifacts import Design, Diagnosis, Excitation, Fit, Frf, Report
     from robid_core.commands.excitation_screen import advice_lines
-    from robid_core.commands.fit_screen import doubt_lines, fit_line, fit_table, misfit_lines
+    from robid_core.commands.fit_screen import fit_line, fit_table, misfit_lines
 
     lines = [type(artifact).__name__ + (f" in {path}" if path is not None else "")]
     if isinstance(artifact, Report):
@@ -125,7 +125,7 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     if isinstance(artifact, Fit):
         lines += [
             f"  {artifact.method}: {fit_line(artifact)}",
-            *doubt_lines(artifact.doubts),
+            *_degrees(artifact),
             "",
             *(f"  {line}" for line in fit_table(artifact, {}, everything=True)),
             "",
@@ -139,8 +139,15 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     elif isinstance(artifact, Design):
         lines += _design_lines(artifact)
     elif isinstance(artifact, Diagnosis):
-        lines += [f"  {artifact.method}: {artifact.verdict}", ""]
+        lines += [f"  {artifact.method}: {artifact.verdict}", *_degrees(artifact), ""]
     return [*lines, *field_lines(artifact)]
+
+
+def _degrees(artifact: Fit | Diagnosis) -> list[str]:
+    from robid_core.commands.fit_screen import doubt_lines
+
+    remarks = [doubt for doubt in artifact.doubts if doubt.is_remark]
+    return doubt_lines([doubt for doubt in artifact.doubts if not doubt.is_remark], remarks)
 
 
 def _frf_lines(frf: Frf) -> list[str]:

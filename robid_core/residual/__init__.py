@@ -4,6 +4,8 @@ from robid_core.residual.building import default_patterns, torque_problem
 from robid_core.residual.catalogue import effect_class, effect_names, place_in
 from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.estimated_robot import estimated_robot
+from robid_core.residual.excited_range import excited_range
+from robid_core.residual.leading_periods import leading_periods
 from robid_core.residual.measured import check_variants, functions_of_speed, parts_by_variant
 from robid_core.residual.misfit import misfit, misfit_table
 from robid_core.residual.passes import Solution, linearise_at, prescribe_at, solve
@@ -11,7 +13,7 @@ from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.prescribed_record import prescribe_record
 from robid_core.residual.problem import Linearisation, TorqueProblem
 from robid_core.residual.rigid_drives import rigid_drives
-from robid_core.residual.variant_constants import robots_by_constants
+from robid_core.residual.variant_constants import variant_robots
 from robid_core.residual.weighting import Weighting
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot.effects import BoundEffect
@@ -19,6 +21,7 @@ from robid_core.robot.effects import BoundEffect
 __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting",
     "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names", "estimated_robot",
-    "functions_of_speed", "linearise_at", "misfit", "misfit_table", "parts_by_variant", "place_in",
-    "prescribe_at", "prescribe_record", "rigid_drives", "robots_by_constants", "solve", "torque_problem",
+    "excited_range", "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table",
+    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "rigid_drives", "solve",
+    "torque_problem", "variant_robots",
 ]  # fmt: skip

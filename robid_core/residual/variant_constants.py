@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from robid_core.artifacts import Record
+from robid_core.artifacts import DenseRun, Record
 from robid_core.errors import DataRejected
 from robid_core.residual.measured import parts_by_variant
 from robid_core.robot import Robot
@@ -14,38 +14,42 @@ from robid_core.robot import Robot
 ALIKE = 1e-9  # of a constant: experiments of a variant that differ by more are not of one robot
 
 
-def robots_by_constants(
-    record: Record, robot: Robot, robots: Mapping[str, Robot], constants: Mapping[str, str]
+def variant_robots(
+    records: Sequence[Record], robot: Robot, robots: Mapping[str, str], constants: Mapping[str, str]
 ) -> tuple[Robot, dict[str, Robot]]:
     """Return the nominal robot and those of other variants, each with the constants of its experiments.
 
     Parameters
     ----------
-    record
+    records
         What was measured; every experiment of a variant has one value of each constant.
     robot
         That of the first variant that is not in `robots`, and of those that differ from it by their constants only.
     robots
-        Others, by variant.
+        Robot files of others, by variant.
     constants
-        Name of a constant in the record to name of a parameter of the robot.
+        Name of a constant in the records to name of a parameter of the robot.
 
     Raises
     ------
     DataRejected
-        If the record lacks a constant, or it is not known or not one number throughout a variant.
+        If a record lacks a constant, or it is not known or not one number throughout a variant.
     ConfigurationError
         If a robot has no such parameter.
     """
-    nominal, others = None, dict(robots)
-    for variant, part in parts_by_variant(record):
+    others = {variant: Robot.load(name) for variant, name in robots.items()}
+    if not constants:
+        return robot, others
+    runs, nominal = dict[str, list[DenseRun]](), None
+    for record in records:
+        for variant, part in parts_by_variant(record):
+            runs.setdefault(variant, []).extend(part.runs)
+    for variant, measured in runs.items():
         values = {
-            parameter: _value(
-                np.concatenate([run.constant(name).ravel() for run in part.runs]), name, variant
-            )
+            parameter: _value(np.concatenate([run.constant(name).ravel() for run in measured]), name, variant)
             for name, parameter in constants.items()
         }
-        own = robots.get(variant, robot).with_parameters(values)
+        own = others.get(variant, robot).with_parameters(values)
         if variant in robots or nominal is not None:
             others[variant] = own
         else:

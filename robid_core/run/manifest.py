@@ -38,7 +38,7 @@ class StageRecord:
     inputs: Mapping[str, Source] = field(default_factory=dict)  # parameter: stage, or stages
     ingredients: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
-    doubts: Sequence[Mapping[str, str]] = ()  # about a fit: kind, sentence, remedy
+    doubts: Sequence[Mapping[str, str]] = ()  # kind, sentence, remedy, degree (older ones: a doubt)
 
 
 @dataclass

@@ -38,7 +38,7 @@ class RunOptions:
     memory_mb: int | None = None
     """--memory: most memory that one stage may take; not for hardware."""
     strict: bool = False
-    """--strict: any doubt about a fit is one too many."""
+    """--strict: any doubt about a result is one too many; remarks are none."""
 
     def forced(self, pipeline: Pipeline) -> set[str]:
         """Return the names of the stages to make again; ConfigurationError where one does not exist."""
@@ -49,7 +49,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What became of each stage (made, same, kept, refused), and why the numbers should be doubted, if so.
+    """What became of each stage (made, same, kept, refused), why the numbers should be doubted, if so, and remarks.
 
     `exit_code` is 0, or 6 where numbers must not be used: a stage gave no result, a fit did not converge, or, with
     `strict`, there is any doubt.
@@ -59,6 +59,7 @@ class RunResult:
     manifest: Manifest
     outcomes: dict[str, str]
     doubts: tuple[str, ...]
+    remarks: tuple[str, ...]
     seconds: float
     exit_code: int
 

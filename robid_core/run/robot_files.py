@@ -39,7 +39,7 @@ def keep_robot(node: StageNode, entry: Entry, shared: Surroundings, store: Store
     lines = [
         f"What stage '{node.name}' of {name} found; robid run keeps this file up to date.",
         f"{artifact.method}: {told}",
-        *(f"Doubt: {doubt}" for doubt in (artifact.doubts if isinstance(artifact, Fit) else ())),
+        *(f"{doubt.degree.capitalize()}: {doubt}" for doubt in artifact.doubts),
     ]
     heading = "\n".join(" ".join(line.split()) for line in lines)
     text = robot_text(artifact.model, heading, shared, folder.path).encode("utf-8")

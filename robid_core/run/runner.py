@@ -9,7 +9,7 @@ import os
 import time
 from dataclasses import replace
 
-from robid_core.artifacts import Doubt, Fit
+from robid_core.artifacts import Diagnosis, Doubt, Fit
 from robid_core.artifacts.doubts import NOT_CONVERGED
 from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError
 from robid_core.executors import one_thread
@@ -30,7 +30,7 @@ from robid_core.run.plan import Action, Decision, decide, input_hashes, preview,
 from robid_core.run.progress import Listener, Silence
 from robid_core.run.recording import recording_decision
 from robid_core.run.robot_files import drop_robot, keep_robot, refuse_own_robot
-from robid_core.stage import MapTasks
+from robid_core.stage import MODELLED, MapTasks
 from robid_core.store import Entry, Files, Store
 
 
@@ -90,6 +90,7 @@ class _Run:
         self.entries: dict[str, Entry] = {}
         self.outcomes: dict[str, str] = {}
         self.doubts: list[str] = []
+        self.remarks: list[str] = []
         self.unusable = False
 
     def execute(self) -> RunResult:
@@ -114,7 +115,8 @@ class _Run:
         seconds = time.perf_counter() - began
         distrusted = self.unusable or (self.options.strict and bool(self.doubts))
         code = NotTrustworthy.exit_code if distrusted else 0
-        return RunResult(self.folder, self.manifest, self.outcomes, tuple(self.doubts), seconds, code)
+        told = tuple(self.doubts), tuple(self.remarks)
+        return RunResult(self.folder, self.manifest, self.outcomes, *told, seconds, code)
 
     def _refuse_before(self, chosen: set[str], forced: set[str]) -> None:
         """Raise what can be told before anything runs; take over what the manifest knows of earlier runs."""
@@ -219,7 +221,12 @@ class _Run:
             inputs=node.inputs,
             ingredients=decision.ingredients,
             doubts=[
-                {"kind": doubt.kind, "sentence": doubt.sentence, "remedy": doubt.remedy}
+                {
+                    "kind": doubt.kind,
+                    "sentence": doubt.sentence,
+                    "remedy": doubt.remedy,
+                    "degree": doubt.degree,
+                }
                 for doubt in self._doubts_about(node, entry)
             ],
         )
@@ -245,15 +252,17 @@ class _Run:
         self._note(f"stage {node.name}: R06: {' '.join(decision.reasons)}{kept}; it is made again")
 
     def _doubts_about(self, node: StageNode, entry: Entry) -> tuple[Doubt, ...]:
-        """Return why a stage's result should be doubted, where it is a fit, and tell it to log and user."""
-        if not issubclass(node.stage.output, Fit):
+        """Return why the result of a fit or a diagnosis should be doubted, and tell it to log and user."""
+        if not issubclass(node.stage.output, MODELLED):
             return ()
-        found = self.store.read(entry, Fit).doubts
-        for doubt in found:
-            self._log(node).warning("%s: %s", doubt.kind, doubt)
-            self.doubts.append(f"stage {node.name}: {doubt}")
+        artifact = self.store.read(entry, node.stage.output)
+        assert isinstance(artifact, Fit | Diagnosis)
+        for doubt in artifact.doubts:
+            log = self._log(node)
+            (log.info if doubt.is_remark else log.warning)("%s: %s", doubt.kind, doubt)
+            (self.remarks if doubt.is_remark else self.doubts).append(f"stage {node.name}: {doubt}")
             self.unusable |= doubt.kind == NOT_CONVERGED
-        return found
+        return artifact.doubts
 
     @staticmethod
     def _log(node: StageNode) -> logging.Logger:

@@ -108,9 +108,11 @@ def test_the_page_shows_measured_against_simulated() -> None:
     page = stage("page").run(robot, record=record, fit=fit, diagnosis=diagnosis).html
     for text in ("mass.carriage", "95.11", "measured − simulated", "motor force", "4.08"):
         assert text in page
-    # What four parameters leave has a memory: that, and nothing else, is doubted.
-    assert [doubt.kind for doubt in fit.doubts] == ["residual colour"]
-    assert page.count('<li class="serious">') == 1
+    # What four parameters leave has a memory, which standard errors count: a remark, and nothing is doubted.
+    assert [(doubt.kind, doubt.degree) for doubt in fit.doubts] == [("residual colour", "remark")]
+    assert not fit.is_doubted
+    assert 'class="serious"' not in page
+    assert page.count('<li class="mild">') == 1
     assert len(page) < 8e6
 
 

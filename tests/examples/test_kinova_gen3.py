@@ -28,7 +28,7 @@ def robot() -> Robot:
 
 def test_half_a_move_predicts_the_other_half_and_identifies_nothing() -> None:
     fit = stage("fit").run(stage("acquire").run(robot(), context()), robot())
-    (picture,) = stage("predict").run(stage("later").run(robot(), context()), robot(), context(), fit).time
+    (picture,) = stage("predict").run((stage("later").run(robot(), context()),), robot(), context(), fit).time
     assert picture.relative_error < 0.43
     assert {"residual colour"} < {doubt.kind for doubt in fit.doubts}
     assert fit.base is not None

@@ -40,10 +40,10 @@ def test_the_pipeline_file_is_whole() -> None:
 
 def test_the_last_three_seconds_are_predicted() -> None:
     robot, _, later = recorded()
-    (picture,) = stage("predict").run(later, robot, context(), fitted()).time
+    (picture,) = stage("predict").run((later,), robot, context(), fitted()).time
     assert picture.relative_error < 0.12
     without = fitted().replace(model=robot.model({}))
-    (told,) = stage("predict").run(later, robot, context(), without).time
+    (told,) = stage("predict").run((later,), robot, context(), without).time
     assert told.relative_error > 1.5 * picture.relative_error
 
 

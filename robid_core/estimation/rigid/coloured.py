@@ -7,6 +7,8 @@ Bartlett's kernel (Newey and West 1987), its bandwidth by the correlation from s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
@@ -14,6 +16,7 @@ from robid_core.arrays import FloatArray
 
 LARGEST_CORRELATION = 0.99  # from sample to sample: beyond, a record is too short to tell it
 SHORTEST = 8  # bandwidths in a record, at least
+FEWEST_INDEPENDENT = 30.0  # samples of a record: with fewer, intervals of slow parameters hold too seldom
 MOST_FOR_FREEDOM = 4.0  # times a covariance: residuals are smaller by what was fitted to them
 
 
@@ -32,6 +35,25 @@ def bandwidth(residual: FloatArray) -> int:
     shape = 4 * rho**2 / (1 - rho**2) ** 2
     length = int(np.rint(1.1447 * np.cbrt(shape * n_sample)))
     return max(1, min(length, n_sample // SHORTEST))
+
+
+def is_counted(residuals: Sequence[FloatArray]) -> bool:
+    """Whether a record is long enough to tell how coloured its residuals are, so that intervals can count it.
+
+    Of an autoregression, nominal intervals of 95 % held 84 to 96 % of the truths where the record was worth 30
+    independent samples and its memory was shorter than the longest bandwidth, and down to 43 % elsewhere.
+
+    Parameters
+    ----------
+    residuals
+        Of each experiment, (n_sample, n_axis).
+    """
+    lengths = [bandwidth(one) for one in residuals]
+    independent = np.sum(
+        [len(one) / inflation(one, length) for one, length in zip(residuals, lengths, strict=True)], axis=0
+    )
+    told = sum(len(one) for one, n in zip(residuals, lengths, strict=True) if n < len(one) // SHORTEST)
+    return bool(independent.min() >= FEWEST_INDEPENDENT and told >= 0.5 * sum(len(one) for one in residuals))
 
 
 def inflation(residual: FloatArray, length: int) -> FloatArray:

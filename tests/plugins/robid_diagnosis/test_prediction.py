@@ -39,7 +39,7 @@ def predict(robot: Robot, measured: Record, values: dict[str, float] | None, **s
         np.random.default_rng(0), map_in_process, lambda done, total, note="": None, logging.getLogger("test")
     )
     fit = fit_of(robot, values) if values is not None else None
-    return Prediction(**settings).run(measured, robot, context, fit)
+    return Prediction(**settings).run((measured,), robot, context, fit)
 
 
 def test_errors_of_a_wrong_model_are_what_they_are_by_hand(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_what_cannot_be_predicted_is_refused(tmp_path: Path) -> None:
         np.random.default_rng(0), map_in_process, lambda done, total, note="": None, logging.getLogger("test")
     )
     with pytest.raises(NotTrustworthy, match="stopped early"):
-        Prediction().run(measured, robot, context, fit_of(robot, TRUE, converged=False))
+        Prediction().run((measured,), robot, context, fit_of(robot, TRUE, converged=False))
 
 
 def test_the_stage_keeps_the_contract() -> None:

@@ -11,7 +11,7 @@ import pytest
 from robid_core import Context, Record, Robot
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
-from robid_diagnosis.residual_curves import _means, _parts, _shares
+from robid_diagnosis.residual_curves import _shares, means_over, parts_of
 
 N = 20_000
 
@@ -21,21 +21,23 @@ def test_a_law_is_told_by_its_share_and_its_symmetry() -> None:
     generator = np.random.default_rng(1)
     x = generator.uniform(-1, 1, N)
     residual = x + 0.5 * np.abs(x) + 0.5 * generator.standard_normal(N)
-    parts = _parts(x, signed=True)
+    parts = parts_of(x, signed=True)
     share, odd, even = _shares(residual, parts, True, N)
     whole = 1 / 3 + 0.25 / 3 + 0.25
     # The mean over a part of width w misses w^2 / 12 of a slope of one: 2e-4 here; noise of a share is 1 / sqrt(N).
     assert share == pytest.approx((1 / 3 + 0.25 / 3) / whole, abs=0.02)
     assert odd == pytest.approx(1 / 3 / whole, abs=0.02)
     assert even == pytest.approx(0.25 / 3 / whole, abs=0.02)
-    np.testing.assert_allclose(_means(residual, parts)[-3:], 1.5 * _means(np.abs(x), parts)[-3:], atol=0.1)
+    np.testing.assert_allclose(
+        means_over(residual, parts)[-3:], 1.5 * means_over(np.abs(x), parts)[-3:], atol=0.1
+    )
 
 
 def test_noise_is_no_function_of_anything() -> None:
     """Beyond chance nothing is left: shares scatter by sqrt(2 parts) / N."""
     generator = np.random.default_rng(2)
     for signed in (True, False):
-        parts = _parts(generator.standard_normal(N), signed)
+        parts = parts_of(generator.standard_normal(N), signed)
         assert sum(len(part) for part in parts) == N
         assert _shares(generator.standard_normal(N), parts, signed, N)[0] < 5 * np.sqrt(80) / N
 

@@ -57,7 +57,7 @@ def test_a_diagnosis_says_what_it_left_out_and_why(told: Robot, record: Record) 
     simulated = ClosedLoopSimulation().run(record, fit, bare, context())
     assert simulated.verdict.startswith(f"The closed loop was not simulated: {LACKS}")
     assert not simulated.time
-    predicted = Prediction().run(record, bare, context(), fit)
+    predicted = Prediction().run((record,), bare, context(), fit)
     assert f"The closed loop was not simulated: {LACKS}" in predicted.verdict
     assert {one.quantity for one in predicted.errors} == {"torque in open loop"}
     explained = Effects(only=FRICTION, most=1, passes=4).run((record,), bare, context())

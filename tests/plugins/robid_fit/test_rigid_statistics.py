@@ -49,15 +49,36 @@ def test_intervals_hold_the_truth_where_residuals_are_coloured(tmp_path: Path) -
     position, force = (clean.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
     settings, draw = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0), np.random.default_rng(6)
     bias = settings.run(clean, robot).base.estimate - TRUE  # type: ignore[union-attr]
-    held = []
+    held, remarked = [], []
     for _ in range(60):
         noise = 2.0 * coloured(len(force), 0.99, draw)[:, None]
         fit = settings.run(record_of(robot, position, force + noise), robot)
         assert fit.base is not None
         off = np.abs(fit.base.estimate - TRUE - bias)
         held.append(off < 1.96 * fit.base.standard_error)
+        remarked.append([(doubt.kind, doubt.degree) for doubt in fit.doubts])
+    # Colour that intervals count is no reason to doubt them.
+    assert remarked == [[("residual colour", "remark")]] * 60
     # 240 intervals, the four of a record not independent: the share scatters by 2 to 3 %.
     assert 0.88 <= np.mean(held) <= 0.99
+
+
+def test_a_memory_that_a_record_is_too_short_for_is_doubted(tmp_path: Path) -> None:
+    """Noise of 2 s in a record of 10 s: intervals of the offset hold two of three truths, and this is said."""
+    robot = slide(tmp_path)
+    clean = recording(robot, 5, seconds=10.0, smooth_friction=False)
+    position, force = (clean.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
+    settings, draw = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0), np.random.default_rng(6)
+    offset, doubted = settings.run(clean, robot).base.estimate[3], 0  # type: ignore[union-attr]
+    held = []
+    for _ in range(30):
+        noise = 2.0 * coloured(len(force), 0.9995, draw)[:, None]
+        fit = settings.run(record_of(robot, position, force + noise), robot)
+        assert fit.base is not None
+        held.append(abs(fit.base.estimate[3] - offset) < 1.96 * fit.base.standard_error[3])
+        doubted += fit.is_doubted
+    assert np.mean(held) < 0.85  # the sandwich is wrong here
+    assert doubted >= 27
 
 
 def test_standard_errors_cover_with_axes_of_different_noise(tmp_path: Path) -> None:
@@ -115,6 +136,25 @@ def test_experiments_that_disagree_are_told(tmp_path: Path) -> None:
         warm.append(record_of(robot, position, force + more))
     kinds = [d.kind for d in settings.run(of_experiments(robot, warm), robot).doubts]
     assert "experiments disagree" in kinds
+    (doubt,) = [d for d in settings.run(of_experiments(robot, warm), robot).doubts if "disagree" in d.kind]
+    assert "friction.x.coulomb " in doubt.sentence
+    assert not doubt.is_remark
+
+
+def test_experiments_that_are_alike_are_hardly_ever_said_to_disagree(tmp_path: Path) -> None:
+    """Four numbers of three experiments with coloured noise: all together have one chance in a hundred."""
+    robot, draw, told = slide(tmp_path), np.random.default_rng(7), 0
+    clean = [recording(robot, seed, seconds=4.0) for seed in (1, 2, 3)]
+    settings = RigidBodyFit(cutoff_hz=50.0)
+    for _ in range(40):
+        noisy = []
+        for one in clean:
+            position, force = (one.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
+            noise = 2.0 * coloured(len(force), 0.98, draw)[:, None]
+            noisy.append(record_of(robot, position, force + noise))
+        fit = settings.run(of_experiments(robot, noisy), robot)
+        told += "experiments disagree" in [doubt.kind for doubt in fit.doubts]
+    assert told <= 2  # of 40 with a chance of 0.01 more than two: 0.008
 
 
 def test_tolerances_widen_as_far_as_the_data_ask_and_no_further(tmp_path: Path) -> None:

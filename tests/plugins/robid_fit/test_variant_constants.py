@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robid_core import Channel, ConfigurationError, Context, DataRejected, DenseRun, FloatArray, Record, Robot
-from robid_core.residual import robots_by_constants
+from robid_core.residual import variant_robots
 from robid_core.stage import map_in_process
 from robid_fit.torque_residual import TorqueResidualFit
 
@@ -60,7 +60,7 @@ def measured(robot: Robot) -> Record:
 
 
 def test_each_variant_has_the_constant_of_its_experiments(robot: Robot, measured: Record) -> None:
-    nominal, others = robots_by_constants(measured, robot, {}, CONSTANTS)
+    nominal, others = variant_robots((measured,), robot, {}, CONSTANTS)
     assert nominal.parameter("effect.load.mass") == MASSES[0]
     assert list(others) == ["heavy"]
     assert others["heavy"].parameter("effect.load.mass") == MASSES[1]
@@ -92,10 +92,10 @@ def test_constants_that_tell_no_robot_are_refused(robot: Robot, measured: Record
     with pytest.raises(
         DataRejected, match="payload_kg is 0.5 to 4 in the record; give experiments of another value"
     ):
-        robots_by_constants(untold, robot, {}, CONSTANTS)
+        variant_robots((untold,), robot, {}, CONSTANTS)
     with pytest.raises(DataRejected, match="payload_kg is not known in all experiments of variant light"):
-        robots_by_constants(of_value(measured, measured.run.constants * np.nan), robot, {}, CONSTANTS)
+        variant_robots((of_value(measured, measured.run.constants * np.nan),), robot, {}, CONSTANTS)
     with pytest.raises(DataRejected, match="no constant voltage; it has payload_kg"):
-        robots_by_constants(measured, robot, {}, {"voltage": "effect.load.mass"})
+        variant_robots((measured,), robot, {}, {"voltage": "effect.load.mass"})
     with pytest.raises(ConfigurationError, match="effect.tool.mass"):
-        robots_by_constants(measured, robot, {}, {"payload_kg": "effect.tool.mass"})
+        variant_robots((measured,), robot, {}, {"payload_kg": "effect.tool.mass"})

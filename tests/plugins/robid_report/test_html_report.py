@@ -327,6 +327,24 @@ def test_every_doubt_about_a_fit_stands_in_the_banner_in_the_same_words_as_on_sc
     assert "axis below 3 Hz 3-30 Hz lines other lines other axis_1 – 35.2 1.00 1.40" in page.words
 
 
+def test_remarks_and_doubts_stand_in_banners_of_their_own(robot: Robot) -> None:
+    artifacts = everything(robot)
+    remark = Doubt("residual colour", "what is left has a memory", "errors count it", "remark")
+    diagnosis = artifacts["diagnosis"].replace(doubts=(remark,))
+    fit = artifacts["fit"].replace(stated_doubts=(remark,))
+    page = Page(page_of(robot, **{**artifacts, "fit": fit, "diagnosis": diagnosis}))
+    classes = [attributes.get("class") for _, attributes in page.elements if "class" in attributes]
+    assert "banner amber" in classes
+    assert "banner red" not in classes
+    assert "Do not rely" not in page.words
+    assert f"Fit: {remark}." in page.words
+    assert f"Diagnosis: {remark}." in page.words
+    both = fit.replace(stated_doubts=(remark, Doubt("weather", "it rained", "wait")))
+    words = Page(page_of(robot, **{**artifacts, "fit": both})).words
+    red, amber = words.index("Do not rely"), words.index("Mind")
+    assert red < words.index("it rained") < amber < words.index("what is left has a memory")
+
+
 def test_a_misfit_that_was_tuned_is_not_shown_as_a_check(robot: Robot) -> None:
     fit = everything(robot)["fit"]
     assert "misfit 1.05 against the stated uncertainty" in Page(page_of(robot, fit=fit)).words

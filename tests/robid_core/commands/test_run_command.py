@@ -246,6 +246,16 @@ def test_on_a_terminal_doubts_are_broken_at_its_edge_and_nothing_of_them_is_lost
     assert fit_screen.first_line("x" * 90) == "x" * 67 + "..."
 
 
+def test_a_remark_is_told_everywhere_and_says_nowhere_not_to_rely_on_it(robid: Robid) -> None:
+    told = "it rained, and the errors count it; wait for the sun"
+    said = robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=remarked", "--strict")
+    assert said.code == 0
+    assert f"- stage fit: {told}" in said.out.splitlines()
+    assert f"- stage fit: {told}" in robid("show").out.splitlines()
+    assert f"- {told}" in robid("show", "fit").out.splitlines()
+    assert "RELY" not in said.out + robid("show", "fit").out
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

@@ -203,7 +203,9 @@ class Estimate(Estimator):
         if self.outcome == "doubted":
             own = Doubt("weather", "it rained, and the cell was wet", "wait for the sun")
             return Fit("strange", status, True, 1.5, 8, 3, table, np.eye(1), stated_doubts=(own,))
-        return Fit("strange", status, converged, 1.0, 1, 1, table, np.eye(1))
+        own = Doubt("weather", "it rained, and the errors count it", "wait for the sun", "remark")
+        stated = (own,) if self.outcome == "remarked" else ()
+        return Fit("strange", status, converged, 1.0, 1, 1, table, np.eye(1), stated_doubts=stated)
 
 
 class Combine(Estimator):

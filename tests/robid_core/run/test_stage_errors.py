@@ -89,6 +89,17 @@ def test_N07_N08_doubts_about_a_fit_stand_in_manifest_and_log_and_end_a_strict_r
     assert world.run(strict=True).exit_code == 0
 
 
+def test_remarks_about_a_fit_are_told_and_end_no_strict_run(world: Any) -> None:
+    result = world.run("stages.fit.with.outcome=remarked", strict=True)
+    assert result.exit_code == 0
+    assert result.doubts == ()
+    assert result.remarks == ("stage fit: it rained, and the errors count it; wait for the sun",)
+    manifest = Manifest.read(RunFolder(world.folder))
+    assert manifest is not None
+    assert [doubt["degree"] for doubt in manifest.stages["fit"].doubts] == ["remark"]
+    assert "weather: it rained" in (world.folder / "log.txt").read_text()
+
+
 def test_what_needs_a_refused_result_is_refused_and_old_names_go(world: Any) -> None:
     world.run()
     result = world.run("stages.fit.with.outcome=refused")

@@ -1,0 +1,90 @@
+"""Runs of records that are predicted: which were put aside for it, under which variant, and how far off each is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid_core import FloatArray, Record, RunErrors
+from robid_core.residual import parts_by_variant
+from robid_diagnosis.comparison import Signals
+from robid_diagnosis.prediction_curves import PredictedRun
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of a record of one role and one variant."""
+
+    record: Record
+    variant: str
+    tested: bool
+    """Whether it is judged: put aside for that, or all that there is."""
+    name: str
+
+
+def pieces_of(records: Sequence[Record]) -> tuple[list[Piece], bool]:
+    """Return the parts of all records, and whether any experiment is of the role test."""
+    marked = any(run.test is not None and run.test.any() for one in records for run in one.runs)
+    found = list[Piece]()
+    for number, record in enumerate(records, start=1):
+        head = f"record {number}, " if len(records) > 1 else ""
+        for tested, part in _by_role(record) if marked else [(True, record)]:
+            for variant, own in parts_by_variant(part):
+                found.append(Piece(own, variant, tested, f"{head}{variant}, " if variant else head))
+    return found, marked
+
+
+def _by_role(record: Record) -> Iterator[tuple[bool, Record]]:
+    held = [run.test is not None and run.test.any() for run in record.runs]
+    if not any(held):
+        yield False, record
+        return
+    test = record.run.test
+    assert test is not None
+    if not test.all():
+        yield False, record.part(~test)
+    yield True, record.part(test)
+
+
+def predicted_runs(
+    pieces: Sequence[Piece], measured: Signals, predicted: Signals, skip_s: float
+) -> list[PredictedRun]:
+    """Every experiment with what was compared, the ends cut off, in the order of the pieces."""
+    found, place = list[PredictedRun](), 0
+    for piece in pieces:
+        number = 0
+        for run in piece.record.runs:
+            cut, angles = round(skip_s / run.sample_time_s), run.lanes("motor_position")
+            for angle, theirs, ours in zip(angles, measured[place], predicted[place], strict=True):
+                number += 1
+                name = f"{piece.name}{'test' if piece.tested else 'training'} {number}"
+                kept = angle[cut : len(angle) - cut]
+                found.append(PredictedRun(name, piece.tested, run.sample_time_s, kept, theirs, ours))
+            place += 1
+    return found
+
+
+def run_errors(
+    model: str, quantity: str, unit: str, axis_names: tuple[str, ...], runs: Sequence[PredictedRun]
+) -> RunErrors:
+    """How far a model is from each run, those that it was fitted to first."""
+    ordered = sorted(runs, key=lambda run: run.tested)
+    rms = np.stack([_rms(run.left) for run in ordered])
+    size = np.stack([_rms(run.measured) for run in ordered])
+    return RunErrors(
+        model=model,
+        quantity=quantity,
+        unit_symbol=unit,
+        axis_names=axis_names,
+        runs=tuple(run.name for run in ordered),
+        tested=np.array([run.tested for run in ordered]),
+        rms=rms,
+        relative=np.divide(rms, size, out=np.full_like(rms, np.nan), where=size > 0),
+    )
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    found: FloatArray = np.sqrt((values**2).mean(axis=0))
+    return found
