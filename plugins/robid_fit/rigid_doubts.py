@@ -18,6 +18,7 @@ DISAGREE = 2.0  # stated errors between experiments, rms over the base parameter
 WEAK = 0.5  # of what was known before
 WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence
+LATEST = 1.0  # samples between torque and angle: drives differ by less
 
 
 def doubts(
@@ -41,6 +42,7 @@ def doubts(
         *_weak(solution, base, base_names),
         *_unlike(solution),
         *_apart(solution, base),
+        *_late(unknowns, solution),
     )
 
 
@@ -120,6 +122,23 @@ def _apart(solution: RigidSolution, base: FloatArray) -> Iterator[Doubt]:
             "experiments disagree",
             f"leaving out one of {n} experiments moves base parameters by {whole:.2g} stated errors (rms, jackknife)",
             "do not rely on the stated errors: experiments differ in what the model lacks (temperature, load, speed)",
+        )
+
+
+def _late(unknowns: RigidUnknowns, solution: RigidSolution) -> Iterator[Doubt]:
+    samples = solution.at.point[unknowns.n_own :]
+    errors = np.sqrt(np.diag(solution.covariance)[unknowns.n_own :])
+    told = [
+        f"{name.replace('torque_delay', 'the torque').replace('.', ' of ')} {'lags' if late > 0 else 'leads'} the "
+        f"angles by {abs(late):.2f} ± {error:.1g} samples"
+        for name, late, error in zip(unknowns.delays, samples.tolist(), errors.tolist(), strict=True)
+        if abs(late) > LATEST + 2 * error
+    ]
+    if told:
+        yield Doubt(
+            "timing",
+            _listed(told),
+            "look at the clocks of both channels; say what is known where the record is read (motor_torque: delay_s)",
         )
 
 
