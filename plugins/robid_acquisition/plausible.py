@@ -52,8 +52,8 @@ def doubts_of_zero(record: Record, robot: Robot) -> list[str]:
         others.append(f"the torque of {name} has an offset")
     return [
         f"{', or '.join((_off(first, robot), *others))} (the robot file leaves {100 * first.before:.0f} % of a torque, "
-        f"{100 * first.after:.0f} % with the first mended): look at zero (motor_position, joint_position), at the pose in "
-        "which the robot file has its axes at zero, and at centres of mass"
+        f"{100 * first.after:.0f} % with the first mended): look at zero (motor_position, joint_position), at the "
+        "pose in which the robot file has its axes at zero, and at centres of mass"
     ]
 
 

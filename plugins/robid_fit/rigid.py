@@ -65,7 +65,7 @@ class RigidBodyFit(Estimator):
     rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous, .offset, effect.<label>.<parameter>. The data move what
     they show; the rest stays with the robot file's bodies, as near as their tolerances ask. Laws on motors and joints
     are run along the measured motion, those with a memory too, with the load that the robot predicts; payloads are
-    known. `Fit.base` has the base parameters, which alone a motion can show.
+    known. Ripple of a torque (drive.torque_ripple, drive.cogging) is found with size and phase at its told order. `Fit.base` has the base parameters, which alone a motion can show.
 
         fit:
           use: fit.rigid

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid_core import DataRejected, FloatArray, Record, Robot
 from robid_core.estimation.rigid.regression import decimate, decimated_index
-from robid_fit.rigid_effects import effect_torque
+from robid_fit.rigid_effects import acting_laws, effect_torque
 from robid_fit.rigid_model import Columns, RigidMotion, experiments, motion_of, torque_columns
 from robid_fit.rigid_timing import moved_back, rate
 
@@ -101,7 +101,7 @@ class RigidEquations:
                 smooth = motion_of(angle, run.sample_time_s, sampling.cutoff_hz, sampling.filter_order)
                 kept = sampling.window(len(torque))
                 motion = RigidMotion(smooth.position[kept], smooth.velocity[kept], smooth.acceleration[kept])
-                columns = torque_columns(robot, motion, speed)
+                columns = torque_columns(robot, motion, speed, run.sample_time_s)
                 found.append(
                     Experiment(
                         motion,
@@ -174,7 +174,7 @@ class RigidEquations:
         linear
             Values of all columns of the torque, (n_column,): loads are predicted.
         """
-        if not robot.effects:
+        if not acting_laws(robot):
             return np.zeros_like(self.torque), np.zeros((*self.torque.shape, 0))
         carried = np.isin(self.columns.kinds, BODIES) * linear
         both = []

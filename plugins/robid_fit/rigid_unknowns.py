@@ -17,7 +17,9 @@ import numpy as np
 
 from robid_core import BoolArray, FloatArray, FreeParameters, Robot
 from robid_core.estimation.rigid.rigid_body import PARAMETERS
+from robid_fit.rigid_effects import acting_laws
 from robid_fit.rigid_model import Columns
+from robid_fit.rigid_ripple import amplitude_and_phase, ripples
 
 MOMENTS = tuple(noun.partition(".")[2] for noun in PARAMETERS[4:])
 ENTRIES = tuple(zip(*(index.tolist() for index in np.triu_indices(3)), strict=True))
@@ -30,7 +32,7 @@ Delays = Literal["none", "common", "each"]
 
 @dataclass(frozen=True, eq=False)
 class RigidUnknowns:
-    """What a rigid fit moves: coordinates of `free`, `friction` in its own units, `delays` in samples."""
+    """What a rigid fit moves: coordinates of `free`, `friction` and `ripple` in N m, `delays` in samples."""
 
     free: FreeParameters
     """Bodies, rotors and effects."""
@@ -38,6 +40,8 @@ class RigidUnknowns:
     """Viscous and Coulomb friction and offsets that are estimated."""
     columns: Columns
     """Of the torque; their values are those of the robot with all its effects, payloads among them."""
+    ripple: tuple[str, ...] = ()
+    """Labels of waves of the torque whose size and phase are estimated: coordinates are cosine and sine."""
     delays: tuple[str, ...] = ()
     """By which recorded torques lag the motion: of all axes, of each, or none."""
     sample_time_s: float = 1.0
@@ -72,7 +76,7 @@ class RigidUnknowns:
             Whether torques lag by one number, each by its own, or none does; by half a sample or so.
         """
         bodies = {body.joint for body in robot.description.bodies if body.mass > 0}
-        laws = {bound.label for bound in robot.effects}
+        laws = set(acting_laws(robot))
 
         def kind_of(name: str) -> str:
             noun, _, place = name.partition(".")
@@ -96,17 +100,21 @@ class RigidUnknowns:
             "each": tuple(f"torque_delay.{a}" for a in robot.axis_names),
         }
         parameters = FreeParameters.of_robot(robot, free, promised | dict(priors))
-        return cls(parameters, friction, columns, late[delays], sample_time_s)
+        held = [] if "effects" in kinds else list(robot.layout)
+        held += [name for name in robot.layout if any(fnmatchcase(name, pattern) for pattern in fixed)]
+        waves = tuple(wave.label for wave in ripples(robot) if f"effect.{wave.label}.amplitude" not in held)
+        return cls(parameters, friction, columns, waves, late[delays], sample_time_s)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of all unknowns, as robot files have them; last the delays, which they do not have."""
-        return self.free.names + self.friction + self.delays
+        waves = tuple(f"effect.{label}.{name}" for label in self.ripple for name in ("amplitude", "phase"))
+        return self.free.names + self.friction + waves + self.delays
 
     @property
     def n_own(self) -> int:
         """How many of them are the robot's."""
-        return len(self.free.names) + len(self.friction)
+        return len(self.free.names) + len(self.friction) + 2 * len(self.ripple)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -135,14 +143,15 @@ class RigidUnknowns:
     def start(self) -> FloatArray:
         """The told robot, (n_unknown,)."""
         told = dict(zip(self.columns.names, self.columns.value.tolist(), strict=True))
-        friction = [told[name] for name in self.friction]
-        return np.concatenate((np.zeros(len(self.free.names)), friction, np.zeros(len(self.delays))))
+        own = [told[name] for name in (*self.friction, *self._wave_columns)]
+        return np.concatenate((np.zeros(len(self.free.names)), own, np.zeros(len(self.delays))))
 
     @property
     def prior(self) -> FloatArray:
-        """Standard deviations, (n_unknown,); infinite for friction."""
+        """Standard deviations, (n_unknown,); infinite for friction and ripple."""
         late = np.full(len(self.delays), LATE)
-        return np.concatenate((self.free.prior, np.full(len(self.friction), np.inf), late))
+        unknown = np.full(self.n_own - len(self.free.names), np.inf)
+        return np.concatenate((self.free.prior, unknown, late))
 
     @cached_property
     def promised(self) -> BoolArray:
@@ -153,28 +162,42 @@ class RigidUnknowns:
     def lower(self) -> FloatArray:
         """Smallest coordinates, (n_unknown,): friction does not push."""
         pushes = [name.endswith(".offset") for name in self.friction]
-        late = np.full(len(self.delays), -np.inf)
-        return np.concatenate((self.free.lower, np.where(pushes, -np.inf, 0.0), late))
+        others = np.full(2 * len(self.ripple) + len(self.delays), -np.inf)
+        return np.concatenate((self.free.lower, np.where(pushes, -np.inf, 0.0), others))
 
     @property
     def upper(self) -> FloatArray:
         """Largest coordinates, (n_unknown,)."""
-        return np.concatenate((self.free.upper, np.full(len(self.friction) + len(self.delays), np.inf)))
+        return np.concatenate((self.free.upper, np.full(len(self.names) - len(self.free.names), np.inf)))
 
     def values(self, point: FloatArray) -> FloatArray:
         """Unknowns in the units of a robot file, and s, (n_unknown,)."""
-        n, late = len(self.free.names), self.n_own
-        return np.concatenate(
-            (list(self.free.values(point[:n]).values()), point[n:late], self.sample_time_s * point[late:])
-        )
+        n, result = len(self.free.names), point.copy()
+        result[:n] = list(self.free.values(point[:n]).values())
+        for first in self._waves:
+            result[first : first + 2] = amplitude_and_phase(point[first : first + 2])[0]
+        result[self.n_own :] *= self.sample_time_s
+        return result
 
     def slopes(self, point: FloatArray) -> FloatArray:
         """Derivative of `values`, (n_unknown, n_unknown)."""
         n = len(self.free.names)
         result = np.eye(len(point))
         result[:n, :n] = self.free.jacobian(point[:n])
+        for first in self._waves:
+            pair = slice(first, first + 2)
+            result[pair, pair] = amplitude_and_phase(point[pair])[1]
         result[self.n_own :] *= self.sample_time_s
         return result
+
+    @property
+    def _waves(self) -> range:
+        """Where cosines stand among the coordinates."""
+        return range(len(self.free.names) + len(self.friction), self.n_own, 2)
+
+    @property
+    def _wave_columns(self) -> list[str]:
+        return [f"effect.{label}.{part}" for label in self.ripple for part in ("cosine", "sine")]
 
     # What the torque is linear in
 
@@ -189,6 +212,8 @@ class RigidUnknowns:
             )
         for name, column in self._own.items():
             value[column] += found[name] - start[name]
+        for name, part in zip(self._wave_columns, point[self._waves.start : self.n_own], strict=True):
+            value[self.columns.names.index(name)] = part
         return value
 
     def linear_slopes(self, point: FloatArray) -> FloatArray:
@@ -204,6 +229,8 @@ class RigidUnknowns:
         for name, column in self._own.items():
             by_value[column, index[name]] = 1.0
         result: FloatArray = by_value @ self.slopes(point)
+        for i, name in enumerate(self._wave_columns):
+            result[self.columns.names.index(name), self._waves.start + i] = 1.0
         return result
 
     @cached_property

@@ -1,9 +1,9 @@
 """Whether an axis has its zero elsewhere than the robot file: gravity and moving inertia tell by how much.
 
-A recorded joint angle that is off by x turns all bodies behind the axis by x. Where the rigid robot's torques at the told
-values, friction free, do not fit the recorded ones, one angle after another is turned until they fit best. The constant
-part of a torque counts here, since weight is most of what a zero changes. The angle is a number that is fitted: a
-centre of mass that is told wrong may look the same, so it is no slip that a record could be refused for.
+A recorded joint angle that is off by x turns all bodies behind the axis by x. Where the rigid robot's torques at the
+told values, friction free, do not fit the recorded ones, one angle after another is turned until they fit best. The
+constant part of a torque counts here, since weight is most of what a zero changes. The angle is a number that is
+fitted: a centre of mass that is told wrong may look the same, so it is no slip that a record could be refused for.
 """
 
 from __future__ import annotations

@@ -232,7 +232,8 @@ def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: 
     ("effect", "told"),
     [
         ({"use": "transmission.backlash", "on": "j1"}, r"grease \(transmission.backlash\)"),
-        ({"use": "drive.torque_ripple", "on": "j1"}, "drive.torque_ripple"),
+        ({"use": "sensing.resolver_ripple", "on": "j1"}, "sensing.resolver_ripple"),
+        ({"use": "drive.torque_ripple", "on": "j1", "with": {"relative": 0.1}}, "in proportion to the torque"),
         ({"use": "structure.foundation"}, "structure.foundation"),
         ({"use": "structure.elastic_coordinate", "on": "j1", "with": {"axis_x": 1, "axis_z": 0}},
          "structure.elastic_coordinate"),
