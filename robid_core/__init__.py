@@ -11,8 +11,8 @@ _HOME = {
     "robid_core.arrays": ("BoolArray", "ComplexArray", "FloatArray", "IntArray"),
     "robid_core.artifacts": (
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "DiagnosedData", "Diagnosis",
-        "Doubt", "Excitation", "Finding", "Fit", "FrictionCurve", "Frf", "MisfitTable", "Model", "ParameterTable",
-        "PredictionErrors", "Record", "Report", "ResidualCurve", "ResponseComparison", "SearchRecord",
+        "Doubt", "EssentialParameters", "Excitation", "Finding", "Fit", "FrictionCurve", "Frf", "MisfitTable", "Model",
+        "ParameterTable", "PredictionErrors", "Record", "Report", "ResidualCurve", "ResponseComparison", "SearchRecord",
         "SeparatingExperiment", "TimeComparison", "Timing", "Truth", "VisibleSize", "Witness", "array", "frozen",
         "mean_travel",
     ),
@@ -67,6 +67,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         DiagnosedData as DiagnosedData,
         Diagnosis as Diagnosis,
         Doubt as Doubt,
+        EssentialParameters as EssentialParameters,
         Excitation as Excitation,
         Finding as Finding,
         Fit as Fit,

@@ -17,6 +17,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, Pos
 from robid_core import (
     BoolArray,
     Context,
+    EssentialParameters,
     Estimator,
     Fit,
     FloatArray,
@@ -28,6 +29,7 @@ from robid_core import (
     TimeComparison,
     pattern_problems,
 )
+from robid_core.estimation.rigid.essential import eliminate
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
 from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
@@ -65,7 +67,8 @@ class RigidBodyFit(Estimator):
     rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous, .offset, effect.<label>.<parameter>. The data move what
     they show; the rest stays with the robot file's bodies, as near as their tolerances ask. Laws on motors and joints
     are run along the measured motion, those with a memory too, with the load that the robot predicts; payloads are
-    known. Ripple of a torque (drive.torque_ripple, drive.cogging) is found with size and phase at its told order. `Fit.base` has the base parameters, which alone a motion can show.
+    known. Ripple of a torque (drive.torque_ripple, drive.cogging) is found with size and phase at its told order.
+    `Fit.base` has the base parameters, which alone a motion can show, `Fit.essential` those that the record tells.
 
         fit:
           use: fit.rigid
@@ -181,6 +184,33 @@ def _refuse_still(equations: RigidEquations, independent: IntArray) -> None:
         raise NotIdentifiable(f"the motion does not excite {unseen}; move these axes or hold the parameters")
 
 
+def _essential(
+    equations: RigidEquations,
+    solution: RigidSolution,
+    names: tuple[str, ...],
+    index: IntArray,
+    base: FloatArray,
+) -> EssentialParameters:
+    """Return what least squares without tolerances keep of base parameters: columns `index`, values `base`."""
+    weight = 1 / (solution.deviation * np.sqrt(solution.inflation))
+    columns = equations.regressor[:, :, index]
+    target = (solution.at.residual + columns @ base) * weight
+    rows = (columns * weight[:, None]).reshape(-1, len(index))
+    freedom = float((len(target) / solution.inflation).sum())
+    found = eliminate(rows, target.ravel(), freedom)
+    units = [equations.columns.units[i] for i in index]
+    return EssentialParameters(
+        names=tuple(names[i] for i in found.kept),
+        units=tuple(units[i] for i in found.kept),
+        removed=tuple(names[i] for i in found.removed),
+        estimate=found.estimate,
+        standard_error=found.standard_error,
+        relative_error=found.relative_error,
+        increase=found.increase,
+        probability=found.probability,
+    )
+
+
 def _result(
     robot: Robot,
     record: Record,
@@ -265,6 +295,9 @@ def _result(
                 measured=measured,
                 modelled=measured - residual,
             ),
+        ),
+        essential=_essential(
+            equations, solution, base_names, places[base.independent], combined @ unknowns.linear(point)
         ),
         stated_doubts=doubts(equations, unknowns, solution, by_unknown, base_names),
         model=robot.model(

@@ -58,8 +58,8 @@ def rigid_robot(robot: Robot) -> Robot:
         entries = description.effects
         told = ", ".join(f"{label} ({entries[label].use})" for label in dict.fromkeys(wrong))
         raise ConfigurationError(
-            f"fit.rigid knows bodies, payloads, ripple of torques, and laws on motors and joints; {robot.name} has {told}: take that out "
-            "of the robot file, or fit with fit.torque_residual"
+            "fit.rigid knows bodies, payloads, ripple of torques, and laws on motors and joints; "
+            f"{robot.name} has {told}: take that out of the robot file, or fit with fit.torque_residual"
         )
     return stiff
 

@@ -1,8 +1,8 @@
 """Ripple of motor torques in a rigid fit: waves of known order over the motor's angle are linear in cosine and sine.
 
-The torque that acts is ``u + a sin(order q + phase)`` with u the recorded one (`drive.torque_ripple`, `drive.cogging`), so
-that ``u = tau - c cos(order q) - s sin(order q)`` with c = a sin(phase), s = a cos(phase). Samples tell the mean over
-their own time: a fast turn weakens a wave.
+The torque that acts is ``u + a sin(order q + phase)`` with u the recorded one (`drive.torque_ripple`, `drive.cogging`),
+so that ``u = tau - c cos(order q) - s sin(order q)`` with c = a sin(phase), s = a cos(phase). Samples tell the mean
+over their own time: a fast turn weakens a wave.
 """
 
 from __future__ import annotations

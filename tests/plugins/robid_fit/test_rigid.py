@@ -11,6 +11,7 @@ import pytest
 from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide
 
 from robid_core import ConfigurationError, DataRejected, Fit, NotIdentifiable, Robot
+from robid_core.commands.show import artifact_lines
 from robid_core.testing import check_stage
 from robid_fit.rigid import RigidBodyFit
 
@@ -340,3 +341,23 @@ def test_what_is_held_needs_no_tolerance(tmp_path: Path, fixed: str) -> None:
 def test_one_block_left_out_is_nothing_to_fit_to() -> None:
     with pytest.raises(ValueError, match="greater than or equal to 2"):
         RigidBodyFit(blocks=1)
+
+
+def test_essential_parameters_predict_as_well_with_fewer(tmp_path: Path) -> None:
+    robot = loaded(tmp_path, ARM)
+    record = recording(robot, 1, seconds=6.0, noise=0.3)
+    fit = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=200, drop_last=200).run(record, robot)
+    found, base = fit.essential, fit.base
+    assert found is not None
+    assert base is not None
+    assert sorted(found.names + found.removed) == sorted(base.names)
+    assert found.removed
+    assert (found.probability >= 0.05).all()
+    assert (found.increase < 0.05).all()
+    known = dict(zip(base.names, base.start.tolist(), strict=True))  # the told robot is the true one
+    heavy = "rotor_inertia.j1", "friction.j3.viscous", "mass.j3"
+    for name, value, error in zip(found.names, found.estimate, found.standard_error, strict=True):
+        if name in heavy:
+            assert abs(value - known[name]) < 4 * error
+    text = "\n".join(artifact_lines(fit))
+    assert f"{found.removed[0]} " in text.partition("left out")[2]
