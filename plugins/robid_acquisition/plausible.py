@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from robid_core import FloatArray, Record, RobidError, Robot
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
+from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
 from robid_core.residual import rigid_drives
 
 CHANNELS = ("motor_position", "motor_torque")
@@ -26,9 +28,38 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
     """Return slips in a record that explain why it does not fit the robot; none where it does, or cannot be told."""
     try:
         recorded = _recorded(record, robot)
-        return [] if recorded is None else slips_in(recorded, robot.axis_names)
+        slips = [] if recorded is None else slips_in(recorded, robot.axis_names)
+        if recorded is None or not slips:
+            return []
+        zeros = tuple(_off(zero, robot) for zero in zeros_in(recorded))
+        return [replace(slips[0], ties=slips[0].ties + zeros), *slips[1:]]
     except (RobidError, ArithmeticError):  # nothing is known against the record
         return []
+
+
+def doubts_of_zero(record: Record, robot: Robot) -> list[str]:
+    """Say which axis has its zero elsewhere than the robot file; none where they fit, or cannot be told."""
+    try:
+        recorded = _recorded(record, robot)
+        zeros = [] if recorded is None else zeros_in(recorded)
+    except (RobidError, ArithmeticError):
+        return []
+    if not zeros:
+        return []
+    first, name = zeros[0], robot.axis_names[zeros[0].axis]
+    others = [_off(zero, robot) for zero in zeros[1:]]
+    if first.alone:
+        others.append(f"the torque of {name} has an offset")
+    return [
+        f"{', or '.join((_off(first, robot), *others))} (the robot file leaves {100 * first.before:.0f} % of a torque, "
+        f"{100 * first.after:.0f} % with the first mended): look at zero (motor_position, joint_position), at the "
+        "pose in which the robot file has its axes at zero, and at centres of mass"
+    ]
+
+
+def _off(zero: Zero, robot: Robot) -> str:
+    """Say by how much an angle is off."""
+    return f"the angle of {robot.axis_names[zero.axis]} is off by {zero.angle:.3g} rad at the joint"
 
 
 def doubts_of_scale(record: Record, robot: Robot) -> list[str]:

@@ -27,7 +27,7 @@ from robid_acquisition.periodicity import (
     found_period,
 )
 from robid_acquisition.pieces import pieces_between_holes
-from robid_acquisition.plausible import doubts_of_scale, sentence, slips_of
+from robid_acquisition.plausible import doubts_of_scale, doubts_of_zero, sentence, slips_of
 from robid_acquisition.poses import mean_angle, unlike_poses
 from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.recording import Recording
@@ -123,7 +123,8 @@ class RecordedAcquisition(ReadFiles):
         slips = slips_of(record, robot) if self.plausibility != "ignore" else []
         if not slips:
             if self.plausibility != "ignore":
-                for words in (*doubts_of_scale(record, robot), *doubts_of_timing(record, robot)):
+                of_values = doubts_of_zero(record, robot) or doubts_of_scale(record, robot)
+                for words in (*of_values, *doubts_of_timing(record, robot)):
                     context.log.warning("%s", words)
             return
         if self.plausibility == "refuse":

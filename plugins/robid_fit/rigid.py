@@ -17,6 +17,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, Pos
 from robid_core import (
     BoolArray,
     Context,
+    EssentialParameters,
     Estimator,
     Fit,
     FloatArray,
@@ -28,6 +29,7 @@ from robid_core import (
     TimeComparison,
     pattern_problems,
 )
+from robid_core.estimation.rigid.essential import eliminate
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
 from robid_core.residual import excited_range, leading_periods
 from robid_fit.rigid_doubts import doubts, prediction_doubts
@@ -35,7 +37,7 @@ from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
 from robid_fit.rigid_model import KINDS, Columns, Kind, random_motion, torque_columns
 from robid_fit.rigid_solution import RigidProblem, RigidSolution
-from robid_fit.rigid_unknowns import RigidUnknowns
+from robid_fit.rigid_unknowns import Delays, RigidUnknowns
 
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
 # A fit that leaves more than this share of the torque unexplained describes another machine.
@@ -66,7 +68,8 @@ class RigidBodyFit(Estimator):
     rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous, .offset, effect.<label>.<parameter>. The data move what
     they show; the rest stays with the robot file's bodies, as near as their tolerances ask. Laws on motors and joints
     are run along the measured motion, those with a memory too, with the load that the robot predicts; payloads are
-    known. `Fit.base` has the base parameters, which alone a motion can show.
+    known. Ripple of a torque (drive.torque_ripple, drive.cogging) is found with size and phase at its told order.
+    `Fit.base` has the base parameters, which alone a motion can show, `Fit.essential` those that the record tells.
 
         fit:
           use: fit.rigid
@@ -83,6 +86,9 @@ class RigidBodyFit(Estimator):
     widen: bool = False
     """Whether all tolerances of bodies and rotors are widened by one factor where the data ask for it; a doubt says
     where they ask for three times as much. What the model lacks asks for it, too."""
+    delays: Delays = "each"
+    """Whether the measured torques lag the angles by a number of each axis, or by one in common, half a sample or so
+    before the data, beside the half sample of a held torque; `none`: they are taken as they were recorded."""
     loss: Literal["squares", "huber"] = "squares"
     """How residuals count; huber: those beyond 1.3 deviations by their size only (knocks, drop-outs)."""
     instruments: Literal["none", "reference"] = "none"
@@ -125,11 +131,22 @@ class RigidBodyFit(Estimator):
             self.drop_last,
             leading_periods((record,), self.discard, context.log if context is not None else None),
         )
-        equations = RigidEquations.of_record(record, stiff, speed, sampling)
+        timed = self.delays != "none"
+        equations = RigidEquations.of_record(record, stiff, speed, sampling, timed=timed)
         instruments = None
         if self.instruments == "reference":
-            instruments = RigidEquations.of_record(record, stiff, speed, sampling, "position_reference")
-        unknowns = RigidUnknowns.of_robot(stiff, equations.columns, self.unknowns, self.fixed, self.prior)
+            instruments = RigidEquations.of_record(
+                record, stiff, speed, sampling, "position_reference", timed=timed
+            )
+        unknowns = RigidUnknowns.of_robot(
+            stiff,
+            equations.columns,
+            self.unknowns,
+            self.fixed,
+            self.prior,
+            self.delays,
+            record.runs[0].sample_time_s,
+        )
         columns, wanted, base = structure(stiff, self.unknowns, speed)
         _refuse_still(equations, np.flatnonzero(wanted)[base.independent])
         problem = RigidProblem(
@@ -170,6 +187,33 @@ def _refuse_still(equations: RigidEquations, independent: IntArray) -> None:
         raise NotIdentifiable(f"the motion does not excite {unseen}; move these axes or hold the parameters")
 
 
+def _essential(
+    equations: RigidEquations,
+    solution: RigidSolution,
+    names: tuple[str, ...],
+    index: IntArray,
+    base: FloatArray,
+) -> EssentialParameters:
+    """Return what least squares without tolerances keep of base parameters: columns `index`, values `base`."""
+    weight = 1 / (solution.deviation * np.sqrt(solution.inflation))
+    columns = equations.regressor[:, :, index]
+    target = (solution.at.residual + columns @ base) * weight
+    rows = (columns * weight[:, None]).reshape(-1, len(index))
+    freedom = float((len(target) / solution.inflation).sum())
+    found = eliminate(rows, target.ravel(), freedom)
+    units = [equations.columns.units[i] for i in index]
+    return EssentialParameters(
+        names=tuple(names[i] for i in found.kept),
+        units=tuple(units[i] for i in found.kept),
+        removed=tuple(names[i] for i in found.removed),
+        estimate=found.estimate,
+        standard_error=found.standard_error,
+        relative_error=found.relative_error,
+        increase=found.increase,
+        probability=found.probability,
+    )
+
+
 def _result(
     robot: Robot,
     record: Record,
@@ -181,7 +225,7 @@ def _result(
     base: BaseParameters,
 ) -> Fit:
     point, covariance, residual = solution.at.point, solution.covariance, solution.at.residual
-    names, layout = unknowns.names, robot.layout
+    names, n_own = unknowns.names, unknowns.n_own
     slope = unknowns.slopes(point)
     values = unknowns.values(point)
     own = slope @ covariance @ slope.T
@@ -195,13 +239,16 @@ def _result(
     by_unknown = combined @ unknowns.linear_slopes(point)
     base_names = tuple(columns.names[i] for i in places[base.independent])
     base_error = np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", by_unknown, covariance, by_unknown), 0.0))
-    measured = equations.torque
+    measured = solution.at.torque
     relative = float(np.linalg.norm(residual) / np.linalg.norm(measured))
     known = int((base_error < 0.1 * np.abs(combined @ unknowns.linear(point))).sum())
     status = (
         f"{measured.size} equations, {len(names)} unknowns; {len(base_names)} base parameters, {known} of them known "
         f"to a tenth; relative torque error {100 * relative:.2f} %"
     )
+    if unknowns.delays:
+        late = unknowns.delay(point)[: len(unknowns.delays)]
+        status += f"; torque lags by {', '.join(f'{1e6 * each:.3g}' for each in late.tolist())} us"
     if solution.widened > 1:
         status += f"; tolerances of bodies widened {solution.widened:.3g} times"
     if relative > LARGEST_RELATIVE_ERROR:
@@ -218,8 +265,8 @@ def _result(
         n_agree=1,
         parameters=ParameterTable(
             names=names,
-            units=tuple(layout[name].unit for name in names),
-            groups=tuple(layout[name].kind for name in names),
+            units=unknowns.units,
+            groups=unknowns.groups,
             start=unknowns.values(unknowns.start),
             estimate=values,
             standard_error=np.sqrt(np.maximum(np.diag(own), 0.0)),
@@ -252,6 +299,11 @@ def _result(
                 modelled=measured - residual,
             ),
         ),
+        essential=_essential(
+            equations, solution, base_names, places[base.independent], combined @ unknowns.linear(point)
+        ),
         stated_doubts=doubts(equations, unknowns, solution, by_unknown, base_names),
-        model=robot.model(dict(zip(names, values.tolist(), strict=True)), names, own),
+        model=robot.model(
+            dict(zip(names[:n_own], values[:n_own].tolist(), strict=True)), names[:n_own], own[:n_own, :n_own]
+        ),
     )

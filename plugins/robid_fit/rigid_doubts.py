@@ -19,6 +19,7 @@ WIDENED = 3.0  # times the tolerances that were stated
 WEAK = 0.5  # of what was known before
 WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence
+LATEST = 1.0  # samples between torque and angle: drives differ by less
 
 
 def doubts(
@@ -42,6 +43,7 @@ def doubts(
         *_weak(solution, base, base_names),
         *_unlike(solution),
         *_apart(equations, solution, base, base_names),
+        *_late(unknowns, solution),
     )
 
 
@@ -131,6 +133,23 @@ def _apart(
         freedom = float((len(equations.torque) / solution.inflation).min())
         found = disagreement(shares, solution.hessian, solution.covariance, base, freedom)
         yield from disagreement_doubt(found, names, len(shares))
+
+
+def _late(unknowns: RigidUnknowns, solution: RigidSolution) -> Iterator[Doubt]:
+    samples = solution.at.point[unknowns.n_own :]
+    errors = np.sqrt(np.diag(solution.covariance)[unknowns.n_own :])
+    told = [
+        f"{name.replace('torque_delay', 'the torque').replace('.', ' of ')} {'lags' if late > 0 else 'leads'} the "
+        f"angles by {abs(late):.2f} ± {error:.1g} samples"
+        for name, late, error in zip(unknowns.delays, samples.tolist(), errors.tolist(), strict=True)
+        if abs(late) > LATEST + 2 * error
+    ]
+    if told:
+        yield Doubt(
+            "timing",
+            _listed(told),
+            "look at the clocks of both channels; say what is known where the record is read (motor_torque: delay_s)",
+        )
 
 
 def _listed(names: Sequence[str]) -> str:

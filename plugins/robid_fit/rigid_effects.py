@@ -1,7 +1,8 @@
 """Effects in a rigid fit: laws that act on motors or joints are run along the measured motion, with the predicted load.
 
 What a law does to the load of another is known from the prediction of the present robot, never from the measured
-torque, whose noise would come in twice. Laws on signals and along springs are none of a rigid robot and are refused.
+torque, whose noise would come in twice. Laws along springs and on other signals than the torque are none of a rigid
+robot and are refused.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from robid_core import (
 )
 from robid_core.mechanics import ForceTerm
 from robid_fit.rigid_model import RigidMotion, random_motion, torque_columns
+from robid_fit.rigid_ripple import LAWS as RIPPLE
 
 ELASTIC = ("gear", "bearing")
 
@@ -35,15 +37,20 @@ def rigid_robot(robot: Robot) -> Robot:
         Where it has an effect that means nothing without springs, or acts on signals; the message names it.
     """
     wrong = [bound.label for bound in robot.effects if bound.place.side in ELASTIC]
-    wrong += [bound.label for bound in robot.effects if not issubclass(bound.effect, ForceEffect)]
     description = robot.description
+    waves = [label for label, entry in description.effects.items() if entry.use in RIPPLE]
+    wrong += [
+        bound.label
+        for bound in robot.effects
+        if not issubclass(bound.effect, ForceEffect) and bound.label not in waves
+    ]
     axes = {name: axis.model_copy(update={"gear": None}) for name, axis in description.axes.items()}
     bodies = tuple(body.model_copy(update={"flexible": None}) for body in description.bodies)
     kept = {label: entry for label, entry in description.effects.items() if label not in wrong}
     changes = {"bearings": {}, "bodies": bodies, "axes": axes, "effects": kept}
     stiff = dataclasses.replace(robot, description=description.model_copy(update=changes))
     bare = torque_columns(stiff.without_effect(*kept), *_anywhere(robot))
-    for label in kept:
+    for label in (label for label in kept if label not in waves):
         others = [other for other in kept if other != label]
         if torque_columns(stiff.without_effect(*others), *_anywhere(robot)).names != bare.names:
             wrong.append(label)  # more coordinates
@@ -51,14 +58,19 @@ def rigid_robot(robot: Robot) -> Robot:
         entries = description.effects
         told = ", ".join(f"{label} ({entries[label].use})" for label in dict.fromkeys(wrong))
         raise ConfigurationError(
-            f"fit.rigid knows bodies, payloads, and laws on motors and joints; {robot.name} has {told}: take that out "
-            "of the robot file, or fit with fit.torque_residual"
+            "fit.rigid knows bodies, payloads, ripple of torques, and laws on motors and joints; "
+            f"{robot.name} has {told}: take that out of the robot file, or fit with fit.torque_residual"
         )
     return stiff
 
 
 def _anywhere(robot: Robot) -> tuple[RigidMotion, FloatArray]:
     return random_motion(robot, 1), robot.drives.friction_speed
+
+
+def acting_laws(robot: Robot) -> list[str]:
+    """Labels of laws that are run along the motion; ripple is a column of the torque (`rigid_ripple`)."""
+    return [bound.label for bound in robot.effects if issubclass(bound.effect, ForceEffect)]
 
 
 def needs_load(robot: Robot) -> bool:
@@ -87,7 +99,7 @@ def effect_torque(
     torque : (n_sample, n_axis)
     columns : (n_sample, n_axis, n_name)
     """
-    labels = [bound.label for bound in robot.effects]
+    labels = acting_laws(robot)
     behind = [bound.label for bound in robot.effects if bound.place.side == "arm"]
     along = RobotMotion(motion.position[None], motion.velocity[None], sample_time, torque=bodies[None])
     if behind and needs_load(robot):

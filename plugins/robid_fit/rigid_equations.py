@@ -10,10 +10,12 @@ import numpy as np
 
 from robid_core import DataRejected, FloatArray, Record, Robot
 from robid_core.estimation.rigid.regression import decimate, decimated_index
-from robid_fit.rigid_effects import effect_torque
+from robid_fit.rigid_effects import acting_laws, effect_torque
 from robid_fit.rigid_model import Columns, RigidMotion, experiments, motion_of, torque_columns
+from robid_fit.rigid_timing import moved_back, rate
 
 BODIES = ("inertia", "rotor_inertia")
+HELD = 0.5  # samples by which a held torque is recorded before it acts, on average
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +24,19 @@ class Experiment:
 
     motion: RigidMotion
     sample_time: float
-    torque: FloatArray
-    """As measured, (n_sample, n_axis)."""
+    recorded: FloatArray
+    """Torque, start and end among it, (n_recorded, n_axis)."""
+    window: slice
+    """Samples of it that are kept."""
     first: int
     """Sample of the record at which it begins, counted from the record's start."""
     regressor: FloatArray
     """Torque per unit of every column, (n_sample, n_axis, n_column)."""
+
+    @property
+    def torque(self) -> FloatArray:
+        """As recorded, (n_sample, n_axis)."""
+        return self.recorded[self.window]
 
 
 @dataclass(frozen=True)
@@ -67,6 +76,8 @@ class RigidEquations:
         speed: FloatArray,
         sampling: Sampling,
         position: str = "motor_position",
+        *,
+        timed: bool = True,
     ) -> RigidEquations:
         """Smooth, differentiate and cut every experiment.
 
@@ -80,19 +91,23 @@ class RigidEquations:
             Filters and cuts.
         position
             Channel that the motion is taken from: the measured one, or a reference.
+        timed
+            Whether a held torque counts half a sample later than it was recorded, where it acts.
         """
         found, elapsed = list[Experiment](), 0
+        early = HELD if timed and record.torque_hold == "zero_order_hold" else 0.0
         for run in record.runs:
             for angle, torque in experiments(run, robot, sampling.discard, position):
                 smooth = motion_of(angle, run.sample_time_s, sampling.cutoff_hz, sampling.filter_order)
                 kept = sampling.window(len(torque))
                 motion = RigidMotion(smooth.position[kept], smooth.velocity[kept], smooth.acceleration[kept])
-                columns = torque_columns(robot, motion, speed)
+                columns = torque_columns(robot, motion, speed, run.sample_time_s)
                 found.append(
                     Experiment(
                         motion,
                         run.sample_time_s,
-                        torque[kept],
+                        moved_back(torque, np.full(torque.shape[1], -early)),
+                        kept,
                         elapsed + sampling.drop_first,
                         columns.regressor,
                     )
@@ -113,6 +128,19 @@ class RigidEquations:
     def torque(self) -> FloatArray:
         """Shape (n_equation, n_axis)."""
         return self.kept(lambda one: one.torque)
+
+    def torque_earlier(self, delay: FloatArray) -> FloatArray:
+        """Torque moved back by a delay in s, (n_axis,); shape (n_equation, n_axis)."""
+        return self.kept(lambda one: moved_back(one.recorded, delay / one.sample_time)[one.window])
+
+    def rate(self, torque: FloatArray) -> FloatArray:
+        """Return the derivative in time of a torque at the equations, per s, (n_equation, n_axis)."""
+        return np.concatenate(
+            [
+                rate(torque[part]) / (self.sampling.decimation * one.sample_time)
+                for one, part in zip(self.each, self.parts, strict=True)
+            ]
+        )
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -146,7 +174,7 @@ class RigidEquations:
         linear
             Values of all columns of the torque, (n_column,): loads are predicted.
         """
-        if not robot.effects:
+        if not acting_laws(robot):
             return np.zeros_like(self.torque), np.zeros((*self.torque.shape, 0))
         carried = np.isin(self.columns.kinds, BODIES) * linear
         both = []

@@ -18,6 +18,7 @@ from robid_core import DataRejected, DenseRun, FloatArray, Robot
 from robid_core.estimation.rigid.regression import differentiate, smooth
 from robid_core.estimation.rigid.rigid_body import PARAMETERS, UNITS
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque_regressor
+from robid_fit.rigid_ripple import ripples
 
 Kind = Literal["inertia", "rotor_inertia", "viscous", "coulomb", "offset", "effects"]
 KINDS: tuple[Kind, ...] = ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")
@@ -87,8 +88,10 @@ def random_motion(robot: Robot, n_sample: int) -> RigidMotion:
     return RigidMotion(*robot.motor_angle(draws))
 
 
-def torque_columns(robot: Robot, motion: RigidMotion, friction_speed: FloatArray) -> Columns:
-    """Every column of the motor torque: ten for each body, then rotor inertia, friction and offset of each motor.
+def torque_columns(
+    robot: Robot, motion: RigidMotion, friction_speed: FloatArray, sample_time: float = 0.0
+) -> Columns:
+    """Every column of the motor torque: ten for each body, rotor inertia, friction and offset of each motor, ripple.
 
     Parameters
     ----------
@@ -98,6 +101,8 @@ def torque_columns(robot: Robot, motion: RigidMotion, friction_speed: FloatArray
         Motion of the motors.
     friction_speed
         v_s of tanh(v / v_s) for Coulomb friction, shape (n_axis,); 0 for plain sign(v).
+    sample_time
+        Over which a wave of the angle is averaged, s.
     """
     chain, d = robot.chain, robot.drives
     drives = RigidDrives(
@@ -118,14 +123,31 @@ def torque_columns(robot: Robot, motion: RigidMotion, friction_speed: FloatArray
         "offset": "friction.{}.offset",
     }
     motors = [pattern.format(axis) for pattern in per_motor.values() for axis in robot.axis_names]
-    n_body = 10 * chain.n_coordinate
+    n_body, waves = 10 * chain.n_coordinate, ripples(robot)
+    others = (*motors, *(name for wave in waves for name in wave.columns))
+    regressor = motor_torque_regressor(drives, motion.position, motion.velocity, motion.acceleration)
     return Columns(
-        names=(*(_name(part, body) for body in chain.names for part in PARAMETERS), *motors),
-        units=(*(UNITS * chain.n_coordinate), *(robot.parameter_unit(name) for name in motors)),
-        groups=(*("inertia",) * n_body, *(robot.parameter_kind(name) for name in motors)),
-        kinds=(*("inertia",) * n_body, *(kind for kind in per_motor for _ in robot.axis_names)),
-        value=drives.parameters,
-        regressor=motor_torque_regressor(drives, motion.position, motion.velocity, motion.acceleration),
+        names=(*(_name(part, body) for body in chain.names for part in PARAMETERS), *others),
+        units=(
+            *(UNITS * chain.n_coordinate),
+            *(robot.parameter_unit(name) for name in motors),
+            *(robot.parameter_unit(f"effect.{wave.label}.amplitude") for wave in waves for _ in wave.columns),
+        ),
+        groups=(
+            *("inertia",) * n_body,
+            *(robot.parameter_kind(name) for name in motors),
+            *("effect",) * (2 * len(waves)),
+        ),
+        kinds=(
+            *("inertia",) * n_body,
+            *(kind for kind in per_motor for _ in robot.axis_names),
+            *("effects",) * (2 * len(waves)),
+        ),
+        value=np.concatenate((drives.parameters, *(wave.parts for wave in waves))),
+        regressor=np.concatenate(
+            (regressor, *(wave.torque(motion.position, motion.velocity, sample_time) for wave in waves)),
+            axis=2,
+        ),
     )
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-import scipy
 
 from robid_core import ConfigurationError, FloatArray, NotIdentifiable
 from robid_core.estimation.disagreement import ExperimentShare
@@ -49,6 +49,8 @@ class Linearised:
     """Torque that is left, (n_equation, n_axis)."""
     rows: FloatArray
     """Derivative of the predicted torque, (n_equation, n_axis, n_unknown)."""
+    torque: FloatArray
+    """Measured, its delay taken off, (n_equation, n_axis)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,24 +98,33 @@ class RigidProblem:
         self.robust, self.widen = robust, widen
         self._counts = np.ones(len(equations.torque)) if counts is None else counts
         self.laws = tuple(name for name in unknowns.free.names if name.startswith("effect."))
-        self._place = [unknowns.names.index(name) for name in self.laws]
-        self._still = len(unknowns.names) - len(unknowns.friction)
+        self._n_free = len(unknowns.free.names)
+        late = range(unknowns.n_own, len(unknowns.names))
+        self._place = [
+            *(unknowns.names.index(name) for name in self.laws),
+            *late,
+        ]  # of what the torque bends with
 
     def linearised(self, point: FloatArray) -> Linearised:
         """Run all laws about a point."""
         return Linearised(point, *self._of(self.equations, point))
 
-    def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What is left, and its derivative with the sign turned."""
+    def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What is left, its derivative with the sign turned, and the measured torque without its delay."""
         unknowns = self.unknowns
         linear = unknowns.linear(point)
-        robot = unknowns.free.robot_at(point[: self._still]) if self.laws else unknowns.free.robot
+        robot = unknowns.free.robot_at(point[: self._n_free]) if self.laws else unknowns.free.robot
         torque, columns = equations.of_effects(robot, self.laws, linear)
-        residual = equations.torque - equations.regressor @ linear - torque
+        measured = equations.torque_earlier(unknowns.delay(point)) if unknowns.delays else equations.torque
+        predicted = equations.regressor @ linear + torque
         rows = equations.regressor @ unknowns.linear_slopes(point)
         if self.laws:
-            rows = rows + columns @ unknowns.slopes(point)[self._place]
-        return residual, rows
+            rows = rows + columns @ unknowns.slopes(point)[self._place[: len(self.laws)]]
+        if unknowns.delays:
+            # Of the predicted torque: the derivative of the measured one would count its noise as information.
+            later = -unknowns.sample_time_s * equations.rate(predicted)
+            rows[..., unknowns.n_own :] = later[..., None] * unknowns.delayed
+        return measured - predicted, rows, measured
 
     def left_out(
         self, at: RigidSolution, n_block: int, progress: Callable[[float, float, str], None]
@@ -201,7 +212,7 @@ class RigidProblem:
             there = self._reached(here.point + step)
             if there is not None:
                 after = _size(basis, there.residual * weight) + priors(there.point)
-                if not self.laws or after <= before * (1 + SAME):
+                if not self._place or after <= before * (1 + SAME):
                     return there
             if np.abs(step).max() < SMALL:
                 return here
@@ -223,14 +234,30 @@ class RigidProblem:
 
         With instruments, as far as these show them: two-stage least squares.
         """
-        both = (self.equations.regressor, here.rows[..., self._place], here.residual[..., None])
-        columns = np.concatenate(both, axis=2) * weight[..., None]
-        if basis is None:
-            parts = [scipy.linalg.qr(columns[:, axis], mode="r")[0] for axis in range(columns.shape[1])]
+        bent = np.concatenate((here.rows[..., self._place], here.residual[..., None]), axis=2)
+        bent = bent * weight[..., None]
+        n = self.equations.regressor.shape[2]
+        if basis is None and not self.robust:
+            parts = [
+                _beside(q, weight[:, axis].max() * r, bent[:, axis])
+                for axis, (q, r) in enumerate(self._triangles)
+            ]
         else:
-            parts = [own.T @ columns[:, axis] for axis, own in enumerate(basis)]
-        rows, n = np.concatenate(parts), both[0].shape[2]
+            columns = np.concatenate((self.equations.regressor * weight[..., None], bent), axis=2)
+            each = columns.swapaxes(0, 1)
+            if basis is None:
+                parts = [np.asarray(np.linalg.qr(own, mode="r"), dtype=np.float64) for own in each]
+            else:
+                parts = [q.T @ own for q, own in zip(basis, each, strict=True)]
+        rows = np.concatenate(parts)
         return rows[:, :n], rows[:, n:-1], rows[:, -1]
+
+    @cached_property
+    def _triangles(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Orthonormal and triangular factor of the columns of each axis, equations that are left out being zero."""
+        counted = self.equations.regressor * self._counts[:, None, None]
+        factors = [np.linalg.qr(counted[:, axis]) for axis in range(counted.shape[1])]
+        return [(factor.Q, factor.R) for factor in factors]
 
     def _basis(self, here: Linearised, weight: FloatArray) -> list[FloatArray]:
         """Orthonormal functions that the instruments of each axis span, (n_equation, n)."""
@@ -342,6 +369,14 @@ class RigidProblem:
             n_rounds,
             converged,
         )
+
+
+def _beside(q: FloatArray, r: FloatArray, more: FloatArray) -> FloatArray:
+    """Triangular factor of the columns ``q r`` with more beside them, (n_row, n_column + n_more)."""
+    along = q.T @ more
+    rest = np.linalg.qr(more - q @ along, mode="r")
+    result: FloatArray = np.block([[r, along], [np.zeros((len(rest), r.shape[1])), rest]])
+    return result
 
 
 def _size(basis: list[FloatArray] | None, residual: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""Unknowns of a rigid fit: bodies, rotors and effects in natural scales, friction of the motors in its own units.
+"""Unknowns of a rigid fit: bodies, rotors, effects in natural scales, friction in its own units, delays of torques.
 
 The ten numbers of a body are its mass, centre of mass and moments about it, so that whatever is found is a body that
 can be: second moments stay positive (`FreeParameters`). The torque is linear in mass, first moments and inertia about
@@ -11,23 +11,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from robid_core import BoolArray, FloatArray, FreeParameters, Robot
 from robid_core.estimation.rigid.rigid_body import PARAMETERS
+from robid_fit.rigid_effects import acting_laws
 from robid_fit.rigid_model import Columns
+from robid_fit.rigid_ripple import amplitude_and_phase, ripples
 
 MOMENTS = tuple(noun.partition(".")[2] for noun in PARAMETERS[4:])
 ENTRIES = tuple(zip(*(index.tolist() for index in np.triu_indices(3)), strict=True))
 FRICTION = ("viscous", "coulomb", "offset")
 PROMISED = ("mass", "centre_of_mass", "inertia", "rotor_inertia")  # by drawings and data sheets
 TOLERANCE = 0.1  # of what these promise, where nobody says another
+LATE = 0.5  # samples: of two channels' timing, before the data
+Delays = Literal["none", "common", "each"]
 
 
 @dataclass(frozen=True, eq=False)
 class RigidUnknowns:
-    """What a rigid fit moves: a point is the coordinates of `free`, then `friction` in its own units."""
+    """What a rigid fit moves: coordinates of `free`, `friction` and `ripple` in N m, `delays` in samples."""
 
     free: FreeParameters
     """Bodies, rotors and effects."""
@@ -35,6 +40,12 @@ class RigidUnknowns:
     """Viscous and Coulomb friction and offsets that are estimated."""
     columns: Columns
     """Of the torque; their values are those of the robot with all its effects, payloads among them."""
+    ripple: tuple[str, ...] = ()
+    """Labels of waves of the torque whose size and phase are estimated: coordinates are cosine and sine."""
+    delays: tuple[str, ...] = ()
+    """By which recorded torques lag the motion: of all axes, of each, or none."""
+    sample_time_s: float = 1.0
+    """Unit of their coordinates."""
 
     @classmethod
     def of_robot(
@@ -44,6 +55,8 @@ class RigidUnknowns:
         kinds: Sequence[str],
         fixed: Sequence[str],
         priors: Mapping[str, float],
+        delays: Delays = "none",
+        sample_time_s: float = 1.0,
     ) -> RigidUnknowns:
         """Free what is of some kinds, less what is held; a body without mass is none.
 
@@ -59,9 +72,11 @@ class RigidUnknowns:
             Patterns of names that are held.
         priors
             Standard deviations in natural scales, by pattern.
+        delays, sample_time_s
+            Whether torques lag by one number, each by its own, or none does; by half a sample or so.
         """
         bodies = {body.joint for body in robot.description.bodies if body.mass > 0}
-        laws = {bound.label for bound in robot.effects}
+        laws = set(acting_laws(robot))
 
         def kind_of(name: str) -> str:
             noun, _, place = name.partition(".")
@@ -79,23 +94,64 @@ class RigidUnknowns:
         free = [name for name in names if not name.startswith("friction.")]
         friction = tuple(name for name in columns.names if name in names and name.startswith("friction."))
         promised = {name: TOLERANCE for name in free if name.partition(".")[0] in PROMISED}
-        return cls(FreeParameters.of_robot(robot, free, promised | dict(priors)), friction, columns)
+        late = {
+            "none": (),
+            "common": ("torque_delay",),
+            "each": tuple(f"torque_delay.{a}" for a in robot.axis_names),
+        }
+        parameters = FreeParameters.of_robot(robot, free, promised | dict(priors))
+        held = [] if "effects" in kinds else list(robot.layout)
+        held += [name for name in robot.layout if any(fnmatchcase(name, pattern) for pattern in fixed)]
+        waves = tuple(wave.label for wave in ripples(robot) if f"effect.{wave.label}.amplitude" not in held)
+        return cls(parameters, friction, columns, waves, late[delays], sample_time_s)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all unknowns, as robot files have them."""
-        return self.free.names + self.friction
+        """Of all unknowns, as robot files have them; last the delays, which they do not have."""
+        waves = tuple(f"effect.{label}.{name}" for label in self.ripple for name in ("amplitude", "phase"))
+        return self.free.names + self.friction + waves + self.delays
+
+    @property
+    def n_own(self) -> int:
+        """How many of them are the robot's."""
+        return len(self.free.names) + len(self.friction) + 2 * len(self.ripple)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of `values`."""
+        layout = self.free.robot.layout
+        return (*(layout[name].unit for name in self.names[: self.n_own]), *("s" for _ in self.delays))
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """What each unknown is for a reader."""
+        layout = self.free.robot.layout
+        return (*(layout[name].kind for name in self.names[: self.n_own]), *("nuisance" for _ in self.delays))
+
+    def delay(self, point: FloatArray) -> FloatArray:
+        """Delay of the torque of each axis, s, (n_axis,)."""
+        result: FloatArray = self.delayed @ point[self.n_own :] * self.sample_time_s
+        return result
+
+    @property
+    def delayed(self) -> FloatArray:
+        """Which axes each of the delays concerns, (n_axis, n_delay)."""
+        n_axis = self.free.robot.n_axis
+        return np.eye(n_axis) if len(self.delays) == n_axis else np.ones((n_axis, len(self.delays)))
 
     @property
     def start(self) -> FloatArray:
         """The told robot, (n_unknown,)."""
         told = dict(zip(self.columns.names, self.columns.value.tolist(), strict=True))
-        return np.concatenate((np.zeros(len(self.free.names)), [told[name] for name in self.friction]))
+        own = [told[name] for name in (*self.friction, *self._wave_columns)]
+        return np.concatenate((np.zeros(len(self.free.names)), own, np.zeros(len(self.delays))))
 
     @property
     def prior(self) -> FloatArray:
-        """Standard deviations, (n_unknown,); infinite for friction."""
-        return np.concatenate((self.free.prior, np.full(len(self.friction), np.inf)))
+        """Standard deviations, (n_unknown,); infinite for friction and ripple."""
+        late = np.full(len(self.delays), LATE)
+        unknown = np.full(self.n_own - len(self.free.names), np.inf)
+        return np.concatenate((self.free.prior, unknown, late))
 
     @cached_property
     def promised(self) -> BoolArray:
@@ -106,24 +162,42 @@ class RigidUnknowns:
     def lower(self) -> FloatArray:
         """Smallest coordinates, (n_unknown,): friction does not push."""
         pushes = [name.endswith(".offset") for name in self.friction]
-        return np.concatenate((self.free.lower, np.where(pushes, -np.inf, 0.0)))
+        others = np.full(2 * len(self.ripple) + len(self.delays), -np.inf)
+        return np.concatenate((self.free.lower, np.where(pushes, -np.inf, 0.0), others))
 
     @property
     def upper(self) -> FloatArray:
         """Largest coordinates, (n_unknown,)."""
-        return np.concatenate((self.free.upper, np.full(len(self.friction), np.inf)))
+        return np.concatenate((self.free.upper, np.full(len(self.names) - len(self.free.names), np.inf)))
 
     def values(self, point: FloatArray) -> FloatArray:
-        """Unknowns in the units of a robot file, (n_unknown,)."""
-        n = len(self.free.names)
-        return np.concatenate((list(self.free.values(point[:n]).values()), point[n:]))
+        """Unknowns in the units of a robot file, and s, (n_unknown,)."""
+        n, result = len(self.free.names), point.copy()
+        result[:n] = list(self.free.values(point[:n]).values())
+        for first in self._waves:
+            result[first : first + 2] = amplitude_and_phase(point[first : first + 2])[0]
+        result[self.n_own :] *= self.sample_time_s
+        return result
 
     def slopes(self, point: FloatArray) -> FloatArray:
         """Derivative of `values`, (n_unknown, n_unknown)."""
         n = len(self.free.names)
         result = np.eye(len(point))
         result[:n, :n] = self.free.jacobian(point[:n])
+        for first in self._waves:
+            pair = slice(first, first + 2)
+            result[pair, pair] = amplitude_and_phase(point[pair])[1]
+        result[self.n_own :] *= self.sample_time_s
         return result
+
+    @property
+    def _waves(self) -> range:
+        """Where cosines stand among the coordinates."""
+        return range(len(self.free.names) + len(self.friction), self.n_own, 2)
+
+    @property
+    def _wave_columns(self) -> list[str]:
+        return [f"effect.{label}.{part}" for label in self.ripple for part in ("cosine", "sine")]
 
     # What the torque is linear in
 
@@ -138,6 +212,8 @@ class RigidUnknowns:
             )
         for name, column in self._own.items():
             value[column] += found[name] - start[name]
+        for name, part in zip(self._wave_columns, point[self._waves.start : self.n_own], strict=True):
+            value[self.columns.names.index(name)] = part
         return value
 
     def linear_slopes(self, point: FloatArray) -> FloatArray:
@@ -153,6 +229,8 @@ class RigidUnknowns:
         for name, column in self._own.items():
             by_value[column, index[name]] = 1.0
         result: FloatArray = by_value @ self.slopes(point)
+        for i, name in enumerate(self._wave_columns):
+            result[self.columns.names.index(name), self._waves.start + i] = 1.0
         return result
 
     @cached_property

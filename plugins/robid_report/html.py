@@ -36,7 +36,7 @@ from robid_report.causes import cause_sections
 from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
 from robid_report.numbers import percent, significant
-from robid_report.parameters import rows
+from robid_report.parameters import essential_rows, rows
 from robid_report.prediction import curve_sections, error_sections, run_sections
 from robid_report.residuals import residual_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
@@ -227,6 +227,7 @@ class HtmlReport(ReportStage):
             "rows": [row for row in table if row.reported],
             "nuisances": [row for row in table if not row.reported],
             "base": rows(fit.base, None)[0] if fit is not None and fit.base is not None else [],
+            "essential": essential_rows(fit.essential) if fit is not None else None,
             "plant": truth.plant if truth is not None else "",
             "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],

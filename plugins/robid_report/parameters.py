@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robid_core import ParameterTable, Truth
+from robid_core import EssentialParameters, ParameterTable, Truth
 from robid_report.numbers import percent, significant
 
 LIMITS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
@@ -102,6 +102,33 @@ def rows(table: ParameterTable, truth: Truth | None) -> tuple[list[Row], float]:
             )
         )
     return result, limit
+
+
+@dataclass(frozen=True)
+class Essential:
+    """Essential parameters as text: what is kept, and what was left out in which order."""
+
+    kept: list[tuple[str, str, str, str, str]]
+    """Name, unit, estimate, standard error, both over one another."""
+    removed: list[tuple[str, str, str, str]]
+    """Name, relative standard error when it went, growth of the residual, probability by chance."""
+
+
+def essential_rows(found: EssentialParameters | None) -> Essential | None:
+    """Return the table of essential parameters, None where there is none."""
+    if found is None:
+        return None
+    values = zip(found.estimate.tolist(), found.standard_error.tolist(), strict=True)
+    kept = [
+        (name, unit, significant(value), significant(error, 2), percent(error / abs(value)) if value else "–")
+        for name, unit, (value, error) in zip(found.names, found.units, values, strict=True)
+    ]
+    steps = found.relative_error.tolist(), found.increase.tolist(), found.probability.tolist()
+    removed = [
+        (name, percent(relative), percent(increase), significant(chance, 2))
+        for name, relative, increase, chance in zip(found.removed, *steps, strict=True)
+    ]
+    return Essential(kept, removed)
 
 
 def _mark(deviation: Deviation | None, limit: float) -> tuple[float | None, float, float]:

@@ -8,6 +8,7 @@ from robid_core.artifacts.configurations import Configurations
 from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
 from robid_core.artifacts.doubts import Doubt
+from robid_core.artifacts.essential import EssentialParameters
 from robid_core.artifacts.excitation import Excitation, mean_travel
 from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, SearchRecord, VisibleSize
 from robid_core.artifacts.fit import (
@@ -43,6 +44,7 @@ __all__ = [
     "ExcitedRange",
     "Finding",
     "Fit",
+    "EssentialParameters",
     "FrictionCurve",
     "Frf",
     "MisfitTable",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
+from robid_core.artifacts.essential import EssentialParameters
 from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, SearchRecord
 from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
@@ -105,8 +106,8 @@ class Fit(Artifact):
     only the estimator can know; `doubts` are all. `covariance` is that of the unknowns as the method has them
     (logarithms, natural scales); `model` is the robot that was found, its covariance in the parameters' own units:
     `Robot.model` makes it, and stages take it by `inputs: {robot: fit}`. `base` are the combinations of inertial
-    parameters that motion can show at all, where the estimator knows them; `friction` is drawn: torque over speed.
-    `excited` is how far the axes went in the data.
+    parameters that motion can show at all, where the estimator knows them, `essential` those of them that the data
+    tell; `friction` is drawn: torque over speed. `excited` is how far the axes went in the data.
     """
 
     method: str
@@ -128,6 +129,7 @@ class Fit(Artifact):
     base: ParameterTable | None = None
     friction: tuple[FrictionCurve, ...] = ()
     excited: ExcitedRange | None = None
+    essential: EssentialParameters | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:

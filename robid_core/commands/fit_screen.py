@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robid_core.artifacts import Fit, MisfitTable
+    from robid_core.artifacts import EssentialParameters, Fit, MisfitTable
 
 
 def doubt_lines(doubts: Sequence[object], remarks: Sequence[object] = ()) -> list[str]:
@@ -42,6 +42,22 @@ def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> lis
         numbers = [*truth, _number(table.start[index]), _number(table.estimate[index]), error]
         rows.append([name, table.units[index], *numbers])
     return _aligned(rows, n_left=2)
+
+
+def essential_lines(found: EssentialParameters) -> list[str]:
+    """Return essential parameters as aligned text, and in what order the others were left out."""
+    rows = [["essential parameter", "unit", "estimate", "std error"]]
+    numbers = zip(found.estimate.tolist(), found.standard_error.tolist(), strict=True)
+    for name, unit, (value, error) in zip(found.names, found.units, numbers, strict=True):
+        rows.append([name, unit, _number(value), _number(error)])
+    lines = _aligned(rows, n_left=2)
+    if not found.removed:
+        return lines
+    rows = [["left out", "std error / size", "residual grows by", "chance"]]
+    columns = found.relative_error.tolist(), found.increase.tolist(), found.probability.tolist()
+    for name, relative, increase, chance in zip(found.removed, *columns, strict=True):
+        rows.append([name, f"{relative:.3g}", f"{100 * increase:.2g} %", f"{chance:.2g}"])
+    return [*lines, "", *_aligned(rows, n_left=1)]
 
 
 def misfit_lines(table: MisfitTable) -> list[str]:

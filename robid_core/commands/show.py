@@ -117,7 +117,7 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     """Return an artifact as text: what is special about its kind first, then every field."""
     from robid_core.artifacts import Design, Diagnosis, Excitation, Fit, Frf, Report
     from robid_core.commands.excitation_screen import advice_lines
-    from robid_core.commands.fit_screen import fit_line, fit_table, misfit_lines
+    from robid_core.commands.fit_screen import essential_lines, fit_line, fit_table, misfit_lines
 
     lines = [type(artifact).__name__ + (f" in {path}" if path is not None else "")]
     if isinstance(artifact, Report):
@@ -130,6 +130,8 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
             *(f"  {line}" for line in fit_table(artifact, {}, everything=True)),
             "",
         ]
+        if artifact.essential is not None:
+            lines += [*(f"  {line}" for line in essential_lines(artifact.essential)), ""]
         if artifact.misfit_table is not None:
             lines += [*(f"  {line}" for line in misfit_lines(artifact.misfit_table)), ""]
     elif isinstance(artifact, Frf):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +205,19 @@ def test_a_coarse_torque_that_no_limit_cut_off_is_not_taken_for_one(
     step = np.ptp(run["tau"], axis=0) / 60
     np.savez(lab.folder / "run.npz", q=run["q"], tau=step * np.round(run["tau"] / step))
     assert list(doubts_of_limits(lab.read("run.npz"))) == []
+
+
+@pytest.mark.parametrize(("axis", "off"), [(1, 0.4), (2, -0.5), (1, np.pi / 2)])
+def test_a_zero_that_is_told_wrong(lab: Lab, sound: dict[str, FloatArray], axis: int, off: float) -> None:
+    """The joint's angle is recorded from another zero; what gravity then pulls at is told with its size."""
+    run = settled(sound)
+    run["q"] += np.linalg.solve(ROBOT.drives.gear, off * np.eye(6)[axis])
+    np.savez(lab.folder / "run.npz", **run)
+    told = lab.told("run.npz")
+    size = re.search(rf"the angle of axis_{axis + 1} is off by (\S+) rad", told)
+    assert size is not None, told
+    # Friction that the rigid model smooths, and springs that sag, leave a hundredth of the weight.
+    assert float(size.group(1)) == pytest.approx(off, abs=0.02)
 
 
 def test_an_offset_of_the_torque_is_estimated_as_one(lab: Lab, sound: dict[str, FloatArray]) -> None:

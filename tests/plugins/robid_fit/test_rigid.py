@@ -11,6 +11,7 @@ import pytest
 from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide
 
 from robid_core import ConfigurationError, DataRejected, Fit, NotIdentifiable, Robot
+from robid_core.commands.show import artifact_lines
 from robid_core.testing import check_stage
 from robid_fit.rigid import RigidBodyFit
 
@@ -99,7 +100,7 @@ def test_held_parameters_keep_the_robot_files_values(tmp_path: Path) -> None:
     robot = loaded(tmp_path, ARM)
     record = recording(robot, 3)
     fit = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20).run(record, robot)
-    assert fit.parameters.names == tuple(
+    assert tuple(fit.parameters.as_mapping()) == tuple(
         f"friction.j{i}.{kind}" for kind in ("viscous", "coulomb") for i in (1, 2, 3)
     )
     for name, deviation in relative_deviation(fit, robot).items():
@@ -232,7 +233,8 @@ def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: 
     ("effect", "told"),
     [
         ({"use": "transmission.backlash", "on": "j1"}, r"grease \(transmission.backlash\)"),
-        ({"use": "drive.torque_ripple", "on": "j1"}, "drive.torque_ripple"),
+        ({"use": "sensing.resolver_ripple", "on": "j1"}, "sensing.resolver_ripple"),
+        ({"use": "drive.torque_ripple", "on": "j1", "with": {"relative": 0.1}}, "in proportion to the torque"),
         ({"use": "structure.foundation"}, "structure.foundation"),
         ({"use": "structure.elastic_coordinate", "on": "j1", "with": {"axis_x": 1, "axis_z": 0}},
          "structure.elastic_coordinate"),
@@ -339,3 +341,23 @@ def test_what_is_held_needs_no_tolerance(tmp_path: Path, fixed: str) -> None:
 def test_one_block_left_out_is_nothing_to_fit_to() -> None:
     with pytest.raises(ValueError, match="greater than or equal to 2"):
         RigidBodyFit(blocks=1)
+
+
+def test_essential_parameters_predict_as_well_with_fewer(tmp_path: Path) -> None:
+    robot = loaded(tmp_path, ARM)
+    record = recording(robot, 1, seconds=6.0, noise=0.3)
+    fit = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=200, drop_last=200).run(record, robot)
+    found, base = fit.essential, fit.base
+    assert found is not None
+    assert base is not None
+    assert sorted(found.names + found.removed) == sorted(base.names)
+    assert found.removed
+    assert (found.probability >= 0.05).all()
+    assert (found.increase < 0.05).all()
+    known = dict(zip(base.names, base.start.tolist(), strict=True))  # the told robot is the true one
+    heavy = "rotor_inertia.j1", "friction.j3.viscous", "mass.j3"
+    for name, value, error in zip(found.names, found.estimate, found.standard_error, strict=True):
+        if name in heavy:
+            assert abs(value - known[name]) < 4 * error
+    text = "\n".join(artifact_lines(fit))
+    assert f"{found.removed[0]} " in text.partition("left out")[2]

@@ -7,6 +7,7 @@ import pytest
 
 from robid_core import FloatArray, Robot
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
+from robid_core.estimation.rigid.zero_angles import zeros_in
 from robid_core.residual import rigid_drives
 
 CUTOFF_HZ = 5.0
@@ -104,6 +105,29 @@ def test_a_slip_is_named_and_its_maps_undo_it(robot: Robot, sound: Experiments, 
 def test_a_robot_that_is_told_wrong_is_no_slip(robot: Robot, off: float, payload: float) -> None:
     """Masses a tenth off, or a load that nobody told: values, which a fit finds."""
     assert slips(robot, measured(robot, off, payload), NONE, NONE) == []
+
+
+@pytest.mark.parametrize("off, payload", [(0.01, 0.0), (0.1, 0.0), (0.01, 20.0)])
+def test_a_robot_that_is_told_wrong_has_its_zeros_where_they_are(
+    robot: Robot, off: float, payload: float
+) -> None:
+    experiments = measured(robot, off, payload)
+    recorded = Recorded.of_experiments(rigid_drives(robot), experiments, robot.sample_time_s, CUTOFF_HZ)
+    assert zeros_in(recorded) == []
+
+
+@pytest.mark.parametrize(("axis", "off"), [(1, 0.3), (2, -0.8), (3, 0.6)])
+def test_a_zero_is_found_in_a_robot_that_is_not_quite_the_told_one(
+    robot: Robot, sound: Experiments, axis: int, off: float
+) -> None:
+    """Masses a hundredth off, springs a third: a torque of weight that is a hundredth off turns by about as much."""
+    shift = np.linalg.solve(robot.drives.gear, off * np.eye(6)[axis])
+    wrong = [(position + shift, torque) for position, torque in sound]
+    recorded = Recorded.of_experiments(rigid_drives(robot), wrong, robot.sample_time_s, CUTOFF_HZ)
+    first = zeros_in(recorded)[0]
+    assert first.axis == axis
+    assert first.angle == pytest.approx(off, abs=0.03)
+    assert first.after < 0.3 * first.before
 
 
 def test_an_exchange_of_the_first_axis_sign_shows_nothing(robot: Robot, sound: Experiments) -> None:
