@@ -26,10 +26,14 @@ from robid_core.artifacts.model import Model
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
+from robid_core.artifacts.tables import Table
 from robid_core.artifacts.timing import Timing
+from robid_core.artifacts.units import QUANTITIES, UNITS
 from robid_core.artifacts.witness import Witness
 
 __all__ = [
+    "QUANTITIES",
+    "UNITS",
     "Artifact",
     "Channel",
     "Configurations",
@@ -53,6 +57,7 @@ __all__ = [
     "ResponseComparison",
     "SearchRecord",
     "SeparatingExperiment",
+    "Table",
     "VisibleSize",
     "TimeComparison",
     "Timing",

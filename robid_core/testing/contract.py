@@ -83,6 +83,16 @@ def check_stage(
     ------
     ContractBroken
         With the clause that is broken.
+
+    Examples
+    --------
+    >>> from robid_core import Configurations, CandidateDesign, Robot
+    >>> from robid_core.testing import check_stage
+    >>> class Zero(CandidateDesign):
+    ...     "Stand where all angles are zero."
+    ...     def run(self, robot: Robot) -> Configurations:
+    ...         return Configurations(robot.axis_names, 0 * robot.drives.lower[None])
+    >>> check_stage(Zero, for_axes=(1,))
     """
     stage = check_settings(cls, **settings)
     for n_axis in for_axes:
