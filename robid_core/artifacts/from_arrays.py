@@ -130,9 +130,8 @@ def response(values: npt.ArrayLike, frequency_hz: FloatArray, unit: str) -> Comp
     if unit not in RESPONSE_UNITS:
         raise DataRejected(f"unit '{unit}' is not known; there are: {', '.join(RESPONSE_UNITS)}")
     array = _full(np.asarray(values, dtype=np.complex128), len(frequency_hz), "response")
-    s: ComplexArray = 2j * np.pi * frequency_hz
-    result: ComplexArray = array * (s ** RESPONSE_UNITS[unit])[:, None, None]
-    return result
+    factor = (2j * np.pi * frequency_hz) ** RESPONSE_UNITS[unit]
+    return np.asarray(array * factor[:, None, None], dtype=np.complex128)
 
 
 def factored_variance(
