@@ -1,4 +1,4 @@
-"""Everything a plugin author may import, on one screen; loaded when it is used (PEP 562)."""
+"""Everything that plugins and notebooks may import, on one screen; loaded when it is used (PEP 562)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _HOME = {
         "Artifact", "Channel", "Configurations", "DenseRun", "Design", "DiagnosedData", "Diagnosis",
         "Doubt", "EssentialParameters", "Excitation", "ExcitedRange", "Finding", "Fit", "FrictionCurve", "Frf",
         "MisfitTable", "Model", "ParameterTable", "PredictionCurve", "PredictionErrors", "Record", "Report",
-        "ResidualCurve", "ResponseComparison", "RunErrors", "SearchRecord",
-        "SeparatingExperiment", "TimeComparison", "Timing", "Truth", "VisibleSize", "Witness", "array", "frozen",
-        "mean_travel",
+        "ResidualCurve", "ResponseComparison", "RunErrors", "SearchRecord", "SeparatingExperiment", "Table",
+        "TimeComparison", "Timing", "Truth", "VisibleSize", "Witness", "array", "frozen", "mean_travel",
+        "QUANTITIES", "UNITS",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -26,6 +26,8 @@ _HOME = {
         "Drives", "Experiment", "ExperimentIndex", "OpenDrives", "Plant", "RawLog", "RecordPlan", "Session", "Trace",
         "assemble_record",
     ),
+    "robid_core.notebook": ("Run", "StageFunction", "use"),
+    "robid_core.pipeline": ("Pipeline",),
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.parameters.tangents": ("mechanism_change",),
     "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
@@ -48,11 +50,13 @@ _HOME = {
         "NotTrustworthy", "PluginError", "PoorExcitation", "RobidError", "StopNotConfirmed", "StoreError",
     ),
 }  # fmt: skip
+PLOT = "plot"  # the one module among the names: `robid.plot.response(frf, fit)`
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = sorted(_MODULE_OF)
 
 if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lists
+    from robid_core import plot as plot
     from robid_core.arrays import (
         BoolArray as BoolArray,
         ComplexArray as ComplexArray,
@@ -60,6 +64,8 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         IntArray as IntArray,
     )
     from robid_core.artifacts import (
+        QUANTITIES as QUANTITIES,
+        UNITS as UNITS,
         Artifact as Artifact,
         Channel as Channel,
         Configurations as Configurations,
@@ -87,6 +93,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         RunErrors as RunErrors,
         SearchRecord as SearchRecord,
         SeparatingExperiment as SeparatingExperiment,
+        Table as Table,
         TimeComparison as TimeComparison,
         Timing as Timing,
         Truth as Truth,
@@ -140,6 +147,11 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         at_safe_points as at_safe_points,
         heed as heed,
     )
+    from robid_core.notebook import (
+        Run as Run,
+        StageFunction as StageFunction,
+        use as use,
+    )
     from robid_core.parameters import (
         FreeParameters as FreeParameters,
         chosen_names as chosen_names,
@@ -147,6 +159,9 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.parameters.tangents import (
         mechanism_change as mechanism_change,
+    )
+    from robid_core.pipeline import (
+        Pipeline as Pipeline,
     )
     from robid_core.registry import (
         Plugin as Plugin,
@@ -207,10 +222,12 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
 
 
 def __getattr__(name: str) -> Any:
+    if name == PLOT:
+        return importlib.import_module(f"robid_core.{PLOT}")
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'robid_core' has no attribute '{name}'")
     return getattr(importlib.import_module(_MODULE_OF[name]), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return [*__all__, PLOT]

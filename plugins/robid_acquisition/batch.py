@@ -86,8 +86,8 @@ class SimulatedAcquisition(Acquisition):
         acquire: {use: acquisition.simulated, with: {plant: six_axis_true}}
     """
 
-    plant: RobotName
-    """The robot that is simulated: packaged, or a path to a robot.yaml."""
+    plant: RobotName | None = None
+    """The robot that is simulated: packaged, or a path to a robot.yaml; null: the robot that the stage is given."""
     periods: PositiveInt = 2
     """Periods of the reference that are kept."""
     settle_periods: NonNegativeInt = 1
@@ -99,20 +99,21 @@ class SimulatedAcquisition(Acquisition):
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the plugins whose code the result depends on: the plant's effects."""
-        effects = Robot.load(self.plant).description.effects.values()
+        effects = Robot.load(self.plant).description.effects.values() if self.plant is not None else ()
         return sorted({("robid.effects", effect.use) for effect in effects})
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """What the plant's file lacks for a simulation."""
-        del robot
-        missing = Robot.load(self.plant).left_out(("torque_limit", "controller"))
+        plant = robot if self.plant is None else Robot.load(self.plant)
+        missing = plant.left_out(("torque_limit", "controller"))
         return {("plant",): missing} if missing else {}
 
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say for `robid plan` that nothing moves."""
         del upstream
+        plant = "the robot itself" if self.plant is None else f"'{self.plant}'"
         return [
-            f"simulates '{self.plant}', nothing moves; {self.periods} periods after {self.settle_periods} to settle"
+            f"simulates {plant}, nothing moves; {self.periods} periods after {self.settle_periods} to settle"
         ]
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
@@ -124,10 +125,10 @@ class SimulatedAcquisition(Acquisition):
     ) -> Record:
         """Clear all motions, simulate them, and put the record together."""
         check_axes(configurations, excitation, robot)
-        plant = Robot.load(self.plant)
+        plant = robot if self.plant is None else Robot.load(self.plant)
         if plant.n_axis != robot.n_axis:
             raise ConfigurationError(
-                f"plant '{self.plant}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
+                f"plant '{plant.name}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
             )
         n_block, n_exp, n_sample, n_axis = excitation.reference.shape[1:]
         places = (configurations.n_config, n_block, n_exp)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import Design, Diagnosis, Excitation, Fit, Frf, Record, Truth
+from robid_core.plot import noun
 from robid_report.numbers import percent, significant
 from robid_report.parameters import deviations
-from robid_report.traces import noun
 
 MASKED_LIMIT = 0.1  # of a configuration's lines; more is rejected data
 GAP_LIMIT = 1e-3  # a design further than this from its optimum carries no certificate worth the name

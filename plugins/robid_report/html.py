@@ -30,13 +30,14 @@ from robid_core import (
     Robot,
     Truth,
 )
-from robid_report import responses, traces
+from robid_core.plot import comparison_of, pooled
 from robid_report.beside import comparison, fit_with_response, other_fits
 from robid_report.causes import cause_sections
 from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
 from robid_report.numbers import percent, significant
 from robid_report.parameters import essential_rows, rows
+from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
 from robid_report.residuals import residual_sections
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
@@ -94,13 +95,13 @@ def figures(robot: Robot, angle: FloatArray) -> list[list[Markup]]:
 
 
 def response_section(robot: Robot, frf: Frf | None, fit: Fit | None) -> dict[str, Any] | None:
-    """Plot data of the measured responses, beside the fitted model where there is one."""
+    """Figures of the measured responses, beside the fitted model where there is one."""
     if fit is not None and fit.response is not None:
-        return responses.plot_data(fit.response, fitted=True)
+        return response_plots(fit.response, fitted=True)
     if frf is None:
         return None
     model = robot.response(frf.angle, frf.frequency_hz, hold=frf.torque_hold)
-    return responses.plot_data(responses.comparison_of(frf, model), fitted=False)
+    return response_plots(comparison_of(frf, model), fitted=False)
 
 
 def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict[str, Any] | None:
@@ -174,7 +175,7 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
     )
     page: str = environment.from_string(text["page.html.j2"]).render(
         **content,
-        data=json_for_script(data),
+        data=json_for_script(pooled(data)),
         style=Markup(text["page.css"]),
         scripts=[Markup(script) for script in scripts],
         policy=" ".join(f"'{script_hash(script)}'" for script in scripts),
@@ -240,10 +241,10 @@ class HtmlReport(ReportStage):
             "visible": visible_table(diagnosis),
             "witness": witness_table(diagnosis),
             "response": response is not None,
-            "fitted": response is not None and response["model"] is not None,
+            "fitted": response is not None and response["fitted"],
             "configurations": angles_as_text(robot, angle) if angle is not None else [],
             "pictures": figures(robot, angle) if angle is not None else [],
-            "time": [traces.plot_data(comparison, title) for title, comparison in comparisons],
+            "time": [time_plots(comparison, title) for title, comparison in comparisons],
             "design": design_section(robot, design, responding),
             "steps": steps(excitation, record, frf, fit, design),
         }

@@ -28,10 +28,14 @@ from robid_core.artifacts.prediction import ExcitedRange, PredictionCurve, RunEr
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
+from robid_core.artifacts.tables import Table
 from robid_core.artifacts.timing import Timing
+from robid_core.artifacts.units import QUANTITIES, UNITS
 from robid_core.artifacts.witness import Witness
 
 __all__ = [
+    "QUANTITIES",
+    "UNITS",
     "Artifact",
     "Channel",
     "Configurations",
@@ -59,6 +63,7 @@ __all__ = [
     "RunErrors",
     "SearchRecord",
     "SeparatingExperiment",
+    "Table",
     "VisibleSize",
     "TimeComparison",
     "Timing",

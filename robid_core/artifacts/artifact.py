@@ -121,7 +121,14 @@ class Artifact:
         return self.replace(**changes)
 
     def write(self, path: Path) -> None:
-        """Write the artifact to `path` (created or overwritten); equal content gives equal bytes."""
+        """Write the artifact to `path` (created or overwritten); equal content gives equal bytes.
+
+        >>> import pathlib, tempfile, numpy as np, robid_core as robid
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "where.h5"
+        >>> robid.Configurations(("axis_1",), np.zeros((4, 1))).write(path)
+        >>> robid.Configurations.read(path).n_config
+        4
+        """
         from robid_core.artifacts.hdf5 import write_hdf5
 
         write_hdf5(self, path)
@@ -135,3 +142,9 @@ class Artifact:
         if not isinstance(artifact, cls):
             raise DataRejected(f"{path}: holds a {type(artifact).__name__}, not a {cls.__name__}")
         return artifact
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows of it."""
+        from robid_core.artifacts.display import artifact_html
+
+        return artifact_html(self)

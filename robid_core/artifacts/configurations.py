@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.tables import Table, configuration_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,3 +29,14 @@ class Configurations(Artifact):
     def n_axis(self) -> int:
         """Number of motor axes."""
         return int(self.angle.shape[1])
+
+    def table(self) -> Table:
+        """Return a row for each configuration, a column for each axis, rad.
+
+        Examples
+        --------
+        >>> import numpy as np, robid_core as robid
+        >>> robid.Configurations(("axis_1",), np.array([[0.5], [1.0]])).table()
+        {'configuration': [0, 1], 'axis_1': [0.5, 1.0]}
+        """
+        return configuration_table(self)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from robid_core.arrays import FloatArray, IntArray
 from robid_core.artifacts.artifact import array
 from robid_core.artifacts.configurations import Configurations
+from robid_core.artifacts.tables import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,3 +28,9 @@ class Design(Configurations):
     candidate_index: IntArray = array("n_config", keyword=True)
     information: FloatArray = array("n_parameter n_parameter", keyword=True)
     predicted_standard_error: FloatArray = array("n_parameter", "relative", finite=False, keyword=True)
+
+    def table(self) -> Table:
+        """Return a row for each configuration: its angles, its weight and how often it is measured."""
+        return Table(
+            {**super().table(), "weight": self.weight.tolist(), "experiments": self.experiments.tolist()}
+        )

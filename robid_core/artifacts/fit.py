@@ -13,6 +13,7 @@ from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.prediction import ExcitedRange, PredictionCurve, RunErrors
+from robid_core.artifacts.tables import Table, comparison_table, finding_table, parameter_table
 from robid_core.artifacts.timing import Timing
 from robid_core.artifacts.witness import Witness
 
@@ -48,6 +49,10 @@ class ParameterTable(Artifact):
         rows = zip(self.names, self.groups, self.estimate.tolist(), strict=True)
         return {name: value for name, group, value in rows if group != NUISANCE}
 
+    def table(self, everything: bool = False) -> Table:
+        """Return a row for each parameter that is reported, or for `everything`: start, estimate, standard error."""
+        return parameter_table(self, everything)
+
 
 @dataclass(frozen=True, eq=False)
 class ResponseComparison(Artifact):
@@ -72,6 +77,10 @@ class TimeComparison(Artifact):
     time_s: FloatArray = array("n_sample", "s")
     measured: FloatArray = array("n_sample n_axis")
     modelled: FloatArray = array("n_sample n_axis")
+
+    def table(self) -> Table:
+        """Return a row for each sample: time, and both values of each axis."""
+        return comparison_table(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +150,20 @@ class Fit(Artifact):
         """Whether there is any reason not to rely on these numbers."""
         return any(not doubt.is_remark for doubt in self.doubts)
 
+    def table(self, everything: bool = False) -> Table:
+        """Return the parameters that are reported, or `everything`, with start, estimate and standard error.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> fit = example_fit(robid.Robot.load("one_axis"))
+        >>> for row in fit.table().rows():
+        ...     print(row["parameter"], row["unit"], f"{row['estimate']:.4g} +- {row['standard_error']:.2g}")
+        gear_stiffness.axis_1 N m/rad 8e+04 +- 2.4e+03
+        """
+        return self.parameters.table(everything)
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis(Artifact):
@@ -171,3 +194,7 @@ class Diagnosis(Artifact):
     runs: tuple[RunErrors, ...] = ()
     curves: tuple[PredictionCurve, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+
+    def table(self) -> Table:
+        """Return a row for each number of each finding: what was told, what was found, how much that gains."""
+        return finding_table(self)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
+from robid_core.artifacts import from_arrays as arrays
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.record import Record
+from robid_core.artifacts.tables import Table, response_table
 from robid_core.errors import DataRejected
 
 
@@ -114,6 +118,102 @@ class Frf(Artifact):
         result: FloatArray = noise[..., :, None] * gram[..., None, :]
         errors = self._damping_errors()
         return result if errors is None else result + np.sum(np.abs(errors) ** 2, axis=2)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        response: npt.ArrayLike,
+        frequency_hz: npt.ArrayLike,
+        *,
+        angle: npt.ArrayLike,
+        sample_time_s: float,
+        unit: str = arrays.ACCELERATION,
+        deviation: npt.ArrayLike | None = None,
+        degrees_of_freedom: float | None = None,
+        axis_names: Sequence[str] = (),
+        robot: arrays.Axes | None = None,
+        torque_hold: Literal["zero_order_hold", "continuous"] = "zero_order_hold",
+        estimator: str = "arrays",
+    ) -> Self:
+        """Make a frequency response of arrays.
+
+        Parameters
+        ----------
+        response
+            From motor torque to motor acceleration, (n_config, n_freq, n_out, n_in); one configuration may lack the
+            first axis, one motor the last two. NaN where a line has none.
+        frequency_hz
+            Shape (n_freq,).
+        angle
+            Motor angles seen through the gear, rad, (n_config, n_axis).
+        sample_time_s
+            Of the controller, between whose samples the torque is held.
+        unit
+            "(rad/s^2)/(N m)", or "(rad/s)/(N m)" or "rad/(N m)", which are multiplied by i w or its square.
+        deviation
+            Standard deviation of each entry (complex: of real plus imaginary part) in the same unit, a number or an
+            array like `response`; entries are taken as uncorrelated.
+        degrees_of_freedom
+            Behind the deviation; by default it counts as known.
+        axis_names, robot
+            Names of the axes, or whose they are; by default axis_1, axis_2, ...
+        torque_hold
+            "zero_order_hold" or "continuous".
+        estimator
+            What made the response, in words.
+
+        Raises
+        ------
+        DataRejected
+            Where shapes or units do not belong together, or the deviations have no factors for outputs and inputs.
+
+        Examples
+        --------
+        A rigid motor of 1e-3 kg m^2, measured as a mobility:
+
+        >>> import numpy as np, robid_core as robid
+        >>> frequency = np.array([5.0, 10.0, 20.0])
+        >>> mobility = 1 / (2j * np.pi * frequency * 1e-3)
+        >>> frf = robid.Frf.from_arrays(
+        ...     mobility, frequency, unit="(rad/s)/(N m)", deviation=0.1, angle=[[0.0]], sample_time_s=1e-3)
+        >>> frf.response[0, :, 0, 0].real.round(6).tolist()
+        [1000.0, 1000.0, 1000.0]
+        """
+        frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
+        full = arrays.response(response, frequency, unit)
+        n_config, n_axis = len(full), full.shape[-1]
+        inputs = outputs = None
+        if deviation is not None:
+            inputs, outputs = arrays.factored_variance(deviation, frequency, unit, full.shape)
+        known = degrees_of_freedom is not None
+        valid: BoolArray = np.all(np.isfinite(full), axis=(2, 3))
+        return cls(
+            axis_names=arrays.names_of_axes(robot, axis_names, n_axis),
+            estimator=estimator,
+            pooling="stated with the arrays" if deviation is not None else "none stated",
+            sample_time_s=sample_time_s,
+            torque_hold=torque_hold,
+            angle=arrays.angles(angle, robot, None, n_config, n_axis),
+            frequency_hz=frequency,
+            response=full,
+            input_gram_inverse=inputs,
+            output_covariance=outputs,
+            degrees_of_freedom=np.full(full.shape[:2], degrees_of_freedom) if known else None,
+            valid=valid,
+        )
+
+    def table(self) -> Table:
+        """Return a row for each entry at each line: configuration, frequency, output, input, size, phase, deviation.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> frf = robid.Frf.from_arrays([2.0, 2j], [5.0, 10.0], angle=[[0.0]], sample_time_s=1e-3)
+        >>> table = frf.table()
+        >>> table["frequency_hz"], table["size"], table["phase_deg"]
+        ([5.0, 10.0], [2.0, 2.0], [0.0, 90.0])
+        """
+        return response_table(self)
 
     @classmethod
     def from_blocks(

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid_core.artifacts import from_arrays as arrays
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.dense_run import DenseRun
 from robid_core.artifacts.packing import packed
+from robid_core.artifacts.tables import Table, record_table
 from robid_core.errors import DataRejected
 
 MOTOR_POSITION = "motor_position"
 MOTOR_TORQUE = "motor_torque"
 SPEED_REFERENCE = "speed_reference"
 POSITION_REFERENCE = "position_reference"
+MEASURED = (MOTOR_POSITION, MOTOR_TORQUE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,110 @@ class Record(Artifact):
             raise DataRejected(
                 f"Record.variants: {len(self.variants)} names for {len(self.angle)} configurations; give one for each"
             )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        sample_time_s: float,
+        axes: str = "",
+        robot: arrays.Axes | None = None,
+        axis_names: Sequence[str] = (),
+        angle: npt.ArrayLike | None = None,
+        units: Mapping[str, str] | None = None,
+        period_s: float | None = None,
+        excited_hz: Iterable[float] = (),
+        torque_hold: Literal["zero_order_hold", "continuous"] = "continuous",
+        source: str = "arrays",
+        **channels: npt.ArrayLike,
+    ) -> Self:
+        """Make a record of arrays.
+
+        Parameters
+        ----------
+        sample_time_s
+            Of all channels.
+        axes
+            Names of the arrays' axes in their order, out of `n_config n_block n_exp n_period n_sample n_axis`; one that
+            is not named has length one. By default `n_sample n_axis`, of one motor `n_sample`.
+        robot
+            Names the axes, and tells from the motor angles where it stood.
+        axis_names
+            In place of the robot's; without either axis_1, axis_2, ...
+        angle
+            Motor angles seen through the gear, rad, (n_config, n_axis), in place of what a robot tells.
+        units
+            Unit of a channel by its name, as `{"motor_position": "deg"}`: of those in `robid_core.UNITS`. By default
+            the SI unit of what the name promises (position rad, speed rad/s, torque N m).
+        period_s
+            Length of a period, where `n_sample` holds several one after another.
+        excited_hz
+            Excited frequencies, where the record is for a frequency response; then `period_s` is needed unless
+            `n_sample` is one period.
+        torque_hold
+            "zero_order_hold" where a digital controller holds the torque between samples, else "continuous".
+        source
+            Where the arrays come from, in words.
+        channels
+            Arrays by name: motor_position, motor_torque, speed_reference, position_reference, joint_position, ...;
+            a sample that is not known is NaN.
+
+        Raises
+        ------
+        DataRejected
+            Where axes or units do not belong to the arrays, or it is not known where the robot stood.
+
+        Examples
+        --------
+        Ten seconds of one motor, sampled each millisecond, the angle in degrees:
+
+        >>> import numpy as np, robid_core as robid
+        >>> time = np.arange(10_000) * 1e-3
+        >>> record = robid.Record.from_arrays(
+        ...     motor_position=360 * np.sin(6 * time), motor_torque=0.2 * np.cos(6 * time), sample_time_s=1e-3,
+        ...     units={"motor_position": "deg"}, robot=robid.Robot.load("one_axis"))
+        >>> record.axis_names, record.run.values("motor_position").shape
+        (('axis_1',), (1, 1, 1, 1, 10000, 1))
+        >>> print(f"{record.run.values('motor_position').max():.3f} rad")
+        6.283 rad
+        """
+        if not channels:
+            raise DataRejected("a record needs channels, as motor_position=..., motor_torque=...")
+        period = None if period_s is None else round(period_s / sample_time_s)
+        full = {name: arrays.dense(name, values, axes, period) for name, values in channels.items()}
+        shape = arrays.common_shape(full)
+        made = {name: arrays.channel(name, one, (units or {}).get(name)) for name, one in full.items()}
+        unknown = [name for name in units or {} if name not in full]
+        if unknown:
+            raise DataRejected(f"units: there is no channel {unknown[0]}; there are: {', '.join(full)}")
+        position = made[MOTOR_POSITION].values if MOTOR_POSITION in made else None
+        known = [np.isfinite(one.values).all(axis=-1) for name, one in made.items() if name in MEASURED]
+        valid = np.logical_and.reduce(known) if known else np.full(shape[:-1], True)
+        time_s = np.arange(shape[4], dtype=np.float64) * sample_time_s
+        wanted = list(excited_hz)
+        return cls(
+            axis_names=arrays.names_of_axes(robot, axis_names, shape[5]),
+            source=source,
+            torque_hold=torque_hold,
+            runs=(DenseRun(sample_time_s, made, time_s, valid),),
+            angle=arrays.angles(angle, robot, position, shape[0], shape[5]),
+            line=arrays.bins(wanted, shape[4] * sample_time_s) if wanted else None,
+        )
+
+    def table(self, configuration: int = 0, block: int = 0, experiment: int = 0) -> Table:
+        """Return the samples of one experiment: a column for time and one for each channel of each axis.
+
+        Examples
+        --------
+        >>> import numpy as np, robid_core as robid
+        >>> record = robid.Record.from_arrays(
+        ...     motor_position=np.zeros((3, 2)), sample_time_s=0.5, angle=[[0.0, 0.0]])
+        >>> record.table()["time_s"]
+        [0.0, 0.5, 1.0]
+        >>> list(record.table())
+        ['time_s', 'motor_position.axis_1', 'motor_position.axis_2']
+        """
+        return record_table(self, configuration, block, experiment)
 
     @property
     def run(self) -> DenseRun:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robid_core.commands.arguments import DEFAULT_PIPELINE, DataRoot, load_pipeline
-from robid_core.commands.show import manifest_of, refuse_damaged
 from robid_core.errors import ConfigurationError, NotTrustworthy, StoreError
 
 if TYPE_CHECKING:
@@ -83,6 +82,7 @@ def _model(pipeline: Pipeline, stage: str) -> tuple[Model, Path]:
     """Return the model of a stage's last result, and the robot file that the run wrote of it."""
     from robid_core.artifacts import Fit
     from robid_core.run import RunFolder
+    from robid_core.run.results import manifest_of, refuse_damaged
 
     folder, node = RunFolder.of(pipeline), pipeline.stage(stage)
     record = manifest_of(folder).stages.get(node.name)

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robid_core.commands.show import manifest_of, refuse_damaged
-
 if TYPE_CHECKING:
     from robid_core.artifacts import Fit
     from robid_core.run import Manifest, RunFolder
@@ -23,6 +21,7 @@ def command(
 ) -> None:
     """Compare two runs: settings, versions, results; parameters by their difference over its standard error."""
     from robid_core.run import RunFolder
+    from robid_core.run.results import manifest_of
 
     one, other = RunFolder.find(first), RunFolder.find(second)
     typer.echo("\n".join(difference_lines(one, manifest_of(one), other, manifest_of(other))))
@@ -95,6 +94,7 @@ def _core(manifest: Manifest) -> dict[str, Any]:
 def result_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest) -> list[str]:
     """Return which artifacts differ, and by how much where they are fits."""
     from robid_core.artifacts import Fit
+    from robid_core.run.results import refuse_damaged
 
     for folder, manifest in ((one, old), (other, new)):
         for record in manifest.stages.values():

@@ -16,14 +16,21 @@ def command(
     own_robot: Annotated[
         bool, typer.Option("--own-robot", help="Copy the robot into the project as robot.yaml, to be edited.")
     ] = False,
+    plugin: Annotated[
+        str | None,
+        typer.Option(
+            "--plugin", help="A package of your own in place of a project: estimator, effect, fit, report."
+        ),
+    ] = None,
 ) -> None:
     """Make a new project: a pipeline of a simulated robot that runs as it is, and a README that says what to change.
 
-    Nothing is overwritten.
+    With --plugin: a package with a plugin that runs as it is, and the test of its kind. Nothing is overwritten.
     """
+    from robid_core.commands.init_plugin import plugin_files
     from robid_core.errors import ConfigurationError, StoreError
 
-    files = project_files(folder, robot, own_robot)
+    files = plugin_files(folder, plugin) if plugin else project_files(folder, robot, own_robot)
     present = [name for name in files if (folder / name).exists()]
     if present:
         raise ConfigurationError(
@@ -32,12 +39,14 @@ def command(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             with (folder / name).open("x", encoding="utf-8") as file:
                 file.write(text)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror}; name another folder") from error
     typer.echo(f"{folder}: {', '.join(files)}")
-    typer.echo(f"next: cd {folder} && robid plan && robid run")
+    then = "pip install -e . && pytest" if plugin else "robid plan && robid run"
+    typer.echo(f"next: cd {folder} && {then}")
 
 
 def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robid_core.commands.arguments import DEFAULT_PIPELINE
-from robid_core.errors import ConfigurationError, StoreError
 
 if TYPE_CHECKING:
     from robid_core.artifacts import Artifact, Design, Diagnosis, Fit, Frf
     from robid_core.run import Manifest, RunFolder
-
-LONGEST_TEXT = 60
-MOST_NAMES = 8
 
 
 def command(
@@ -35,53 +29,22 @@ def command(
 ) -> None:
     """Show a result: its fields with axes, units and ranges; a fit as its table. Without a stage: what a run made."""
     from robid_core.run import RunFolder
+    from robid_core.run.results import manifest_of, read_artifact, result_path
 
     if where == DEFAULT_PIPELINE or where.exists():
         wanted = where
     else:  # `robid show fit`
         wanted, stage = DEFAULT_PIPELINE, str(where)
     if wanted.suffix in (".h5", ".html") and stage is None:
-        typer.echo("\n".join(artifact_lines(_read(wanted), wanted)))
+        typer.echo("\n".join(artifact_lines(read_artifact(wanted), wanted)))
         return
     folder = RunFolder.find(wanted)
     manifest = manifest_of(folder)
     if stage is None:
         typer.echo("\n".join(run_lines(folder, manifest)))
         return
-    record = manifest.stages.get(stage)
-    if record is None or not record.file:
-        made = ", ".join(name for name, known in manifest.stages.items() if known.file)
-        why = f"gave no result: {record.note}" if record is not None else "is not in this run"
-        raise ConfigurationError(f"{folder.path}: stage '{stage}' {why}; there are: {made}")
-    path = folder.path / record.file
-    refuse_damaged(path, record.sha256)
-    typer.echo("\n".join(artifact_lines(_read(path), path)))
-
-
-def refuse_damaged(path: Path, sha256: str) -> None:
-    """Raise StoreError where a result is not the one that the manifest knows."""
-    if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
-        raise StoreError(
-            f"{path}: not what the run made, it was changed or damaged; robid run makes it again"
-        )
-
-
-def manifest_of(folder: RunFolder) -> Manifest:
-    from robid_core.run import Manifest
-
-    manifest = Manifest.read(folder)
-    if manifest is None:
-        raise ConfigurationError(f"{folder.path}: there is no manifest; run the pipeline first")
-    return manifest
-
-
-def _read(path: Path) -> Artifact:
-    """Read whatever artifact a file holds."""
-    from robid_core.artifacts import Artifact, Report
-
-    if not path.is_file():
-        raise ConfigurationError(f"{path}: there is no such file; robid run makes it")
-    return Report.read(path) if path.suffix == Report.suffix else Artifact.read(path)
+    path = result_path(folder, manifest, stage)
+    typer.echo("\n".join(artifact_lines(read_artifact(path), path)))
 
 
 def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
@@ -116,6 +79,7 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
 def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     """Return an artifact as text: what is special about its kind first, then every field."""
     from robid_core.artifacts import Design, Diagnosis, Excitation, Fit, Frf, Report
+    from robid_core.artifacts.fields import field_lines
     from robid_core.commands.excitation_screen import advice_lines
     from robid_core.commands.fit_screen import essential_lines, fit_line, fit_table, misfit_lines
 
@@ -178,57 +142,3 @@ def _design_lines(design: Design) -> list[str]:
             f"  {index:13d}  {design.weight[index]:6.3f}  {int(design.experiments[index]):11d}  {joined}"
         )
     return [*lines, ""]
-
-
-def field_lines(artifact: Artifact, indent: str = "  ") -> list[str]:
-    """Return every field: arrays with axes, unit and range; nested artifacts below their name."""
-    from robid_core.artifacts import Artifact
-
-    lines = []
-    for item in dataclasses.fields(artifact):
-        value = getattr(artifact, item.name)
-        if "axes" in item.metadata:
-            lines.append(f"{indent}{item.name}: {_array_text(value, item.metadata)}")
-            continue
-        nested: dict[str, Any] = {}
-        if isinstance(value, Artifact):
-            nested = {item.name: value}
-        elif isinstance(value, dict):
-            nested = {f"{item.name}[{key}]": entry for key, entry in value.items()}
-        elif isinstance(value, tuple) and value and isinstance(value[0], Artifact):
-            nested = {f"{item.name}[{index}]": entry for index, entry in enumerate(value)}
-        if not nested:
-            lines.append(f"{indent}{item.name}: {_plain_text(value)}")
-        for name, entry in nested.items():
-            lines += [f"{indent}{name}: {type(entry).__name__}", *field_lines(entry, indent + "  ")]
-    return lines
-
-
-def _array_text(value: Any, metadata: Any) -> str:
-    import numpy as np
-
-    if value is None:
-        return "absent"
-    axes = " x ".join(f"{length} {name}" for name, length in zip(metadata["axes"], value.shape, strict=True))
-    unit = f" {metadata['unit']}" if metadata["unit"] else ""
-    if value.size == 0:
-        return f"{axes}, empty"
-    if value.dtype == bool:
-        return f"{axes}, {int(value.sum())} of {value.size} true"
-    size = np.abs(value) if np.iscomplexobj(value) else value
-    finite = size[np.isfinite(size)]
-    missing = f", {size.size - finite.size} without a value" if finite.size < size.size else ""
-    if not finite.size:
-        return f"{axes}{missing}"
-    what = "size " if np.iscomplexobj(value) else ""
-    return f"{axes}, {what}{finite.min():.4g} to {finite.max():.4g}{unit}{missing}"
-
-
-def _plain_text(value: Any) -> str:
-    if isinstance(value, tuple):
-        shown = ", ".join(str(entry) for entry in value[:MOST_NAMES])
-        return (shown or "none") + (f", ... ({len(value)})" if len(value) > MOST_NAMES else "")
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    text = "absent" if value is None else " ".join(str(value).split())
-    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -27,7 +29,8 @@ from robid_core.yaml_file.characters import decode
 from robid_core.yaml_file.kind import PIPELINE_FILE
 from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.parsing import read_nodes
-from robid_core.yaml_file.problems import KeyPath, ProblemList, nearest, suggestion
+from robid_core.yaml_file.plain_values import plain_value
+from robid_core.yaml_file.problems import FileProblems, KeyPath, ProblemList, nearest, suggestion
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,45 @@ class Pipeline:
             hint = "name a pipeline file, or make one with `robid init`"
             raise ConfigurationError(f"{path}: {reason}; {hint}") from error
         return cls.parse(data, file, overrides, data_root=data_root, plugins=plugins)
+
+    @classmethod
+    def from_dict(
+        cls, content: Mapping[str, Any], folder: Path | str = ".", *, data_root: Path | None = None
+    ) -> Pipeline:
+        """Check and wire a pipeline that is told in Python; what `load` takes from a file.
+
+        Parameters
+        ----------
+        content
+            As a pipeline file says it; `robid`, name and seed may be left out, and are 1, "notebook" and 0.
+        folder
+            Where its relative paths begin and the folder `runs` is made.
+        data_root
+            Folder of measured data, in place of ROBID_DATA.
+
+        Raises
+        ------
+        ConfigurationError
+            With every mistake, a line each, by its place in `content`.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> pipeline = robid.Pipeline.from_dict(
+        ...     {"robot": "one_axis", "stages": {"where": {"use": "design.candidates", "with": {"count": 2}}}})
+        >>> [node.name for node in pipeline.stages]
+        ['where']
+        >>> robid.Pipeline.from_dict({"robot": "one_axis", "stages": {"where": {"use": "design.candidate"}}})
+        Traceback (most recent call last):
+        robid_core.errors.ConfigurationError: stages.where.use: no stage 'design.candidate'; did you mean ...
+        """
+        whole = {"robid": 1, "name": "notebook", "seed": 0, **content}
+        text = json.dumps(whole, indent=2, default=plain_value)
+        try:
+            return cls.parse(text.encode(), Path(folder) / "pipeline.yaml", data_root=data_root)
+        except FileProblems as error:
+            lines = [": ".join(filter(None, (one.path, one.message))) for one in error.problems]
+            raise ConfigurationError("\n".join(lines)) from None
 
     @classmethod
     def parse(

@@ -82,6 +82,11 @@ class Identified:
         """Return the robot that a model describes; its file need not be there any more.
 
         Raises ConfigurationError where this version of robid or its plugins make no robot of it.
+
+        >>> import robid_core as robid
+        >>> model = robid.Robot.load("one_axis").model({"gear_stiffness.axis_1": 9e4})
+        >>> robid.Robot.of_model(model).parameter("gear_stiffness.axis_1")
+        90000.0
         """
         base = base_of(model)
         robot = cast("type[Robot]", cls)(with_effects(base, json.loads(model.effects)), dynamics, base)

@@ -49,6 +49,18 @@ class Motions:
         ------
         SimulationDiverged
             Where a lane leaves all bounds.
+
+        Examples
+        --------
+        Half a second of one motor that follows 2 rad/s at 4 Hz:
+
+        >>> import numpy as np, robid_core as robid
+        >>> robot = robid.Robot.load("one_axis")
+        >>> time = np.arange(500) * robot.sample_time_s
+        >>> reference = 2.0 * np.sin(2 * np.pi * 4 * time)
+        >>> moved = robot.simulate(reference[None, :, None], [[0.3]])
+        >>> moved.position.shape, moved.torque.shape
+        ((1, 500, 1), (1, 500, 1))
         """
         from robid_core.robot.plant import simulate_robot
 

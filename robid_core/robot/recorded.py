@@ -135,6 +135,17 @@ def simulate_record(
         If there is no reference, or a sample is missing.
     SimulationDiverged
         Where an experiment leaves all bounds.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> robot = robid.Robot.load("one_axis")
+    >>> reference = 0.3 * robot.motor_angle([[1.0]]) * np.cos(0.02 * np.arange(300))[:, None]
+    >>> record = robid.Record.from_arrays(
+    ...     motor_position=reference, motor_torque=0 * reference, position_reference=reference,
+    ...     sample_time_s=robot.sample_time_s, robot=robot)
+    >>> robid.simulate_record(robot, record).source
+    'arrays, simulated with one_axis'
     """
     runs = []
     for run in record.runs:

@@ -73,7 +73,11 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
     @classmethod
     def load(cls, name_or_path: str, folder: Path | None = None, dynamics: str = KERNEL) -> Robot:
-        """Load a packaged robot by name, or a robot.yaml by path (relative to `folder`)."""
+        """Load a packaged robot by name, or a robot.yaml by path (relative to `folder`).
+
+        >>> Robot.load("six_axis").axis_names[:2]
+        ('axis_1', 'axis_2')
+        """
         description = read_description(find_robot(name_or_path, folder))
         robot = cls(description, dynamics, description)
         _ = robot.mechanism, robot.drives  # a wrong inertia or an unknown joint is told now
@@ -184,6 +188,10 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         """Return a robot with some named parameters changed.
 
         Raises ConfigurationError for a name that this robot does not have, or a value it cannot have.
+
+        >>> stiffer = Robot.load("one_axis").with_parameters({"gear_stiffness.axis_1": 1e5})
+        >>> stiffer.parameter("gear_stiffness.axis_1")
+        100000.0
         """
         description = with_parameters(self.description, values, self.layout)
         changed = replace(self, description=description)
@@ -334,6 +342,9 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         With ``hold="zero_order_hold"`` torque is held between samples and position sampled at the instant;
         ``"continuous"`` is the plain (2.7). Signal effects (lag, delay, gain...) are in it as reported torque and
         measured position see them.
+
+        >>> Robot.load("one_axis").response([[0.0]], np.array([10.0, 20.0])).shape
+        (1, 2, 1, 1)
         """
         model = self.second_order(angle, motor_damping)
         plain = self.batches.response(model, 2 * np.pi * frequency_hz, self._hold_time(hold))

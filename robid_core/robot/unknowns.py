@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.artifacts import Table
 from robid_core.robot.file.description import RobotDescription
 from robid_core.robot.file.named_parameters import layout_of, number_at
 from robid_core.robot.file.parameter_places import ParameterPlace, places_of_structure
@@ -33,6 +35,31 @@ class NamedUnknowns:
     def parameters(self) -> dict[str, float]:
         """Return every named parameter with its value."""
         return {name: number_at(self.description, place) for name, place in self.layout.items()}
+
+    def table(self) -> Table:
+        """Return a row for each named parameter: its value, its unit and what it is of.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> row = next(robid.Robot.load("one_axis").table().rows())
+        >>> list(row)
+        ['parameter', 'value', 'unit', 'kind']
+        """
+        found = self.parameters()
+        return Table(
+            parameter=list(found),
+            value=list(found.values()),
+            unit=[self.parameter_unit(name) for name in found],
+            kind=[self.parameter_kind(name) for name in found],
+        )
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows of it."""
+        axes = ", ".join(self.description.axes)
+        parameters = self.table()._repr_html_()
+        head = f"<b>Robot</b> {escape(self.name)}: {escape(axes)}"
+        return f"<div>{head}<details><summary>parameters</summary>{parameters}</details></div>"
 
     def parameter(self, name: str) -> float:
         """Return the value of a named parameter."""

@@ -1,14 +1,16 @@
 """The contract of stages, as one function that a plugin's test calls.
 
 Settings survive YAML; `run` is deterministic to the byte, leaves its inputs and the global state of chance
-alone, gives what its kind promises, and that survives writing and reading; all for 1, 2 and 6 axes. Frequency
-response estimators also meet a plant known in closed form. A clause that is broken is a ContractBroken whose
-message says which.
+alone, gives what its kind promises, and that survives writing and reading; all for 1, 2 and 6 axes. What each kind
+promises beside its shape stands in a file of its own: `estimators` (a plant known in closed form), `fits` (a known
+robot), `designs` (the certificate), `diagnoses` (nothing wrong, and a planted cause), `acquisitions`, `reports`. A
+clause that is broken is a ContractBroken whose message says which.
 """
 
 from __future__ import annotations
 
 import functools
+import inspect
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,21 +22,27 @@ from pydantic import ValidationError
 from robid_core.artifacts import (
     Artifact,
     Configurations,
+    Design,
     Diagnosis,
     Excitation,
     Fit,
     Frf,
     Model,
     Record,
+    Report,
     Truth,
 )
+from robid_core.compiled.patience import told_if_slow
 from robid_core.drives import Drives
 from robid_core.errors import RobidError
 from robid_core.pipeline.checking import check
 from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of
-from robid_core.stage import KINDS, Context, FrfEstimator, Stage
+from robid_core.stage import KINDS, Context, DiagnosisStage, Estimator, FrfEstimator, ReportStage, Stage
+from robid_core.testing.acquisitions import check_record
 from robid_core.testing.broken import ContractBroken
+from robid_core.testing.designs import check_design
+from robid_core.testing.diagnoses import check_null_and_cause
 from robid_core.testing.estimators import (
     EXACT,
     check_covers_truth,
@@ -42,14 +50,20 @@ from robid_core.testing.estimators import (
     check_recovers_plant,
     note_missing_uncertainty,
 )
-from robid_core.testing.inputs import example_artifacts, example_truth
+from robid_core.testing.fits import Data, check_recovers_parameters
+from robid_core.testing.inputs import EXAMPLES, example_of, example_truth
 from robid_core.testing.lending import example_context, example_drives
+from robid_core.testing.plants import MassSpringPlant, plant_record
+from robid_core.testing.reports import check_page, check_text_stays_text, planted
 from robid_core.testing.robots import example_robot
 from robid_core.yaml_file.kind import PIPELINE_FILE
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.problems import ProblemList
 
-Examples = Callable[[Robot], Mapping[type[Artifact], Artifact]]
+Examples = Callable[..., Mapping[type[Artifact], Artifact]]
+FIT_TOLERANCE = (
+    0.01  # relative, beside six standard errors: what a simulated motion has that a linear model has not
+)
 
 
 def check_stage(
@@ -58,7 +72,8 @@ def check_stage(
     for_axes: Sequence[int] = (1, 2, 6),
     data_root: Path = Path(),
     artifacts: Examples | None = None,
-    recovery_tolerance: float = EXACT,
+    recovery: bool = True,
+    recovery_tolerance: float | None = None,
     **settings: Any,
 ) -> None:
     """Check that a stage keeps the contract.
@@ -72,10 +87,16 @@ def check_stage(
     data_root
         Where it finds measured data, if it reads any.
     artifacts
-        Inputs for a robot by type, in place of `example_artifacts`, for a stage that needs better ones.
+        Inputs for a robot by type, in place of `example_artifacts`, for a stage that needs better ones. A fit and a
+        diagnosis are measured by it on other plants, too: `artifacts(robot)` must then be a measurement of that robot,
+        `artifacts(robot, seed=...)` one with noise of its own, without which standard errors are not checked.
+    recovery
+        Whether a fit has to find known plants, and a diagnosis to tell a right model from a wrong one; false for one
+        whose inputs do not depend on the robot that `artifacts` is given, which then has to be tested elsewhere.
     recovery_tolerance
         By how much an estimator may miss a closed-form plant without noise, relative to the largest entry at the
-        line: for local models, which are only nearly right on 30 lines.
+        line (by default 1e-8; local models are only nearly right on 30 lines), and a fit its parameters beside six
+        standard errors (by default 1 %).
     settings
         Its settings, as they stand under `with:`.
 
@@ -83,25 +104,73 @@ def check_stage(
     ------
     ContractBroken
         With the clause that is broken.
+
+    Examples
+    --------
+    >>> from robid_core import Configurations, CandidateDesign, Robot
+    >>> from robid_core.testing import check_stage
+    >>> class Zero(CandidateDesign):
+    ...     "Stand where all angles are zero."
+    ...     def run(self, robot: Robot) -> Configurations:
+    ...         return Configurations(robot.axis_names, 0 * robot.drives.lower[None])
+    >>> check_stage(Zero, for_axes=(1,))
     """
     stage = check_settings(cls, **settings)
-    for n_axis in for_axes:
-        robot, examples = _examples(n_axis)
-        inputs = {**examples, **(artifacts(robot) if artifacts is not None else {})}
-        arguments = {
-            entry.name: [_of_type(inputs, entry.artifact)] * (2 if entry.many else 1)
-            for entry in cls.inputs()
-        }
-        _check_run(stage, arguments, robot, data_root)
-    needed = {entry.name: arguments[entry.name] for entry in cls.inputs() if not entry.optional}
-    if len(needed) < len(arguments):
-        _check_run(stage, needed, robot, data_root)
-    if isinstance(stage, FrfEstimator) and issubclass(cls.output, Frf):
+    with told_if_slow():
         for n_axis in for_axes:
-            check_recovers_plant(stage, n_axis, recovery_tolerance)
+            robot = _robot(n_axis)
+            given = artifacts(robot) if artifacts is not None else _without_simulation(cls, robot)
+            arguments = {
+                entry.name: [_of_type(given, entry.artifact, n_axis)] * (2 if entry.many else 1)
+                for entry in cls.inputs()
+            }
+            _check_run(stage, arguments, robot, data_root)
+        needed = {entry.name: arguments[entry.name] for entry in cls.inputs() if not entry.optional}
+        if len(needed) < len(arguments):
+            _check_run(stage, needed, robot, data_root)
+        if isinstance(stage, ReportStage):
+            _check_text(stage, arguments, robot, data_root)
+        _check_kind(stage, for_axes, artifacts, recovery, recovery_tolerance)
+
+
+def _check_text(
+    stage: ReportStage, inputs: Mapping[str, list[Artifact]], robot: Robot, data_root: Path
+) -> None:
+    """Check a page of artifacts that have markup in their texts."""
+    hostile = {key: [planted(one) for one in artifacts] for key, artifacts in inputs.items()}
+    arguments: dict[str, Any] = {**arguments_of(stage, hostile, example_context().log)}
+    with tempfile.TemporaryDirectory() as temporary:
+        page = stage.run(**arguments, **_lent(stage, robot, data_root, Path(temporary)))
+    check_text_stays_text(type(stage).__name__, page)
+
+
+def _check_kind(
+    stage: Stage, for_axes: Sequence[int], artifacts: Examples | None, recovery: bool, tolerance: float | None
+) -> None:
+    """Check what takes runs of their own: estimators and fits on known plants, diagnoses with and without a cause."""
+    robot = _robot(min(for_axes))
+    if isinstance(stage, FrfEstimator):
+        for n_axis in for_axes:
+            check_recovers_plant(stage, n_axis, EXACT if tolerance is None else tolerance)
         if not check_covers_truth(stage):
             note_missing_uncertainty(stage)
         check_hands_on_what_no_residual_shows(stage)
+    elif isinstance(stage, Estimator) and recovery:
+        seeded = artifacts is None or "seed" in inspect.signature(artifacts).parameters
+        wide = FIT_TOLERANCE if tolerance is None else tolerance
+        repetitions = {} if seeded else {"repetitions": 1}
+        check_recovers_parameters(stage, robot, _measured_by(artifacts), wide, **repetitions)
+    elif isinstance(stage, DiagnosisStage) and recovery:
+        check_null_and_cause(stage, robot, _measured_by(artifacts))
+
+
+def _measured_by(artifacts: Examples | None) -> Data | None:
+    """Return what measures a plant with noise of a seed, where the author's function takes one."""
+    if artifacts is None:
+        return None
+    if "seed" in inspect.signature(artifacts).parameters:
+        return lambda plant, seed: artifacts(plant, seed=seed)
+    return lambda plant, seed: artifacts(plant)
 
 
 def check_settings(cls: type[Stage], **settings: Any) -> Stage:
@@ -135,19 +204,33 @@ def check_settings(cls: type[Stage], **settings: Any) -> Stage:
     raise ContractBroken(f"{name} is mutable; keep model_config of robid_core.Stage")
 
 
+def _without_simulation(cls: type[Stage], robot: Robot) -> Mapping[type[Artifact], Artifact]:
+    """Return what is enough for an estimator of records alone: one in closed form, for which nothing compiles."""
+    if not issubclass(cls, FrfEstimator) or {entry.artifact for entry in cls.inputs()} != {Record}:
+        return {}
+    loop = robot if Robot in cls.lends().values() else None
+    return {Record: plant_record(MassSpringPlant.of(robot.n_axis), noise=0.01, robot=loop)}
+
+
 @functools.cache
-def _examples(n_axis: int) -> tuple[Robot, dict[type[Artifact], Artifact]]:
-    """Return a robot and its example artifacts; simulated once for all stages, whose arrays cannot be written to."""
-    robot = example_robot(n_axis)
-    return robot, example_artifacts(robot)
+def _robot(n_axis: int) -> Robot:
+    return example_robot(n_axis)
 
 
-def _of_type(inputs: Mapping[type[Artifact], Artifact], wanted: type[Artifact]) -> Artifact:
-    if wanted in inputs:
-        return inputs[wanted]
-    for kind, artifact in inputs.items():
-        if issubclass(kind, wanted):
-            return artifact
+@functools.cache
+def _example(n_axis: int, kind: type[Artifact]) -> Artifact:
+    """Return an example, made once for all stages, whose arrays cannot be written to."""
+    return example_of(kind, _robot(n_axis))
+
+
+def _of_type(given: Mapping[type[Artifact], Artifact], wanted: type[Artifact], n_axis: int) -> Artifact:
+    kinds = [kind for kind in (wanted, *given, *EXAMPLES) if issubclass(kind, wanted)]
+    for kind in kinds:
+        if kind in given:
+            return given[kind]
+    for kind in kinds:
+        if kind in EXAMPLES:
+            return _example(n_axis, kind)  # type: ignore[arg-type]  # classes hash, whatever their objects do
     raise ContractBroken(f"there is no example of {wanted.__name__}; give one by `artifacts`")
 
 
@@ -173,7 +256,8 @@ def _check_run(stage: Stage, inputs: dict[str, list[Artifact]], robot: Robot, da
             key for key, artifacts in inputs.items() if _all_bytes(artifacts, folder / "input") != before[key]
         ]
         if changed or robot.to_yaml() != robot_before or stage.model_dump_json() != settings:
-            _examples.cache_clear()
+            _example.cache_clear()
+            _robot.cache_clear()
             raise ContractBroken(
                 f"{name}: run changes what it is given: {', '.join(changed) or 'robot or settings'}"
             )
@@ -226,6 +310,10 @@ def _check_result(name: str, result: Artifact, inputs: Sequence[Artifact], robot
             )
     if isinstance(result, Excitation):
         _check_excitation(name, result, robot)
+    if isinstance(result, Design):
+        check_design(name, result)
+    if isinstance(result, Report):
+        check_page(name, result)
     if isinstance(result, Fit | Diagnosis) and result.model is not None:
         _check_model(name, result.model, robot)
     record = next((artifact for artifact in inputs if isinstance(artifact, Record)), None)
@@ -237,6 +325,7 @@ def _check_result(name: str, result: Artifact, inputs: Sequence[Artifact], robot
         sizes = {values.values.shape[-1] for run in result.runs for values in run.channels.values()}
         if sizes != {robot.n_axis}:
             raise ContractBroken(f"{name}: channels have {sizes} axes, the robot has {robot.n_axis}")
+        check_record(name, result, inputs, robot)
 
 
 def _check_model(name: str, model: Model, robot: Robot) -> None:

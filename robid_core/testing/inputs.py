@@ -6,6 +6,8 @@ for a stage to run, too little for its result to be judged.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from robid_core.arrays import FloatArray
@@ -66,7 +68,9 @@ def example_excitation(robot: Robot, configurations: Configurations, n_block: in
     )
 
 
-def example_record(robot: Robot, n_config: int = 2, n_block: int = 2, n_period: int = 3) -> Record:
+def example_record(
+    robot: Robot, n_config: int = 2, n_block: int = 2, n_period: int = 3, seed: int = 3
+) -> Record:
     """Return a measurement of the robot itself, simulated in closed loop with noise, once it has settled."""
     configurations = example_configurations(robot, n_config)
     reference = example_excitation(robot, configurations, n_block).reference
@@ -75,7 +79,7 @@ def example_record(robot: Robot, n_config: int = 2, n_block: int = 2, n_period: 
         -1, (n_period + N_SETTLE) * N_SAMPLE, robot.n_axis
     )
     angle = np.repeat(configurations.angle, n_block * robot.n_axis, axis=0)
-    simulated = robot.simulate(np.ascontiguousarray(lanes), angle, seed=3)
+    simulated = robot.simulate(np.ascontiguousarray(lanes), angle, seed=seed)
 
     def kept(values: FloatArray) -> FloatArray:
         return np.ascontiguousarray(values.reshape(shape)[:, :, :, N_SETTLE:])
@@ -92,7 +96,7 @@ def example_record(robot: Robot, n_config: int = 2, n_block: int = 2, n_period: 
     return Record(names, "example", "zero_order_hold", (run,), configurations.angle, LINES)
 
 
-def example_frf(robot: Robot, n_config: int = 2) -> Frf:
+def example_frf(robot: Robot, n_config: int = 2, seed: int = 4) -> Frf:
     """Return the robot's own linear response with 1 % of noise and the covariance of that noise."""
     configurations = example_configurations(robot, n_config)
     frequency = LINES / (N_SAMPLE * robot.sample_time_s)
@@ -102,7 +106,7 @@ def example_frf(robot: Robot, n_config: int = 2) -> Frf:
     damping = robot.equivalent_motor_damping(rms, slow)
     response = robot.response(configurations.angle, frequency, damping)
     size = 0.01 * np.abs(response).mean(axis=(1, 2, 3))[:, None, None, None]
-    generator = np.random.default_rng(4)
+    generator = np.random.default_rng(seed)
     parts = generator.normal(size=(2, n_config, 2, *response.shape[1:]))
     blocks = response[:, None] + size[:, None] * (parts[0] + 1j * parts[1]) / np.sqrt(2)
     identity = np.broadcast_to(np.eye(n_axis, dtype=complex), (n_config, n_freq, n_axis, n_axis)).copy()
@@ -199,14 +203,22 @@ def example_truth(robot: Robot) -> Truth:
 
 def example_artifacts(robot: Robot) -> dict[type[Artifact], Artifact]:
     """Return one artifact of every type, by type."""
-    configurations = example_configurations(robot)
-    return {
-        Configurations: configurations,
-        Excitation: example_excitation(robot, configurations),
-        Record: example_record(robot),
-        Frf: example_frf(robot),
-        Fit: example_fit(robot),
-        Design: example_design(robot),
-        Diagnosis: example_diagnosis(robot),
-        Report: Report(html="<!doctype html><title>example</title>"),
-    }
+    return {kind: example_of(kind, robot) for kind in EXAMPLES}
+
+
+def example_of(kind: type[Artifact], robot: Robot) -> Artifact:
+    """Return an artifact of one of `EXAMPLES`."""
+    return EXAMPLES[kind](robot)
+
+
+EXAMPLES: dict[type[Artifact], Callable[[Robot], Artifact]] = {
+    Configurations: example_configurations,
+    Excitation: lambda robot: example_excitation(robot, example_configurations(robot)),
+    Record: example_record,
+    Frf: example_frf,
+    Fit: example_fit,
+    Design: example_design,
+    Diagnosis: example_diagnosis,
+    Report: lambda robot: Report(html="<!doctype html><title>example</title>"),
+}
+"""How to make an example of each type; the record is the only one that is simulated."""

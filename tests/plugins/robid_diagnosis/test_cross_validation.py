@@ -70,6 +70,7 @@ def test_the_stage_keeps_the_contract() -> None:
             Record: record.replace(axis_names=robot.axis_names),
             Diagnosis: explained(robot),
         },
+        recovery=False,  # the record is of one robot, whatever is asked for
         blocks=2,
         passes=1,
     )

@@ -270,4 +270,4 @@ def test_the_stage_keeps_the_contract() -> None:
         "slowest_rad_s": 0.2,
         "cutoff_hz": 100.0,
     }
-    check_stage(FrictionFromPlateaus, for_axes=(1, 2), **loose)
+    check_stage(FrictionFromPlateaus, for_axes=(1, 2), recovery=False, **loose)

@@ -215,7 +215,7 @@ def test_the_same_record_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_the_stage_keeps_the_contract() -> None:
     # The example record moves too little to tell all inertias of six axes apart; friction it shows.
-    check_stage(RigidBodyFit, unknowns=("viscous", "coulomb"), cutoff_hz=80.0, decimation=5)
+    check_stage(RigidBodyFit, recovery=False, unknowns=("viscous", "coulomb"), cutoff_hz=80.0, decimation=5)
 
 
 def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: Path) -> None:

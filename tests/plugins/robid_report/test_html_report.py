@@ -128,6 +128,27 @@ def everything(robot: Robot, n_axis: int | None = None) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def whole(value: Any, pool: list[Any]) -> Any:
+    """Figures with everything in its place that stands once in the page, as the page's script puts it there."""
+    if isinstance(value, list):
+        return [whole(entry, pool) for entry in value]
+    if isinstance(value, dict) and "$" in value:
+        return whole(pool[value["$"]], pool)
+    return {key: whole(entry, pool) for key, entry in value.items()} if isinstance(value, dict) else value
+
+
+def figures_of(html: str) -> dict[str, Any]:
+    data = json.loads(Page(html).scripts[0][1])
+    found: dict[str, Any] = whole(data["value"], data["pool"])
+    return found
+
+
+def curve(traces: list[dict[str, Any]], name: str, phase: bool = False) -> dict[str, Any]:
+    """A trace of a figure of one entry."""
+    (found,) = [one for one in traces if one["name"] == name and (one["yaxis"] != "y") == phase]
+    return found
+
+
 def page_of(robot: Robot, **artifacts: Any) -> str:
     return HtmlReport().run(robot, **artifacts).html
 
@@ -252,8 +273,7 @@ def test_Y11_text_of_the_user_stays_text(robot: Robot, full: str, payload: str) 
         assert not [name for name in attributes if name.startswith("on")], tag
         assert "id" not in attributes or re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", attributes["id"])
     assert [text for _, text in page.scripts[1:]] == [text for _, text in clean.scripts[1:]]
-    data = json.loads(page.scripts[0][1])
-    assert data["time"][0]["axes"][0]["name"] == f"{payload}0"
+    assert figures_of(hostile)["time"][0]["axes"][0]["name"] == f"{payload}0"
     assert single_spaced(payload) in page.words
 
 
@@ -386,15 +406,21 @@ def test_six_axes_fit_into_eight_megabytes_and_are_drawn() -> None:
     assert len(html.encode()) < 8e6
     page = Page(html)
     assert sum("stick" in attributes.get("class", "") for _, attributes in page.elements) == 8
-    data = json.loads(page.scripts[0][1])["response"]
-    shown = np.array(data["start"]["db"])[2, 4, 1]
-    np.testing.assert_allclose(shown, 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006)
-    np.testing.assert_allclose(
-        np.array(data["measured"]["deg"])[0, 0, 0], np.degrees(np.angle(response[0, :, 0, 0])), atol=0.006
-    )
-    # Unit covariances: one standard deviation is 1 (rad/s^2)/(N m), the band reaches two above.
-    high = np.array(data["band"]["high"])[1, 3, 3]
+    figures = figures_of(html)["response"]
+    entry = figures["entries"]["data"]
+    shown = curve(entry[2][4][1], "robot file")
+    np.testing.assert_allclose(shown["y"], 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006)
+    np.testing.assert_allclose(shown["x"], frequency, atol=5.1e-5)  # six digits of the largest
+    phase = curve(entry[0][0][0], "measured", phase=True)
+    np.testing.assert_allclose(phase["y"], np.degrees(np.angle(response[0, :, 0, 0])), atol=0.006)
+    # Unit covariances: one standard deviation is 1 (rad/s^2)/(N m), the band reaches two above; back from there.
+    high = curve(entry[1][3][3], "two standard deviations")["y"][: len(frequency) - 1 : -1]
     np.testing.assert_allclose(high, 20 * np.log10(np.abs(response[1, :, 3, 3]) + 2), atol=0.006)
+    # The row of all axes shows the same curves as the entries.
+    own = [
+        one for one in figures["diagonal"]["data"][1] if one["name"] == "measured" and one["yaxis"] == "y4"
+    ]
+    assert own[0]["y"] == curve(entry[1][3][3], "measured")["y"]
 
 
 def test_friction_over_speed_is_drawn_with_its_law(robot: Robot) -> None:
@@ -413,10 +439,9 @@ def test_lines_that_were_not_estimated_are_not_drawn(robot: Robot) -> None:
     frf = everything(robot)["frf"]
     valid = np.ones((N_CONFIG, N_FREQ), dtype=bool)
     valid[0, 3] = False
-    data = json.loads(Page(page_of(robot, frf=frf.replace(valid=valid))).scripts[0][1])["response"]
-    drawn = data["measured"]["db"]
-    assert drawn[0][0][0][3] is None
-    assert drawn[1][0][0][3] is not None
+    figures = figures_of(page_of(robot, frf=frf.replace(valid=valid)))["response"]["diagonal"]["data"]
+    assert curve(figures[0], "measured")["y"][3] is None
+    assert curve(figures[1], "measured")["y"][3] is not None
 
 
 def test_the_stick_figure_of_a_turned_arm_stands_where_the_angles_say() -> None:

@@ -1,0 +1,23 @@
+"""Figures of results, by Plotly: those of the page and those of a notebook, from the same numbers in the same style."""
+
+from robid_core.plot.bode import Entry, bode_data, bode_layout, comparison_of
+from robid_core.plot.figures import friction, residuals, response, time
+from robid_core.plot.pool import pooled
+from robid_core.plot.style import Figure
+from robid_core.plot.traces import kept_samples, noun, traces
+
+__all__ = [
+    "Entry",
+    "Figure",
+    "bode_data",
+    "bode_layout",
+    "comparison_of",
+    "friction",
+    "kept_samples",
+    "noun",
+    "pooled",
+    "residuals",
+    "response",
+    "time",
+    "traces",
+]

@@ -1,0 +1,213 @@
+"""What a fit owes: the parameters of a known plant within what it states, nearer than it began, as often as it says.
+
+The plant is the example robot with some of the parameters that the stage estimates changed by a fifth; the stage is
+told the unchanged robot and measures the plant.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robid_core.artifacts import Artifact, Fit, Frf, Record
+from robid_core.errors import RobidError
+from robid_core.robot import Robot
+from robid_core.run.arguments import arguments_of
+from robid_core.stage import Context, Estimator
+from robid_core.testing.broken import ContractBroken
+from robid_core.testing.inputs import example_frf, example_record
+from robid_core.testing.lending import example_context
+
+Data = Callable[[Robot, int], Mapping[type[Artifact], Artifact]]
+"""What a plant gives, with noise of a seed."""
+
+CHANGE = 1.2  # of springs, dampers, friction and effects, up and down in turn
+SMALL_CHANGE = 1.05  # of what a fit may believe to be known: bodies, rotors, gears
+CHANGED_KINDS = ("stiffness", "damping", "friction", "effect")
+ERRORS = 6.0  # standard errors that an estimate may be off, beside the tolerance
+TOLD = 0.25  # standard error over change, from which a parameter counts as told by the data
+REPETITIONS = 8
+# Sums of squared errors over stated variances of as many independent fits follow chi-square; between its 1e-4 quantiles
+# for standard errors between a fifth too small and three times too large.
+LARGEST_RATIO, SMALLEST_RATIO = 1.2, 1 / 3
+
+
+@dataclass(frozen=True)
+class KnownPlant:
+    """The robot that a stage is told, the one that is measured, and the parameters in which they differ."""
+
+    told: Robot
+    measured: Robot
+    names: tuple[str, ...]
+
+
+def plant_data(plant: Robot, seed: int) -> Mapping[type[Artifact], Artifact]:
+    """Return the examples of what can be measured of a plant."""
+    return {Record: example_record(plant, seed=seed), Frf: example_frf(plant, seed=seed)}
+
+
+def check_recovers_parameters(
+    stage: Estimator, robot: Robot, data: Data | None, tolerance: float, repetitions: int = REPETITIONS
+) -> None:
+    """Check that a fit finds a known plant, and that its standard errors are about right.
+
+    Parameters
+    ----------
+    stage
+        The fit with its settings.
+    robot
+        What it is told.
+    data
+        What is measured of a plant; None: the examples.
+    tolerance
+        By how much an estimate may be off beside six standard errors, relative.
+    repetitions
+        Fits with noise of their own, for the standard errors; less than two: they are not checked.
+
+    Raises
+    ------
+    ContractBroken
+        With the parameter, what it is, what the fit says and where it began.
+    """
+    name = type(stage).__name__
+    measure = data or functools.partial(_needed_data, stage)
+    plant = known_plant(name, robot, fitted(stage, robot, measure(robot, 0)))
+    fits = [fitted(stage, robot, measure(plant.measured, seed)) for seed in range(1, max(repetitions, 1) + 1)]
+    told = [_check_estimates(name, plant, fit, tolerance) for fit in fits]
+    if repetitions > 1:
+        _check_standard_errors(name, plant, fits, [one for one in told if one])
+
+
+def known_plant(name: str, robot: Robot, fit: Fit) -> KnownPlant:
+    """Return a plant that differs in what the fit estimates; ContractBroken where it names nothing of the robot."""
+    known = robot.parameters()
+    estimated = [one for one in _estimated(fit) if known.get(one, 0.0) != 0.0]
+    wanted = [one for one in estimated if robot.parameter_kind(one) in CHANGED_KINDS]
+    factor = CHANGE if wanted else SMALL_CHANGE
+    values: dict[str, float] = {}
+    for one in wanted or estimated:
+        changed = {**values, one: known[one] * factor ** (1 if len(values) % 2 == 0 else -1)}
+        try:
+            robot.with_parameters(changed)
+        except RobidError:  # a body that cannot be
+            continue
+        values = changed
+    if not values:
+        raise ContractBroken(
+            f"{name}: it estimates no parameter that {robot.name} has a value of (it names "
+            f"{', '.join(fit.parameters.names[:4]) or 'none'}); name parameters as Robot.parameters() does and what is "
+            "free in Fit.free_names, give `artifacts` of which it can estimate some, or leave known plants out by "
+            "`recovery=False`"
+        )
+    return KnownPlant(robot, robot.with_parameters(values), tuple(values))
+
+
+def fitted(stage: Estimator, robot: Robot, data: Mapping[type[Artifact], Artifact]) -> Fit:
+    """Run the stage on data with the robot that it is told."""
+    needed = {
+        entry.name: [data[entry.artifact]]
+        for entry in stage.inputs()
+        if entry.artifact in data and not (entry.optional and entry.artifact is not Record)
+    }
+    arguments: dict[str, Any] = {**arguments_of(stage, needed, example_context().log)}
+    for name, kind in stage.lends().items():
+        arguments[name] = example_context() if kind is Context else robot
+    try:
+        found = stage.run(**arguments)
+    except RobidError as error:
+        raise ContractBroken(
+            f"{type(stage).__name__}: it refuses the measurement of a known plant ({error}); give `artifacts` that it "
+            "can use, or leave known plants out by `recovery=False`"
+        ) from error
+    if not isinstance(found, Fit):
+        raise ContractBroken(f"{type(stage).__name__}: run gives a {type(found).__name__}, not a Fit")
+    return found
+
+
+def _needed_data(stage: Estimator, plant: Robot, seed: int) -> Mapping[type[Artifact], Artifact]:
+    """Return of the examples those that the stage takes: a record is simulated."""
+    makers: dict[type[Artifact], Callable[..., Artifact]] = {Record: example_record, Frf: example_frf}
+    taken = {entry.artifact for entry in stage.inputs()}
+    lacking = [entry for entry in stage.inputs() if not entry.optional and entry.artifact not in makers]
+    if lacking:
+        raise ContractBroken(
+            f"{type(stage).__name__}: takes {lacking[0].noun}, of which the kit can measure none; give `artifacts`"
+        )
+    return {kind: make(plant, seed=seed) for kind, make in makers.items() if kind in taken}
+
+
+def _estimated(fit: Fit) -> list[str]:
+    table = fit.parameters
+    known = np.isfinite(table.standard_error) & (table.standard_error > 0)
+    named = (
+        set(fit.free_names) if fit.free_names else {n for n, k in zip(table.names, known, strict=True) if k}
+    )
+    return [one for one in table.names if one in named]
+
+
+def _check_estimates(name: str, plant: KnownPlant, fit: Fit, tolerance: float) -> tuple[str, ...]:
+    """Check one fit; return the parameters that its data told."""
+    table = fit.parameters
+    if not fit.converged:
+        raise ContractBroken(f"{name}: it does not converge with data of a known plant: {fit.status}")
+    lost = [one for one in plant.names if one not in table.names]
+    if lost:
+        raise ContractBroken(f"{name}: with data of another plant it no longer tells {lost[0]}")
+    told = []
+    for one in plant.names:
+        row = table.names.index(one)
+        true, began = plant.measured.parameter(one), plant.told.parameter(one)
+        estimate, error = float(table.estimate[row]), float(table.standard_error[row])
+        says = f"{one} is {true:.5g} in the plant that was measured, and the fit says {estimate:.5g} ± {error:.2g}"
+        if not np.isfinite(error) or error < 0:
+            raise ContractBroken(f"{name}: {says}: state a standard error for what is free")
+        if abs(estimate - true) > ERRORS * error + tolerance * abs(true):
+            raise ContractBroken(
+                f"{name}: {says}, more than {ERRORS:g} standard errors and {tolerance:.1%} off (it was told "
+                f"{began:.5g})"
+            )
+        if error < TOLD * abs(true - began):
+            told.append(one)
+            if abs(estimate - true) > abs(began - true) / 2:
+                raise ContractBroken(
+                    f"{name}: {says}; that is hardly nearer than the {began:.5g} that it was told"
+                )
+    return tuple(told)
+
+
+def _check_standard_errors(
+    name: str, plant: KnownPlant, fits: list[Fit], told: list[tuple[str, ...]]
+) -> None:
+    """Check the scatter of independent fits against what they state, a parameter of each in turn."""
+    from scipy.stats import chi2
+
+    if len(told) < len(fits):
+        raise ContractBroken(
+            f"{name}: of {', '.join(plant.names)} its data tell none: every standard error is more than a "
+            f"quarter of the "
+            "change that it should find; give `artifacts` that show what it estimates"
+        )
+    ratios = []
+    for turn, (fit, names) in enumerate(zip(fits, told, strict=True)):
+        one = names[turn % len(names)]
+        row = fit.parameters.names.index(one)
+        off = fit.parameters.estimate[row] - plant.measured.parameter(one)
+        ratios.append(float(off / fit.parameters.standard_error[row]) ** 2)
+    total, count = sum(ratios), len(ratios)
+    rms = np.sqrt(total / count)
+    if total > chi2.ppf(1 - 1e-4, count) * LARGEST_RATIO**2:
+        raise ContractBroken(
+            f"{name}: over {count} fits with noise of their own estimates are {rms:.3g} stated standard errors "
+            f"off (root "
+            "mean square; 1 is right): the standard errors are too small, or the estimates biased"
+        )
+    if total < chi2.ppf(1e-4, count) * SMALLEST_RATIO**2:
+        raise ContractBroken(
+            f"{name}: over {count} fits with noise of their own estimates are only {rms:.2g} stated standard "
+            f"errors off "
+            "(root mean square; 1 is right): the standard errors are too large"
+        )
