@@ -26,6 +26,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "excitation.multisine": {"band_hz": (10, 80), "lines": 12, "period_s": 1.0, "slow_sine_rad_s": 9},
     "fit.log_response": {"starts": 1},
     "fit.rigid": {},
+    "fit.state_space": {"iterations": 1},
     "fit.time_domain": {"free": ("friction.*.viscous",), "iterations": 1},
     "fit.torque_residual": {"passes": 2},
 }
