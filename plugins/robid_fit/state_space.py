@@ -55,7 +55,7 @@ class StateSpaceFit(Estimator):
     """Standard deviations by pattern, in natural scales (0.01: one percent); wide for springs, 0.01 for bodies."""
     discard: NonNegativeInt = 0
     """Leading periods dropped as transient; initial states are estimated either way."""
-    iterations: PositiveInt = 40
+    iterations: PositiveInt = 60
     """Steps at most."""
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
