@@ -76,7 +76,7 @@ def main() -> None:
     rows: list[dict[str, str]] = []
     if table.is_file():
         rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
-    for held in (ALL, *logs):
+    for held in (*logs, ALL):
         if held in {row["left_out"] for row in rows}:
             continue
         started = time.process_time()
