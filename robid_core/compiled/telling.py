@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,8 +12,14 @@ from numba.core import event
 from robid_core.compiled.machine_code import is_kernel
 
 
+def on_standard_error(kernel: str) -> None:
+    """Tell a person what is waited for."""
+    text = f"robid: compiling kernels, once: {kernel} and others; later sessions load them from disk"
+    print(text, file=sys.stderr, flush=True)
+
+
 @contextlib.contextmanager
-def compilation_told(tell: Callable[[str], None]) -> Iterator[None]:
+def compilation_told(tell: Callable[[str], None] = on_standard_error) -> Iterator[None]:
     """Call `tell` with the name of the first kernel that is compiled in here, before it is."""
     listener = _First(tell)
     event.register("numba:compile", listener)

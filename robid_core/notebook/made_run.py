@@ -9,7 +9,7 @@ from typing import Any
 
 from robid_core.artifacts import Artifact
 from robid_core.artifacts.tables import Table
-from robid_core.compiled.patience import told_if_slow
+from robid_core.compiled.telling import compilation_told
 from robid_core.pipeline import Pipeline
 from robid_core.robot import Robot
 from robid_core.run import RunFolder, RunOptions, run_pipeline
@@ -71,7 +71,7 @@ class Run(Mapping[str, Artifact]):
             pipeline = Pipeline.from_dict(pipeline)
         elif not isinstance(pipeline, Pipeline):
             pipeline = Pipeline.load(pipeline)
-        with told_if_slow("robid: the run has begun; its first stage may have to compile kernels, once"):
+        with compilation_told():
             result = run_pipeline(pipeline, RunOptions(first=first, last=last, force=force, jobs=jobs))
         return cls(result.folder, result.manifest)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import json
 import logging
@@ -13,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from robid_core.artifacts import Artifact, Truth
-from robid_core.compiled.patience import told_if_slow
+from robid_core.compiled.telling import compilation_told
 from robid_core.drives import Drives
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.executors import one_thread
-from robid_core.mechanics import warm_up
 from robid_core.pipeline.places import find_places
 from robid_core.pipeline.resolving import Declared, Resolver
 from robid_core.pipeline.robot_check import check_against_robot
@@ -146,8 +144,7 @@ class StageFunction:
             problems = ProblemList(self.name)
             check_against_robot([self.declared], lambda: robot, self.declared.mark, problems)
             _raise_all(self.name, problems)
-            _compile()
-        with one_thread():
+        with one_thread(), compilation_told():
             result = self.stage.run(**arguments)
         if not isinstance(result, self.stage.output):
             wanted = self.stage.output.__name__
@@ -263,10 +260,3 @@ def _lent(kind: type, value: Any) -> Any:
         )
         raise ConfigurationError(f"a {kind.__name__} is wanted, not a {type(value).__name__}{hint}")
     return value
-
-
-@functools.cache
-def _compile() -> None:
-    """Compile what a robot's mechanics needs, once a process, and say so where it takes long."""
-    with told_if_slow():
-        warm_up()

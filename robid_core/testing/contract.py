@@ -32,7 +32,7 @@ from robid_core.artifacts import (
     Report,
     Truth,
 )
-from robid_core.compiled.patience import told_if_slow
+from robid_core.compiled.telling import compilation_told
 from robid_core.drives import Drives
 from robid_core.errors import RobidError
 from robid_core.pipeline.checking import check
@@ -116,7 +116,7 @@ def check_stage(
     >>> check_stage(Zero, for_axes=(1,))
     """
     stage = check_settings(cls, **settings)
-    with told_if_slow():
+    with compilation_told():
         for n_axis in for_axes:
             robot = _robot(n_axis)
             given = artifacts(robot) if artifacts is not None else _without_simulation(cls, robot)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from robid_core.arrays import FloatArray
-from robid_core.compiled.patience import told_if_slow
+from robid_core.compiled.telling import compilation_told
 from robid_core.effect import Effect, ForceEffect, Place, SignalEffect, TestValue
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
@@ -64,7 +64,7 @@ def check_effect(effect: type[Effect], /, **parameters: float) -> None:
     if unknown:
         raise TypeError(f"{effect.__name__} has no parameter {', '.join(sorted(unknown))}")
     values = np.array([parameters.get(row.name, row.default) for row in effect.parameters], dtype=np.float64)
-    with told_if_slow():
+    with compilation_told():
         if issubclass(effect, StructureEffect):
             check_structure(effect, values)
         elif issubclass(effect, ForceEffect | SignalEffect):

@@ -31,9 +31,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "iterations": 1,
         "recovery": False,
     },  # under way at its start
-    "fit.rigid": {},
-    "fit.state_space": {"iterations": 1},
-    "fit.time_domain": {"free": ("friction.*.viscous",), "iterations": 1},
+    "fit.state_space": {"iterations": 1, "recovery": False},  # an iteration of six axes takes long
     "fit.torque_residual": {"passes": 2},
 }
 # Tried with these settings and more sizes by the tests of the plugin, or only there, with a recording or a plant.
