@@ -1,4 +1,4 @@
-"""The verdict in words: one line a finding, then values and timing, then where nothing was found."""
+"""The verdict in words: one line a finding, then values, then where nothing was found."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Timing, Witness
+from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Witness
 from robid_diagnosis.intervals import over_axes
 
-LATE = 0.1  # of a sample: a delay that is told
-SURE = 5.0  # standard errors from zero: likewise
+SURE = 5.0  # standard errors from zero, or from what was told: what is read out
 RESIDUAL = 0.5  # of a gain: where data show less of it, tolerances of told numbers show the rest
 REFITTED = ("stiffness", "inertia")  # groups of values of which the verdict tells
 APART = 0.02  # of what was told: values that are nearer to it are not read out
@@ -72,18 +71,6 @@ def gravity_text(axis: str, here: float, recorded: FloatArray) -> str:
 def place_text(use: str, on: str | None, side: str | None) -> str:
     """An effect and where it acts."""
     return f"{use} at {on}" + (f" ({side})" if side else "")
-
-
-def timing_lines(timing: Timing) -> list[str]:
-    """Delays between the channels of each axis that are worth telling."""
-    found = []
-    for axis, value, sd in zip(timing.axis_names, timing.lag, timing.standard_error, strict=True):
-        if abs(value) > LATE and abs(value) > SURE * sd:
-            way = "lags" if value > 0 else "leads"
-            found.append(
-                f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
-            )
-    return found
 
 
 def settling_line(axes: Sequence[str]) -> str:

@@ -59,8 +59,10 @@ def recorded(
 
     def sines(time: np.ndarray, order: int) -> np.ndarray:
         omega = 2 * np.pi * frequency[:, None]
-        return amplitude * (omega**order * np.sin(omega * time + phase[:, None] + order * np.pi / 2)).sum(
-            axis=0
+        return np.asarray(
+            (amplitude * (omega**order * np.sin(omega * time + phase[:, None] + order * np.pi / 2))).sum(
+                axis=0
+            )
         )
 
     time = STEP * np.arange(round(SECONDS / STEP))
@@ -84,9 +86,8 @@ def record_of(motor: np.ndarray, torque: np.ndarray, link: np.ndarray) -> Record
         "motor_torque": channel("motor", "N m", torque),
         "joint_position": channel("joint", "rad", link),
     }
-    run = DenseRun(
-        STEP, channels, STEP * np.arange(len(motor)), np.ones((1, 1, 1, 1, len(motor)), dtype=bool)
-    )
+    time = STEP * np.arange(len(motor), dtype=np.float64)
+    run = DenseRun(STEP, channels, time, np.ones((1, 1, 1, 1, len(motor)), dtype=bool))
     return Record(("axis_1",), "test", "continuous", (run,), np.zeros((1, 1)))
 
 
