@@ -215,7 +215,7 @@ class Effects(DiagnosisStage):
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
         values = values_of(final)
-        lines += [*timing_lines(timing, final.misfit), values_line(values)]
+        lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         if witness is not None:
             lines.append(witness_line(witness))
         if data.n_config == 1:
