@@ -43,7 +43,6 @@ from robid_diagnosis.results import (
     data_of,
     finding_of,
     model_of,
-    timing_of,
     unknown_of,
     values_of,
     with_unknown,
@@ -52,6 +51,7 @@ from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
 from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
+from robid_diagnosis.timing import timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.witness import Chain, disagreements, witness_of
 from robid_diagnosis.wording import (
@@ -62,7 +62,6 @@ from robid_diagnosis.wording import (
     separation_line,
     settling_line,
     silent_line,
-    timing_lines,
     values_line,
     witness_line,
 )
@@ -223,7 +222,7 @@ class Effects(DiagnosisStage):
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
         values = values_of(final)
-        lines += [*timing_lines(timing), values_line(values)]
+        lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         if witness is not None:
             lines.append(witness_line(witness))
         if data.n_config == 1:

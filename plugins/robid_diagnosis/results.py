@@ -15,7 +15,6 @@ from robid_core import (
     Record,
     Robot,
     SeparatingExperiment,
-    Timing,
 )
 from robid_core.residual import estimated_robot, parts_by_variant
 from robid_diagnosis.hypothesis import Case, Fitted
@@ -149,19 +148,6 @@ def data_of(case: Case, final: Fitted, tests: Sequence[Record]) -> DiagnosedData
         highest_hz=case.highest_hz,
         noise=tuple(dict.fromkeys(block.noise_source for block in blocks)),
         variants=tuple(dict.fromkeys(variant for variant in variants if variant)),
-    )
-
-
-def timing_of(final: Fitted) -> Timing:
-    """How late the torque of each axis is, in samples of the first block."""
-    problem = final.problem
-    motion = problem.blocks[0].motion
-    deviation = np.sqrt(np.diag(final.solution.covariance))[-problem.n_delay :]
-    return Timing(
-        problem.free.robot.axis_names,
-        motion.sample_time_s,
-        problem.delay(final.point) / motion.sample_time_s,
-        deviation / motion.sample_time_s,
     )
 
 

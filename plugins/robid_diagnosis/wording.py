@@ -1,4 +1,4 @@
-"""The verdict in words: one line a finding, then values and timing, then where nothing was found."""
+"""The verdict in words: one line a finding, then values, then where nothing was found."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Timing, Witness
+from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Witness
 from robid_diagnosis.intervals import over_axes
 
-LATE = 0.1  # of a sample: a delay that is told
-SURE = 5.0  # standard errors from zero: likewise
+SURE = 5.0  # standard errors from zero, or from what was told: what is read out
 RESIDUAL = 0.5  # of a gain: where data show less of it, tolerances of told numbers show the rest
 REFITTED = ("stiffness", "inertia")  # groups of values of which the verdict tells
 APART = 0.02  # of what was told: values that are nearer to it are not read out
@@ -74,18 +73,6 @@ def place_text(use: str, on: str | None, side: str | None) -> str:
     return f"{use} at {on}" + (f" ({side})" if side else "")
 
 
-def timing_lines(timing: Timing) -> list[str]:
-    """Delays between the channels of each axis that are worth telling."""
-    found = []
-    for axis, value, sd in zip(timing.axis_names, timing.lag, timing.standard_error, strict=True):
-        if abs(value) > LATE and abs(value) > SURE * sd:
-            way = "lags" if value > 0 else "leads"
-            found.append(
-                f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
-            )
-    return found
-
-
 def settling_line(axes: Sequence[str]) -> str:
     """Say which axes still settled; empty where none did."""
     if not axes:
@@ -96,10 +83,14 @@ def settling_line(axes: Sequence[str]) -> str:
     )
 
 
-def values_line(values: ParameterTable) -> str:
-    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
+def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
+    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is.
+
+    Errors know the noise; where a model leaves more, `misfit` times its variance, they are as much larger.
+    """
     told = np.where(values.start == 0, np.nan, values.start)
     relative, error = values.estimate / told - 1, values.standard_error / np.abs(told)
+    error = error * np.sqrt(max(misfit, 1.0))
     apart = np.array([group in REFITTED for group in values.groups])
     apart &= np.abs(np.nan_to_num(relative)) > np.maximum(SURE * error, APART)
     if values.prior is not None:  # bodies are told within a tolerance, springs are not

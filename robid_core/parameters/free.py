@@ -22,6 +22,7 @@ from robid_core.parameters.scales import (
     LOGARITHM,
     MOMENT,
     default_prior,
+    is_not_negative,
     linear_scale,
     scale_kind,
 )
@@ -112,6 +113,8 @@ class FreeParameters:
         for i, (name, kind, start) in enumerate(zip(self.names, self.kinds, self.start, strict=True)):
             row = layout[name].row
             if row is None:
+                if not end and kind == LINEAR and is_not_negative(layout[name]):
+                    found[i] = -start / self.scale[i]
                 continue
             bound = (row.lower, row.upper)[end]
             if kind != LOGARITHM:

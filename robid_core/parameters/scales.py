@@ -32,6 +32,13 @@ def default_prior(place: ParameterPlace) -> float:
     return TOLERANCE if place.group == "static" else WIDE
 
 
+def is_not_negative(place: ParameterPlace) -> bool:
+    """Whether a parameter without bounds of its own dissipates: told as zero, it stays there or goes up."""
+    head = place.name.partition(".")[0]
+    rubs = head == "friction" and not place.name.endswith(".offset")
+    return place.row is None and (rubs or head.endswith("_damping"))
+
+
 def linear_scale(place: ParameterPlace, value: float) -> float:
     """Return the unit of a parameter that is changed by adding: its own size, its default's, or that of its bounds."""
     if place.row is not None:

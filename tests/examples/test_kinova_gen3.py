@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,22 @@ import pytest
 from oracles.example_stages import LOG, PROJECT, context, needs, stage_of
 from pydantic import ValidationError
 
-from robid_core import RobidError, Robot
+from robid_core import Diagnosis, Record, RobidError, Robot
 
 EXAMPLE = PROJECT / "examples" / "kinova_gen3"
 
-pytestmark = needs("kinova_gen3/joint_2_trapez.csv", "github wissem01chiha/dynamic-identification")
+pytestmark = [
+    needs(f"kinova_gen3/joint_{joint}_trapez.csv", "github wissem01chiha/dynamic-identification")
+    for joint in (2, 4)
+]
 
 
 def stage(name: str, text: str = "") -> Any:
     return stage_of(text or (EXAMPLE / "pipeline.yaml").read_text(), name)
+
+
+def joint_4(name: str) -> Any:
+    return stage(name, (EXAMPLE / "joint_4.yaml").read_text())
 
 
 def robot() -> Robot:
@@ -54,3 +62,41 @@ def test_both_halves_show_one_wave(caplog: pytest.LogCaptureFixture) -> None:
         stage("waves").run(record, Robot.of_model(model), context())
     orders = re.findall(r"cogging ripple, order ([\d.]+)", caplog.text)
     assert [float(order) for order in orders] == [166.0]
+
+
+def explained(told: Robot, asked: Callable[[str], Any]) -> Diagnosis:
+    first, later = (asked(name).run(told, context()) for name in ("acquire", "later"))
+    model = asked("fit").run(first, told).model
+    assert model is not None
+    found: Diagnosis = asked("explain").run((first, later), Robot.of_model(model), context())
+    return found
+
+
+def refuses(found: Diagnosis) -> bool:
+    """Whether nothing is claimed: no cause, no wrong value, no delay."""
+    lines = found.verdict.split("\n")
+    delays = [line for line in lines if line.startswith("Timing") and "cannot be told" not in line]
+    return not (found.findings or delays or any(line.startswith("Values") for line in lines))
+
+
+def test_a_move_in_one_direction_carries_no_cause() -> None:
+    found = explained(robot(), stage)
+    assert refuses(found)
+    assert "cannot be told from what the model lacks" in found.verdict
+    assert "experiments of the role test" in found.verdict
+
+
+def test_joint_4_is_predicted_from_its_first_half_and_carries_no_cause_nor_wave(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    told = Robot.load("robot_joint_4.yaml", EXAMPLE)
+    fit = joint_4("fit").run(joint_4("acquire").run(told, context()), told)
+    (picture,) = joint_4("predict").run(joint_4("later").run(told, context()), told, context(), fit).time
+    assert picture.relative_error < 0.3
+    assert refuses(explained(told, joint_4))
+    record: Record = joint_4("whole").run(told, context())
+    model = joint_4("all").run(record, told).model
+    assert model is not None
+    with caplog.at_level(logging.INFO, logger=LOG):
+        joint_4("waves").run(record, Robot.of_model(model), context())
+    assert "no significant ripple" in caplog.text

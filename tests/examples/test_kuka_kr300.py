@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from oracles.example_stages import PROJECT, context, needs, stage_of
 
-from robid_core import Fit, Record, Robot
+from robid_core import Diagnosis, Fit, Record, Robot
 from robid_core.pipeline import Pipeline
+from robid_diagnosis.deflection import GearDeflection
 
 EXAMPLE = PROJECT / "examples" / "kuka_kr300"
 
@@ -58,3 +59,61 @@ def test_the_mass_matrix_is_positive_in_the_whole_workspace() -> None:
 def test_what_the_data_do_not_carry_is_doubted() -> None:
     kinds = {doubt.kind for doubt in fitted().doubts}
     assert {"weakly seen", "residual colour"} <= kinds
+
+
+def bounds(diagnosis: Diagnosis, name: str) -> tuple[float, float]:
+    """Both ends of an interval of 95 %."""
+    assert diagnosis.values is not None
+    i = diagnosis.values.names.index(name)
+    value, half = diagnosis.values.estimate[i], 1.96 * diagnosis.values.standard_error[i]
+    return float(value - half), float(value + half)
+
+
+@functools.cache
+def both_encoders() -> tuple[Robot, Record]:
+    model = fitted().model
+    assert model is not None
+    return Robot.of_model(model), stage("both").run(recorded()[0], context())
+
+
+def half(record: Record, part: slice) -> Record:
+    """Cut all channels, (..., n_sample, n_axis)."""
+    run = record.run
+    channels = {name: one.replace(values=one.values[..., part, :]) for name, one in run.channels.items()}
+    cut = run.replace(channels=channels, time_s=run.time_s[part], valid=run.valid[..., part])
+    return record.replace(runs=(cut,))
+
+
+def test_encoders_tell_a_time_shift_and_hardly_a_stiffness() -> None:
+    """The link's channel is 2.9 ms late on all three axes; only axis 3 bends surely."""
+    robot, record = both_encoders()
+    found = stage("encoders").run(record, robot)
+    for axis in (1, 2, 3):
+        low, high = bounds(found, f"time_shift.axis_{axis}")
+        assert 2.5e-3 < low < 2.9e-3 < high < 3.3e-3
+        assert 4e6 < 1 / bounds(found, f"gear_compliance.axis_{axis}")[1] < 7e6
+    sure = [bounds(found, f"gear_compliance.axis_{axis}")[0] > 0 for axis in (1, 2, 3)]
+    assert sure == [False, False, True]
+    assert "axis_4, axis_5, axis_6: no encoder behind the gear" in found.verdict
+
+
+def test_halves_of_the_recording_do_not_contradict_each_other_nor_the_whole() -> None:
+    robot, record = both_encoders()
+    middle = len(record.run.time_s) // 2
+    parts = [record, half(record, slice(0, middle)), half(record, slice(middle, None))]
+    found = [GearDeflection().run(part, robot) for part in parts]
+    for name in ("gear_compliance", "time_shift", "reversal"):
+        for axis in (1, 2, 3):
+            ends = [bounds(one, f"{name}.axis_{axis}") for one in found]
+            assert max(low for low, _ in ends) < min(high for _, high in ends), (name, axis)
+
+
+def test_a_link_angle_that_is_the_motor_angle_is_refused() -> None:
+    robot, record = both_encoders()
+    run = record.run
+    link = run.channels["joint_position"]
+    copied = np.full_like(link.values, np.nan)
+    copied[..., :3] = robot.joint_angle(run.values("motor_position"))[..., :3]
+    swapped = run.replace(channels=dict(run.channels) | {"joint_position": link.replace(values=copied)})
+    found = stage("encoders").run(record.replace(runs=(swapped,)), robot)
+    assert found.verdict.count("says nothing of the gear") == 3

@@ -75,3 +75,25 @@ def test_each_tenth_is_predicted_by_the_others() -> None:
     told = [float(number) for number in re.findall(r"axis_\d ([\d.]+) %", fit.status)]
     assert (np.array(told[:4]) < [3.6, 3.6, 6.5, 6.5]).all()
     assert left(fit)[3] < 0.7 * left(rough())[3]
+
+
+@pytest.mark.full
+def test_the_verdict_names_friction_that_curves_and_no_delay() -> None:
+    """Two laws with one fingerprint are one class; axis 4 gains in the second that was not used, no other loses."""
+    text = (EXAMPLE / "explain.yaml").read_text()
+    robot = Robot.load("robot.yaml", EXAMPLE)
+    first, later = (stage_of(text, name).run(robot, context()) for name in ("acquire", "later"))
+    model = stage_of(text, "fit").run(first, robot).model
+    assert model is not None
+    found = stage_of(text, "explain").run((first, later), Robot.of_model(model), context())
+    (cause,) = [one for one in found.findings if one.kind != "unknown"]
+    assert cause.on == "axis_4"
+    named = " ".join((cause.effect, *cause.ties))
+    assert "friction.power_law" in named
+    assert "friction.eyring" in named
+    assert "cannot be told from what the model lacks" in found.verdict
+    assert "its angle by" not in found.verdict
+    before, after = (one.relative for one in found.errors)
+    assert "role test" in found.errors[0].quantity
+    assert after[3] < 0.65 * before[3]
+    assert (after < 1.02 * before).all()

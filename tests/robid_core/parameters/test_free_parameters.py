@@ -107,3 +107,13 @@ def test_parameters_of_effects_stay_within_their_tables() -> None:
     assert highest[names[2]] > 10 * robot.parameter(names[2])
     at_end = FreeParameters.of_robot(robot.with_parameters({names[0]: rows["sharpness"].lower}), names)
     assert at_end.lower[0] == 0.0
+
+
+def test_friction_that_is_told_as_zero_never_becomes_negative() -> None:
+    """What drives a motion is no friction; a fit may only go up from there, an offset either way."""
+    names = ["friction.axis_1.viscous", "friction.axis_2.viscous", "friction.axis_1.offset"]
+    robot = SIX.with_parameters({names[0]: 0.0, names[2]: 0.0})
+    free = FreeParameters.of_robot(robot, names)
+    assert free.lower[0] == 0.0
+    assert (free.lower[1:] < 0).all()
+    assert free.robot_at(np.maximum(np.full(3, -0.1), free.lower)).is_possible

@@ -45,6 +45,7 @@ ELSEWHERE = {
     "design.separating": "robid_diagnosis/test_next_experiment.py",
     "diagnosis.closed_loop": "robid_diagnosis/test_closed_loop.py",
     "diagnosis.cross_validation": "robid_diagnosis/test_cross_validation.py",
+    "diagnosis.deflection": "robid_diagnosis/test_deflection.py",
     "diagnosis.effects": "robid_diagnosis/test_effects.py",
     "diagnosis.prediction": "robid_diagnosis/test_prediction.py",
     "excitation.fourier": "robid_excitation/test_fourier_stage.py",
