@@ -33,6 +33,12 @@ PACKAGED_FILES = {
     "one_axis": "one_axis/robot.yaml",
     "one_axis_true": "one_axis/truth.yaml",
     "six_axis_flex": "six_axis_flex/robot.yaml",
+    "universal_arm": "universal_arm/robot.yaml",
+    "universal_arm_true": "universal_arm/truth.yaml",
+    "seven_axis": "seven_axis/robot.yaml",
+    "seven_axis_true": "seven_axis/truth.yaml",
+    "scara": "scara/robot.yaml",
+    "scara_true": "scara/truth.yaml",
 }
 
 
