@@ -60,11 +60,6 @@ def model_from_urdf(path: Path, locked: Mapping[str, float] | None = None) -> Ro
     return RobotModel(chain, tuple(moving), limits, springs)
 
 
-def chain_from_urdf(path: Path) -> Chain:
-    """Bodies and joints of a URDF file, as `model_from_urdf` reads it."""
-    return model_from_urdf(path).chain
-
-
 def _held(model: pinocchio.Model, locked: Mapping[str, float]) -> pinocchio.Model:
     """The model with some joints held at a coordinate: what they carry goes to the body before."""
     numbers = {name: model.getJointId(name) for name in locked if model.existJointName(name)}

@@ -32,6 +32,10 @@ def command(
     """
     from robid_core.errors import ConfigurationError, StoreError
 
+    if Path(robot).suffix and own_robot:
+        raise ConfigurationError(
+            "--own-robot copies a packaged robot; the project of a URDF has its own anyway"
+        )
     if Path(robot).suffix:
         files, remarks, following = files_of_urdf(folder, Path(robot), tuple(lock or ()))
     elif lock:

@@ -17,8 +17,8 @@ from robid_core import ConfigurationError, Fit, Robot
 from robid_core.commands import doctor, export, init, validate
 from robid_core.pipeline import Pipeline
 from robid_core.robot.file.reading import find_robot
-from robid_core.run import RunFolder, run_pipeline
-from robid_pin.urdf import chain_from_urdf
+from robid_core.run import RunFolder, RunOptions, run_pipeline
+from robid_pin.urdf import model_from_urdf
 
 Told = Callable[[], str]
 ONE_AXIS = """robid: 1
@@ -57,7 +57,7 @@ def test_the_ending_of_the_file_says_the_format(tmp_path: Path, told: Told) -> N
         "robot", "urdf", "mjcf", "state_space", "state_space", "table", "table",
     ]  # fmt: skip
     assert Robot.load("a.yaml", tmp_path).sha256 == robot.sha256
-    assert chain_from_urdf(tmp_path / "a.urdf").mass.sum() == robot.chain.mass.sum()
+    assert model_from_urdf(tmp_path / "a.urdf").chain.mass.sum() == robot.chain.mass.sum()
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "a.xml")).nu == 4
     np.testing.assert_array_equal(scipy.io.loadmat(tmp_path / "a.mat")["A"], np.load(tmp_path / "a.npz")["A"])
 
@@ -175,3 +175,18 @@ def test_doctor_leaves_with_2_where_a_robot_cannot_be(tmp_path: Path, told: Told
         doctor.command(str(tmp_path / "robot.yaml"))
     assert left.value.exit_code == 2
     assert "FAIL axes.axis_1.position_limits: 170 rad are 27.1 turns; degrees?" in told()
+
+
+@pytest.mark.parametrize("name", ["universal_arm", "seven_axis", "scara"])
+def test_a_new_project_around_a_packaged_arm_stays_within_its_limits(name: str, tmp_path: Path) -> None:
+    init.command(tmp_path / "project", name)
+    pipeline = Pipeline.load(tmp_path / "project" / "pipeline.yaml")
+    result = run_pipeline(pipeline, RunOptions(last="excite"))
+    assert result.outcomes == {"where": "made", "excite": "made"}
+
+
+def test_a_urdf_is_no_packaged_robot(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="--lock is for joints of a URDF; scara is none"):
+        init.command(tmp_path / "project", "scara", lock=["axis_1"])
+    with pytest.raises(ConfigurationError, match="--own-robot copies a packaged robot"):
+        init.command(tmp_path / "project", "arm.urdf", own_robot=True)
