@@ -33,6 +33,7 @@ _HOME = {
     "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
+    "robid_core.robot.file.model_file": ("JointLimits", "RobotModel"),
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
@@ -183,6 +184,10 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.file.left_out import (
         AxisKey as AxisKey,
+    )
+    from robid_core.robot.file.model_file import (
+        JointLimits as JointLimits,
+        RobotModel as RobotModel,
     )
     from robid_core.robot.forces_along import (
         ForceAlong as ForceAlong,

@@ -1,41 +1,48 @@
-"""A chain from a URDF file, read by pinocchio: joints that move, fixed ones merged into the body before.
+"""Chain and limits from a URDF file, read by pinocchio: joints that move, fixed ones merged into the body before.
 
 Placements, axes and inertias come from pinocchio's model, not from the text; the text is checked before
-(`urdf_check`), so that what a chain cannot be is refused by name and line.
+(`urdf_check`), so that what a chain cannot be is refused by name and line. Limits come from the text.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio
 
-from robid_core import ConfigurationError
+from robid_core import ConfigurationError, JointLimits, RobotModel
 from robid_core.mechanics import PRISMATIC, REVOLUTE, Chain
-from robid_pin.urdf_check import check_urdf
+from robid_pin.urdf_check import MOVING, check_urdf, number_of
+
+_FREE = 1.0e9  # what robid writes where URDF wants a limit and the robot has none
 
 
-def chain_from_urdf(path: Path) -> Chain:
-    """Bodies and joints of a URDF file; joints in pinocchio's order, each body named after its joint.
+def model_from_urdf(path: Path, locked: Mapping[str, float] | None = None) -> RobotModel:
+    """Bodies, joints and limits of a URDF file; joints in pinocchio's order, each body named after its joint.
 
     Parameters
     ----------
     path
         The URDF file; meshes are not read.
+    locked
+        Joints that stay at a coordinate (rad or m); names that the file does not have are passed over.
 
     Raises
     ------
     ConfigurationError
         If the file cannot be read, or holds joints or links that a chain cannot; one line for each, with its name.
     """
+    still = dict(locked or {})
     try:
         text = path.read_bytes().decode("utf-8")
     except OSError as error:
         raise ConfigurationError(f"{path}: {error.strerror}; give the path of a URDF file") from None
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not readable as URDF: {error}; is it XML in UTF-8?") from None
-    check_urdf(text, str(path))
+    root = check_urdf(text, str(path), still)
     try:
         model = pinocchio.buildModelFromXML(text)
     except (ValueError, RuntimeError) as error:
@@ -44,9 +51,49 @@ def chain_from_urdf(path: Path) -> Chain:
             f"{path}: pinocchio cannot read the file: {reason}; check it with check_urdf"
         ) from None
     try:
-        return chain_from_model(model)
+        chain = chain_from_model(_held(model, still))
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {str(error).removeprefix('chain: ')}") from None
+    moving = {str(j.get("name")): j for j in root.findall("joint") if j.get("type") in MOVING}
+    limits = {name: _limits(moving[name]) for name in chain.names}
+    springs = {name: spring for name in chain.names if (spring := _spring(moving[name])) is not None}
+    return RobotModel(chain, tuple(moving), limits, springs)
+
+
+def _held(model: pinocchio.Model, locked: Mapping[str, float]) -> pinocchio.Model:
+    """The model with some joints held at a coordinate: what they carry goes to the body before."""
+    numbers = {name: model.getJointId(name) for name in locked if model.existJointName(name)}
+    if not numbers:
+        return model
+    step = np.zeros(model.nv)
+    for name, number in numbers.items():
+        step[model.joints[number].idx_v] = locked[name]
+    place = pinocchio.integrate(model, pinocchio.neutral(model), step)
+    return pinocchio.buildReducedModel(model, list(numbers.values()), place)
+
+
+def _spring(joint: Element) -> tuple[float, float] | None:
+    """Stiffness and damping of a joint that robid wrote as elastic."""
+    said, dynamic = joint.find("robid[@elastic]"), joint.find("dynamics")
+    stiffness = None if said is None else number_of(said.get("stiffness", ""))
+    damping = None if dynamic is None else number_of(dynamic.get("damping", "0"))
+    return None if not stiffness or stiffness < 0 else (stiffness, max(damping or 0.0, 0.0))
+
+
+def _limits(joint: Element) -> JointLimits:
+    """Limits of a joint; zero or nothing where URDF wants a number is no limit, nor is a range without width."""
+    limit = joint.find("limit")
+    if limit is None:
+        return JointLimits()
+    lower, upper, speed, effort = (
+        number_of(limit.get(key, "0")) or 0.0 for key in ("lower", "upper", "velocity", "effort")
+    )
+    bounded = joint.get("type") != "continuous" and lower < upper and max(-lower, upper) < _FREE
+    return JointLimits(
+        (lower, upper) if bounded else None,
+        speed if 0 < speed < _FREE else None,
+        effort if 0 < effort < _FREE else None,
+    )
 
 
 def chain_from_model(model: pinocchio.Model) -> Chain:

@@ -1,12 +1,13 @@
 """What is wrong with a URDF file, told from its text: every mistake with its line and the name of joint or link.
 
 A chain is a tree of links, joined by joints that turn, slide or are fixed; every joint that moves carries a mass. Links
-without mass in front of a joint that robid wrote as elastic (`<robid elastic=...>`) are in order.
+without mass in front of a joint that robid wrote as elastic (`<robid elastic=...>`) are in order. What is locked
+counts as fixed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
@@ -24,22 +25,31 @@ _OPEN = (
 Mistake = tuple[Element, str]
 
 
-def check_urdf(text: str, file: str) -> None:
-    """Raise ConfigurationError with every mistake of a URDF file, one line each: file:line: what, and what to do."""
+def check_urdf(text: str, file: str, locked: Collection[str] = ()) -> Element:
+    """Return the document of a URDF file in which nothing is wrong; `locked` joints do not move.
+
+    Raises ConfigurationError with every mistake, one line each: file:line: what, and what to do.
+    """
     try:
         root, lines = _parse(text)
     except expat.ExpatError as error:
         raise ConfigurationError(f"{file}: not readable as URDF: {error}; is it XML in UTF-8?") from None
+    macro = next((element for element in lines if element.tag.startswith("xacro:")), None)
+    if macro is not None:
+        raise ConfigurationError(
+            f"{file}:{lines[macro]}: <{macro.tag}> is xacro, not URDF; expand the file first: xacro FILE > robot.urdf"
+        )
     if root.tag != "robot":
         raise ConfigurationError(
             f"{file}: the file describes a <{root.tag}>, not a <robot>; give a URDF file"
         )
-    mistakes = [*_names(root), *_joints(root), *_tree(root), *_inertias(root)]
+    mistakes = [*_names(root), *_joints(root, locked), *_tree(root), *_inertias(root)]
     if not mistakes:
-        mistakes = [*_masses(root)]
+        mistakes = [*_masses(root, locked)]
     if mistakes:
         told = sorted({(lines[element], message) for element, message in mistakes})
         raise ConfigurationError("\n".join(f"{file}:{line}: {message}" for line, message in told))
+    return root
 
 
 def _parse(text: str) -> tuple[Element, dict[Element, int]]:
@@ -76,20 +86,21 @@ def _names(root: Element) -> Iterator[Mistake]:
             seen.add(name)
 
 
-def _joints(root: Element) -> Iterator[Mistake]:
+def _joints(root: Element, locked: Collection[str]) -> Iterator[Mistake]:
     joints = root.findall("joint")
     for joint in joints:
         name, kind = joint.get("name", "?"), joint.get("type", "none")
-        if joint.find("mimic") is not None:
+        if joint.find("mimic") is not None and name not in locked:
             yield (
                 joint,
-                f"joint '{name}' mimics another; a chain has free joints only: make it fixed, or couple the axes with "
-                "the gear matrix of robot.yaml",
+                f"joint '{name}' mimics another; a chain has free joints only: lock it (lock: {{{name}: 0}} in "
+                "robot.yaml), make it fixed, or couple the axes with the gear matrix of robot.yaml",
             )
         if kind not in (*MOVING, "fixed"):
             yield (
                 joint,
-                f"joint '{name}' is of type '{kind}'; a chain has revolute, continuous, prismatic and fixed joints",
+                f"joint '{name}' is of type '{kind}'; a chain has revolute, continuous, prismatic and fixed joints: "
+                "make it fixed, or write it as joints of one degree of freedom",
             )
         axis, limit = joint.find("axis"), joint.find("limit")
         if kind in MOVING and axis is not None:
@@ -99,8 +110,15 @@ def _joints(root: Element) -> Iterator[Mistake]:
                     joint,
                     f"joint '{name}' has the axis '{axis.get('xyz')}'; give a unit vector of three numbers",
                 )
+        lacking = [key for key in ("effort", "velocity") if limit is not None and key not in limit.attrib]
+        if kind in ("revolute", "prismatic") and (limit is None or lacking):
+            lacks = "no <limit>" if limit is None else f"a <limit> without {' and '.join(lacking)}"
+            yield (
+                joint,
+                f"joint '{name}' has {lacks}; URDF asks for lower, upper, effort and velocity (0: not known)",
+            )
         if kind in ("revolute", "prismatic") and limit is not None:
-            ends = [_number(limit.get(end, "0")) for end in ("lower", "upper")]
+            ends = [number_of(limit.get(end, "0")) for end in ("lower", "upper")]
             if None in ends:
                 wrong = limit.get(("lower", "upper")[ends.index(None)])
                 yield joint, f"joint '{name}' has the limit '{wrong}', which is not a number; give rad or m"
@@ -109,8 +127,11 @@ def _joints(root: Element) -> Iterator[Mistake]:
                     joint,
                     f"joint '{name}': the lower limit {ends[0]:g} is above the upper one {ends[1]:g}; exchange them",
                 )
-    if not any(joint.get("type") in MOVING for joint in joints):
-        yield root, "no joint moves; give at least one revolute, continuous or prismatic joint"
+    if not any(joint.get("type") in MOVING and joint.get("name") not in locked for joint in joints):
+        yield (
+            root,
+            "no joint moves; give at least one revolute, continuous or prismatic joint, and do not lock all",
+        )
 
 
 def _tree(root: Element) -> Iterator[Mistake]:
@@ -153,14 +174,14 @@ def _inertias(root: Element) -> Iterator[Mistake]:
             continue
         mass = inertial.find("mass")
         written = "" if mass is None else mass.get("value", "")
-        value = _number(written)
+        value = number_of(written)
         if value is None:
             yield link, f"link '{name}': mass '{written}' is not a number; give kg"
         elif value < 0:
             yield link, f"link '{name}': mass {value:g} kg is negative"
         tensor = inertial.find("inertia")
         keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        moments = [_number(tensor.get(key, "0") if tensor is not None else "0") for key in keys]
+        moments = [number_of(tensor.get(key, "0") if tensor is not None else "0") for key in keys]
         if None in moments:
             key = keys[moments.index(None)]
             wrong = tensor.get(key) if tensor is not None else None
@@ -176,18 +197,19 @@ def _inertias(root: Element) -> Iterator[Mistake]:
             )
 
 
-def _masses(root: Element) -> Iterator[Mistake]:
-    """Refuse a joint that moves nothing with a mass: itself and what is fixed to it."""
+def _masses(root: Element, locked: Collection[str]) -> Iterator[Mistake]:
+    """Refuse a joint that moves nothing with a mass: itself and what is fixed or locked to it."""
     masses = {link.get("name"): _mass(link) for link in root.findall("link")}
     fixed: dict[str | None, list[str | None]] = {}
     elastic = set()
     for joint in root.findall("joint"):
-        if joint.get("type") == "fixed":
+        if joint.get("type") == "fixed" or joint.get("name") in locked:
             fixed.setdefault(_end(joint, "parent"), []).append(_end(joint, "child"))
         if any("elastic" in extension.attrib for extension in joint.findall("robid")):
             elastic.add(_end(joint, "parent"))
     for joint in root.findall("joint"):
-        if joint.get("type") not in MOVING or _end(joint, "child") in elastic:
+        still = joint.get("type") not in MOVING or joint.get("name") in locked
+        if still or _end(joint, "child") in elastic:
             continue
         moved = [_end(joint, "child")]
         for link in moved:
@@ -207,10 +229,11 @@ def _end(joint: Element, which: str) -> str | None:
 
 def _mass(link: Element) -> float:
     mass = link.find("inertial/mass")
-    return 0.0 if mass is None else _number(mass.get("value", "")) or 0.0
+    return 0.0 if mass is None else number_of(mass.get("value", "")) or 0.0
 
 
-def _number(text: str) -> float | None:
+def number_of(text: str) -> float | None:
+    """Return a finite number that a text is, or None."""
     try:
         value = float(text)
     except ValueError:
@@ -219,5 +242,5 @@ def _number(text: str) -> float | None:
 
 
 def _vector(text: str) -> list[float] | None:
-    numbers = [_number(part) for part in text.split()]
+    numbers = [number_of(part) for part in text.split()]
     return None if len(numbers) != 3 or None in numbers else [number or 0.0 for number in numbers]

@@ -25,10 +25,11 @@ COMMANDS = {
     "show": "Show a result readably.",
     "diff": "Compare two runs: settings, versions, results.",
     "adopt": "Put what a fit found into the robot file.",
-    "init": "Make a new project from a template.",
+    "init": "Make a new project from a template, or around the URDF of your robot.",
+    "export": "Write a robot for other programs: URDF, MJCF, state space, table of parameters.",
     "records": "Say what a recording holds, or recover a cut one.",
-    "doctor": "Check the installation: versions, plugins, threads, folders.",
-    "schema": "Print the JSON schema of pipeline files, for editors.",
+    "doctor": "Check the installation, or look for implausible numbers in a robot.",
+    "schema": "Print the JSON schema of pipeline files, or of robot files, for editors.",
 }
 _HELP = (
     "Find what a robot's simulation gets wrong: from excitation to frequency responses, stiffness and report."

@@ -1,4 +1,4 @@
-"""`robid doctor`: whether this installation can work, and what it works with."""
+"""`robid doctor`: whether this installation can work, and what it works with; or whether a robot's numbers can be."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import sys
 from importlib import metadata
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -27,8 +28,19 @@ LIBRARIES = (
 Finding = tuple[int, str]  # exit code of the failure, 0 where all is well; what was found
 
 
-def command() -> None:
-    """Check versions, plugins, threads, the cache of compiled kernels, the data folder and the run folder."""
+def command(
+    robot: Annotated[
+        str | None,
+        typer.Argument(help="Packaged robot or robot file to look at; left out: the installation."),
+    ] = None,
+) -> None:
+    """Check versions, plugins, threads, the cache of compiled kernels, the data folder and the run folder.
+
+    With a robot: look for implausible numbers in it. Exit code 2 where one is impossible, 0 with remarks.
+    """
+    if robot is not None:
+        look_at(robot)
+        return
     findings = [*versions(), *plugins(), kernel_cache(), threads(), data_folder(), run_folder()]
     for code, text in findings:
         typer.echo(f"{'FAIL' if code else 'ok  '} {text}")
@@ -36,6 +48,24 @@ def command() -> None:
     if failures:
         typer.echo(f"{len(failures)} of {len(findings)} checks failed", err=True)
         raise typer.Exit(failures[0])
+
+
+def look_at(name: str) -> None:
+    """Tell what is implausible about a robot; leaves with exit code 2 where something is impossible."""
+    from robid_core.robot import Robot
+    from robid_core.robot.plausibility import remarks_on
+
+    robot = Robot.load(name)
+    remarks = list(remarks_on(robot))
+    for remark in remarks:
+        typer.echo(f"{'FAIL' if remark.impossible else 'note'} {remark.where}: {remark.what}")
+    wrong = sum(remark.impossible for remark in remarks)
+    if wrong:
+        typer.echo(f"{robot.name}: {wrong} of {len(remarks)} findings are impossible", err=True)
+        raise typer.Exit(ConfigurationError.exit_code)
+    typer.echo(
+        f"{robot.name}: {robot.n_axis} axes, {f'{len(remarks)} remarks' if remarks else 'nothing implausible'}"
+    )
 
 
 def versions() -> list[Finding]:

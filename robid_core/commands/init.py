@@ -1,4 +1,4 @@
-"""`robid init`: a new project from a template."""
+"""`robid init`: a new project from a template, around a packaged robot or the URDF of one's own."""
 
 from __future__ import annotations
 
@@ -12,10 +12,18 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 def command(
     folder: Annotated[Path, typer.Argument(help="Folder of the project; made where it does not exist.")],
-    robot: Annotated[str, typer.Option("--robot", help="Packaged robot to begin with.")] = "one_axis",
+    robot: Annotated[
+        str, typer.Option("--robot", help="Packaged robot to begin with, or the URDF file of your own.")
+    ] = "one_axis",
     own_robot: Annotated[
         bool, typer.Option("--own-robot", help="Copy the robot into the project as robot.yaml, to be edited.")
     ] = False,
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--lock", metavar="JOINT", help="Joint of the URDF that does not move; may be repeated."
+        ),
+    ] = None,
     plugin: Annotated[
         str | None,
         typer.Option(
@@ -25,12 +33,26 @@ def command(
 ) -> None:
     """Make a new project: a pipeline of a simulated robot that runs as it is, and a README that says what to change.
 
-    With --plugin: a package with a plugin that runs as it is, and the test of its kind. Nothing is overwritten.
+    With a URDF the project holds a robot.yaml in which whatever a URDF cannot know waits to be filled in. With --plugin:
+    a package with a plugin that runs as it is, and the test of its kind. Nothing is overwritten.
     """
     from robid_core.commands.init_plugin import plugin_files
     from robid_core.errors import ConfigurationError, StoreError
 
-    files = plugin_files(folder, plugin) if plugin else project_files(folder, robot, own_robot)
+    if Path(robot).suffix and own_robot:
+        raise ConfigurationError(
+            "--own-robot copies a packaged robot; the project of a URDF has its own anyway"
+        )
+    remarks: tuple[str, ...] = ()
+    if plugin:
+        files, following = plugin_files(folder, plugin), f"cd {folder} && pip install -e . && pytest"
+    elif Path(robot).suffix:
+        files, remarks, following = files_of_urdf(folder, Path(robot), tuple(lock or ()))
+    elif lock:
+        raise ConfigurationError(f"--lock is for joints of a URDF; {robot} is none")
+    else:
+        files = project_files(folder, robot, own_robot)
+        following = f"cd {folder} && robid plan && robid run"
     present = [name for name in files if (folder / name).exists()]
     if present:
         raise ConfigurationError(
@@ -45,8 +67,9 @@ def command(
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror}; name another folder") from error
     typer.echo(f"{folder}: {', '.join(files)}")
-    then = "pip install -e . && pytest" if plugin else "robid plan && robid run"
-    typer.echo(f"next: cd {folder} && {then}")
+    for remark in remarks:
+        typer.echo(f"- {remark}")
+    typer.echo(f"next: {following}")
 
 
 def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:
@@ -59,18 +82,42 @@ def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:
     nominal = [name for name in PACKAGED_FILES if f"{name}_true" in PACKAGED_FILES]
     if robot not in nominal:
         raise ConfigurationError(f"no packaged robot '{robot}'; {suggestion(robot, nominal, 'there are')}")
-    values = {
-        "NAME": project_name(folder),
-        "ROBOT": "robot.yaml" if own_robot else robot,
-        "PLANT": f"{robot}_true",
-    }
-    files = {
-        target: fill((TEMPLATES / source).read_text(encoding="utf-8"), values)
-        for target, source in (("pipeline.yaml", "pipeline.template"), ("README.md", "readme.template"))
-    }
+    files = _filled(folder, "robot.yaml" if own_robot else robot, f"{robot}_true")
     if own_robot:
         files["robot.yaml"] = Robot.load(robot).to_yaml()
     return files
+
+
+def files_of_urdf(
+    folder: Path, urdf: Path, lock: tuple[str, ...]
+) -> tuple[dict[str, str], tuple[str, ...], str]:
+    """Return the texts of a project around a URDF by file name, remarks, and what to do next.
+
+    Raises ConfigurationError where the file is no URDF, or cannot be a chain.
+    """
+    from robid_core.robot.draft import draft_of
+
+    name = project_name(folder)
+    draft = draft_of(urdf, name, lock)
+    files = _filled(folder, "robot.yaml", "plant.yaml")
+    files |= {
+        "robot.yaml": draft.robot,
+        "plant.yaml": draft.plant,
+        urdf.name: urdf.read_text(encoding="utf-8"),
+    }
+    following = (
+        f"cd {folder}, fill in the {draft.to_fill_in} values that robid validate lists, then robid doctor robot.yaml "
+        "&& robid plan && robid run"
+    )
+    return files, draft.remarks, following
+
+
+def _filled(folder: Path, robot: str, plant: str) -> dict[str, str]:
+    values = {"NAME": project_name(folder), "ROBOT": robot, "PLANT": plant}
+    return {
+        target: fill((TEMPLATES / source).read_text(encoding="utf-8"), values)
+        for target, source in (("pipeline.yaml", "pipeline.template"), ("README.md", "readme.template"))
+    }
 
 
 def project_name(folder: Path) -> str:

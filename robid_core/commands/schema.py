@@ -1,4 +1,4 @@
-"""`robid schema`: the JSON schema of pipeline files with all installed plugins."""
+"""`robid schema`: the JSON schema of pipeline files with all installed plugins, or of robot files."""
 
 from __future__ import annotations
 
@@ -10,18 +10,24 @@ import typer
 
 def command(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to this file.")] = None,
+    robot: Annotated[
+        bool, typer.Option("--robot", help="Of robot files, with what every key means.")
+    ] = False,
 ) -> None:
     """Print the JSON schema (draft 7) of pipeline files with every installed plugin, for completion in editors.
 
-    Save it, and write as the first line of a pipeline file: # yaml-language-server: $schema=robid.schema.json
+    With --robot that of robot files. Save it, and write as the first line of a pipeline file:
+    # yaml-language-server: $schema=robid.schema.json
     """
     import json
 
     from robid_core.errors import StoreError
     from robid_core.pipeline.schema import pipeline_schema
     from robid_core.registry import registry
+    from robid_core.robot.file.schema import robot_schema
 
-    text = json.dumps(pipeline_schema(registry()), indent=2) + "\n"
+    schema = robot_schema() if robot else pipeline_schema(registry())
+    text = json.dumps(schema, indent=2) + "\n"
     if output is None:
         typer.echo(text, nl=False)
         return
@@ -29,4 +35,4 @@ def command(
         output.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StoreError(f"{output}: cannot be written: {error.strerror}") from error
-    typer.echo(f"{output}: written; begin a pipeline file with # yaml-language-server: $schema={output}")
+    typer.echo(f"{output}: written; begin the file with # yaml-language-server: $schema={output}")

@@ -204,6 +204,12 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
         return robot_to_urdf(self)
 
+    def to_mjcf(self) -> str:
+        """Write the robot as MJCF, MuJoCo's description (see robot.mjcf)."""
+        from robid_core.robot.mjcf import robot_to_mjcf
+
+        return robot_to_mjcf(self)
+
     # Angles and limits ------------------------------------------------------------------------------
 
     def motor_angle(self, angle: npt.ArrayLike) -> FloatArray:

@@ -1,11 +1,12 @@
 """One drive of a robot file: motor, gear, sensors and controller, an entry of `axes`.
 
 Everything is at the motor shaft with the sign of the joint's axis, except `gear` (stiffness and damping at the joint,
-thesis eq. 2.2) and `position_limits`. A prismatic axis has metres and newtons wherever a revolute one has radians and
-newton metres.
+thesis eq. 2.2) and `position_limits`. A prismatic axis has metres and newtons there, and its `gear_ratio` is in radians
+of the motor per metre (a screw). With a ratio of 1 the motor slides, too (a linear motor), and has metres and newtons
+wherever a motor that turns has radians and newton metres.
 
 Recordings are read and fitted without limits and controllers, so a file may leave these out; `left_out` tells a stage
-that needs one.
+that needs one. Limits that are left out beside a `model:` are those of that file, through the gear (`model_file`).
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Spring(Part):
     """A linear spring with a damper beside it."""
 
     stiffness: Positive
-    """N m/rad (N/m across a prismatic axis), joint side."""
+    """N m/rad (N/m along a prismatic axis), joint side."""
     damping: NonNegative
     """N m s/rad, joint side."""
 
@@ -100,7 +101,7 @@ class Axis(Part):
     joint: str | None = None
     """The joint it moves; by default the joint of the same name."""
     gear_ratio: Annotated[float, AfterValidator(_a_ratio)] = 1.0
-    """Motor turns per joint turn; negative where the gear reverses."""
+    """Motor turns per joint turn, rad per metre of a prismatic joint; negative where the gear reverses."""
     rotor_inertia: Positive
     """Inertia of rotor, brake and gear input, kg m^2."""
     torque_constant: Positive = 1.0
@@ -112,7 +113,7 @@ class Axis(Part):
     acceleration_limit: Positive = 1.0e6
     """Largest commanded acceleration, rad/s^2."""
     position_limits: Annotated[tuple[Number, Number], AfterValidator(_in_order)] | None = None
-    """Joint-side limits [lower, upper], rad; null: none (those of a model file are not taken over)."""
+    """Joint-side limits [lower, upper], rad; null: none. Left out: those of the model file."""
     gear: Spring | None = None
     """Elasticity in the direction of transmission; null: rigid. A file may give a data_sheet instead."""
     friction: Friction = Friction()

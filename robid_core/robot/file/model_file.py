@@ -1,36 +1,86 @@
-"""Bodies from a model file (URDF), through the reader that is registered for its suffix."""
+"""Bodies and limits from a model file (URDF), through the reader that is registered for its suffix.
+
+A reader takes the path and the joints that do not move, with the coordinate each stays at (`lock:` of a robot file),
+and gives a `RobotModel`. What the robot file says of an axis wins; limits that it leaves out are those of the model
+file, brought to the motor side by the gear ratio. Joints that robid wrote as elastic (`robot.urdf`) are elastic again.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robid_core.errors import ConfigurationError
 from robid_core.registry import MODELS, load_plugin
 
+if TYPE_CHECKING:
+    from robid_core.mechanics import Chain
+
 _KINDS = ("revolute", "prismatic")  # as numbered in mechanics.chain; a flexible link's modes come after
+_KEYS = ("position_limits", "speed_limit", "torque_limit")
 
 
-def bodies_from_model(path: Path) -> list[dict[str, Any]]:
-    """Return the entries of `bodies` that a model file describes.
+@dataclass(frozen=True)
+class JointLimits:
+    """What a model file says of a joint, joint side; null: nothing, or nothing that can be a limit."""
+
+    position: tuple[float, float] | None = None
+    """Lower and upper end, rad or m."""
+    speed: float | None = None
+    """Largest speed, rad/s or m/s."""
+    effort: float | None = None
+    """Largest torque or force, N m or N."""
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """What a model file says of a robot."""
+
+    chain: Chain
+    """The joints that move, with their bodies; what is fixed or locked is merged into the body before."""
+    joints: tuple[str, ...] = ()
+    """All joints of the file that could move, also those that were locked."""
+    limits: Mapping[str, JointLimits] = field(default_factory=dict)
+    """By joint."""
+    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Stiffness and damping of joints that no motor moves, N m/rad and N m s/rad; robid writes such into a URDF."""
+
+
+def read_model(path: Path, locked: Mapping[str, float]) -> RobotModel:
+    """Return what a model file describes, some joints held at a coordinate (rad or m).
 
     Raises
     ------
     ConfigurationError
-        Where there is no such file, or it describes no chain; one line for each mistake.
+        Where there is no such file, or it describes no chain of rigid bodies; one line for each mistake.
     PluginError
         Where no reader for its suffix can be imported.
     """
     if not path.is_file():
         raise ConfigurationError(f"{path} is no file; the path is relative to the robot file")
-    chain = load_plugin(MODELS, path.suffix.lstrip(".").lower())(path)
-    names = list(chain.names)
-    modal = [name for name, kind in zip(names, chain.joint_type, strict=True) if kind >= len(_KINDS)]
+    model: RobotModel = load_plugin(MODELS, path.suffix.lstrip(".").lower())(path, locked)
+    chain = model.chain
+    modal = [name for name, kind in zip(chain.names, chain.joint_type, strict=True) if kind >= len(_KINDS)]
     if modal:
         raise ConfigurationError(
             f"{path.name}: '{modal[0]}' is a mode of a flexible link; a model file gives rigid bodies, the link is "
             "written as `flexible` under `bodies`"
         )
+    return model
+
+
+def bodies_of(model: RobotModel, driven: Container[str] = ()) -> list[dict[str, Any]]:
+    """Return the entries of `bodies` that a model is; a joint that an axis drives has no spring of its own."""
+    chain = model.chain
+    springs = {
+        joint: {"stiffness": stiffness, "damping": damping}
+        for joint, (stiffness, damping) in model.springs.items()
+        if joint not in driven
+    }
+    names = list(chain.names)
     return [
         {
             "joint": names[j],
@@ -42,6 +92,31 @@ def bodies_from_model(path: Path) -> list[dict[str, Any]]:
             "mass": float(chain.mass[j]),
             "centre_of_mass": chain.centre_of_mass[j].tolist(),
             "inertia": chain.inertia[j].tolist(),
+            "elastic": springs.get(names[j]),
         }
         for j in range(len(names))
     ]
+
+
+def with_limits(axes: Any, limits: Mapping[str, JointLimits], coupled: bool) -> Any:
+    """Return the entries of `axes` with the limits of a model file where they say nothing.
+
+    A key that is written wins, null too. Speed and torque go through the gear of the axis: those of a robot whose gears
+    are coupled (`coupling`) have no one axis to go to, and stay out.
+    """
+    if not isinstance(axes, Mapping):
+        return axes
+    found = {}
+    for name, axis in axes.items():
+        joint = limits.get(str(axis.get("joint") or name)) if isinstance(axis, Mapping) else None
+        found[name] = axis if joint is None else {**_told(axis, joint, coupled), **axis}
+    return found
+
+
+def _told(axis: Mapping[str, Any], joint: JointLimits, coupled: bool) -> dict[str, Any]:
+    ratio = axis.get("gear_ratio", 1.0)
+    told: dict[str, Any] = {"position_limits": None if joint.position is None else list(joint.position)}
+    if not coupled and isinstance(ratio, int | float) and ratio and math.isfinite(ratio):
+        told["speed_limit"] = None if joint.speed is None else joint.speed * abs(ratio)
+        told["torque_limit"] = None if joint.effort is None else joint.effort / abs(ratio)
+    return {key: told[key] for key in _KEYS if told.get(key) is not None}

@@ -21,6 +21,7 @@ from robid_core.robot.file.parameter_places import (
     TableRow,
     is_prismatic,
     linear_unit,
+    motor_slides,
     places_of_structure,
 )
 from robid_core.robot.file.part import Part, line_errors
@@ -58,7 +59,8 @@ def places_of_effects(description: RobotDescription) -> dict[str, ParameterPlace
     for label, entry in description.effects.items():
         table = effect_table(entry.use)
         _refuse_misfits(description, label, entry, table)
-        slides = is_prismatic(description, entry.on)
+        behind = entry.side in ("gear", "arm")
+        slides = (is_prismatic if behind else motor_slides)(description, entry.on)
         for row in table:
             name = f"effect.{label}.{row.name}"
             path = ("effects", label, "with", row.name)

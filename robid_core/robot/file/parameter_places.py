@@ -111,13 +111,24 @@ def is_prismatic(description: RobotDescription, axis: str | None) -> bool:
     return any(body.joint == joint and body.type == "prismatic" for body in description.bodies)
 
 
+def motor_slides(description: RobotDescription, axis: str | None) -> bool:
+    """Whether the motor of an axis slides with its joint, as a linear motor does: what is at the motor has m and N.
+
+    A screw has a ratio, motor rad per metre of the joint: its motor turns. So does every motor of coupled gears.
+    """
+    if axis is None or not is_prismatic(description, axis) or description.coupling is not None:
+        return False
+    return abs(description.axes[axis].gear_ratio) == 1.0
+
+
 def _of_axes(description: RobotDescription) -> list[ParameterPlace]:
     found = []
     for pattern, kind, group, unit, path in _AXIS:
         for name, axis in description.axes.items():
             if getattr(axis, path[0]) is None:
                 continue
-            here = linear_unit(unit) if is_prismatic(description, name) else unit
+            slides = is_prismatic if path[0] == "gear" else motor_slides
+            here = linear_unit(unit) if slides(description, name) else unit
             if path == ("sensors", "encoder_counts"):
                 here = "1"  # a motor turn, or a metre
             found.append(ParameterPlace(pattern.format(name), kind, group, here, ("axes", name, *path)))
@@ -142,9 +153,13 @@ def _of_gears(description: RobotDescription) -> list[ParameterPlace]:
     """Gear ratios, or the entries of the matrix that couples axes."""
     axes = list(description.axes)
     if description.coupling is None:
-        return [
-            ParameterPlace(f"gear_ratio.{name}", "gear", STATIC, "1", ("axes", name, "gear_ratio"))
+        units = [
+            "rad/m" if is_prismatic(description, name) and not motor_slides(description, name) else "1"
             for name in axes
+        ]
+        return [
+            ParameterPlace(f"gear_ratio.{name}", "gear", STATIC, unit, ("axes", name, "gear_ratio"))
+            for name, unit in zip(axes, units, strict=True)
         ]
     return [
         ParameterPlace(f"coupling.{joint}.{motor}", "gear", STATIC, "1", ("coupling", i, j))

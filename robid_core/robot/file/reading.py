@@ -18,7 +18,7 @@ from robid_core.robot.file.description import EffectEntry, RobotDescription
 from robid_core.robot.file.document import Document, parse_document, read_document
 from robid_core.robot.file.expansion import sheets_written_out
 from robid_core.robot.file.flexible_links import links_written_out
-from robid_core.robot.file.model_file import bodies_from_model
+from robid_core.robot.file.model_file import bodies_of, read_model, with_limits
 from robid_core.robot.file.named_parameters import effect_table, misfits, named_parameters, with_values
 from robid_core.robot.file.part import Identifier, Part, with_tuples
 from robid_core.robot.file.wording import checked, reason
@@ -33,6 +33,12 @@ PACKAGED_FILES = {
     "one_axis": "one_axis/robot.yaml",
     "one_axis_true": "one_axis/truth.yaml",
     "six_axis_flex": "six_axis_flex/robot.yaml",
+    "universal_arm": "universal_arm/robot.yaml",
+    "universal_arm_true": "universal_arm/truth.yaml",
+    "seven_axis": "seven_axis/robot.yaml",
+    "seven_axis_true": "seven_axis/truth.yaml",
+    "scara": "scara/robot.yaml",
+    "scara_true": "scara/truth.yaml",
 }
 
 
@@ -72,8 +78,8 @@ def read_description(path: Path) -> RobotDescription:
     """Read a robot file into its canonical description: bodies inline, data sheets written out.
 
     A file has either `bodies`, or `dh` (a Denavit-Hartenberg table), or `model` (a path read through the `robid.models`
-    plugin of its suffix), or `base` (another robot) with the `parameters` that differ and the `effects` that come on
-    top.
+    plugin of its suffix, with `lock` for joints that stay where they are), or `base` (another robot) with the
+    `parameters` that differ and the `effects` that come on top. Limits that `axes` leaves out are those of the model.
 
     Raises
     ------
@@ -116,22 +122,61 @@ def _whole(data: dict[str, Any], document: Document, folder: Path) -> RobotDescr
 
 
 def _with_model(data: dict[str, Any], document: Document, folder: Path) -> dict[str, Any]:
-    """Put the bodies of the model file in; none where it has mistakes, and nothing is told of what follows."""
-    rest = {key: value for key, value in data.items() if key != "model"}
+    """Put bodies and limits of the model file in; none where it has mistakes, and nothing is told of what follows."""
+    rest = {key: value for key, value in data.items() if key not in ("model", "lock")}
     if "bodies" in data:
         document.add(("model",), "bodies and a model file are given; keep one of the two")
         return rest
     document.derive(("bodies",), ("model",))
+    bodies: list[dict[str, Any]] = []
+    locked = _locked(data.get("lock"), document)
     try:
-        bodies = bodies_from_model(folder / str(data["model"]))
+        model = read_model(folder / str(data["model"]), locked)
     except RobidError as error:
         for line in str(error).splitlines():
             document.add(("model",), line)
         document.spoil(("bodies",))
-        bodies = []
+    else:
+        for joint in locked.keys() - set(model.joints):
+            document.add(
+                ("lock", joint),
+                f"the model file has no joint '{joint}' that could move; {suggestion(joint, model.joints, 'it has')}",
+            )
+        driven = {str(axis.get("joint") or name) for name, axis in _mappings(data.get("axes"))}
+        bodies = bodies_of(model, driven)
+        if "axes" in rest:
+            rest["axes"] = with_limits(rest["axes"], model.limits, data.get("coupling") is not None)
+        for name, joint in ((n, str(a.get("joint") or n)) for n, a in _mappings(rest.get("axes"))):
+            if joint in locked and joint in model.joints:
+                document.add(
+                    ("axes", name), f"joint '{joint}' is locked; drop the axis, or its line under lock"
+                )
+                document.spoil(("axes", name))
     for index in range(len(bodies)):
         document.derive(("bodies", index), ("model",))
     return {**rest, "bodies": bodies}
+
+
+def _locked(lock: Any, document: Document) -> dict[str, float]:
+    """Return the joints that a robot file locks and their coordinates; what is no coordinate is told."""
+    if lock is not None and not isinstance(lock, dict):
+        document.add(
+            ("lock",), "lock names joints of the model file with the coordinate each stays at, as {finger: 0}"
+        )
+    found = {}
+    for joint, value in lock.items() if isinstance(lock, dict) else ():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number:
+            document.add(
+                ("lock", joint), f"'{value}' is written here, it must be a number; coordinate, rad or m"
+            )
+        found[str(joint)] = float(value) if number else 0.0
+    return found
+
+
+def _mappings(entries: Any) -> list[tuple[str, dict[str, Any]]]:
+    pairs = entries.items() if isinstance(entries, dict) else ()
+    return [(str(name), entry) for name, entry in pairs if isinstance(entry, dict)]
 
 
 def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) -> RobotDescription | None:

@@ -32,6 +32,7 @@ _KINDS = {
     "model_attributes_type": "a mapping",
     "finite_number": "a finite number",
 }
+PLACEHOLDER = "fill_in"  # what robid init writes where only a person knows the value
 _BOUNDS = {
     "greater_than": ("gt", "greater than"),
     "greater_than_equal": ("ge", "at least"),
@@ -113,6 +114,8 @@ def reason(item: Mapping[str, Any]) -> str:
             item["ctx"].get("min_length", item["ctx"].get("max_length")),
         )
         return f"{actual} entries, there must be at {'least' if kind == 'too_short' else 'most'} {limit}"
+    if value == PLACEHOLDER:
+        return f"still to fill in: {_KINDS.get(kind, 'a value')}"
     written = "nothing is written here" if value is None else f"{_short(value)} is written here"
     return f"{written}, it must be {_KINDS[kind]}" if kind in _KINDS else f"{written}: {item['msg']}"
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from robid_core import Robot
 from robid_core.mechanics import Chain, dynamics
-from robid_pin.urdf import chain_from_urdf
+from robid_pin.urdf import model_from_urdf
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def test_a_random_tree_has_the_mass_matrix_and_gravity_of_pinocchio(
     rng = np.random.default_rng(1000 * n + fixed)
     tree = random_tree(rng, n, fixed=fixed)
     (tmp_path / "robot.urdf").write_text(tree.text)
-    chain = chain_from_urdf(tmp_path / "robot.urdf")
+    chain = model_from_urdf(tmp_path / "robot.urdf").chain
     assert sorted(chain.names) == sorted(tree.names)
     model = pinocchio.buildModelFromXML(tree.text)
     for _ in range(3):
@@ -132,7 +132,7 @@ def test_a_random_tree_has_the_mass_matrix_and_gravity_of_pinocchio(
 def test_a_random_tree_has_the_arrays_it_was_drawn_from(n: int, tmp_path: Path) -> None:
     tree = random_tree(np.random.default_rng(n), n, fixed=False)
     (tmp_path / "robot.urdf").write_text(tree.text)
-    chain = chain_from_urdf(tmp_path / "robot.urdf")
+    chain = model_from_urdf(tmp_path / "robot.urdf").chain
     for j, name in enumerate(tree.names):
         k = chain.index(name)
         parent = chain.names[chain.parent[k]] if chain.parent[k] >= 0 else ""
@@ -155,7 +155,7 @@ def test_a_robot_file_takes_any_tree_with_a_drive_for_every_joint(n: int, tmp_pa
     (tmp_path / "robot.yaml").write_text(f"robid_robot: 1\nname: drawn\nmodel: robot.urdf\naxes:\n{axes}")
     robot = Robot.load("robot.yaml", tmp_path)
     assert robot.n_axis == n
-    direct: Chain = chain_from_urdf(tmp_path / "robot.urdf")
+    direct: Chain = model_from_urdf(tmp_path / "robot.urdf").chain
     position = rng.normal(size=n)
     np.testing.assert_array_equal(robot.chain.axis, direct.axis)
     expected = dynamics(direct, position, np.zeros(n)).mass

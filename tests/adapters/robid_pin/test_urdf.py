@@ -10,7 +10,7 @@ import pytest
 
 from robid_core import ConfigurationError
 from robid_core.mechanics import dynamics
-from robid_pin.urdf import chain_from_urdf
+from robid_pin.urdf import model_from_urdf
 
 _INERTIAL = """<inertial><origin xyz="0.1 -0.05 0.2" rpy="0.4 0.2 0.3"/><mass value="{mass}"/>
 <inertia ixx="0.05" iyy="0.06" izz="0.04" ixy="0.004" ixz="-0.003" iyz="0.002"/></inertial>"""
@@ -49,7 +49,7 @@ def test_the_chain_has_the_dynamics_of_pinocchios_model(tmp_path: Path) -> None:
         _joint("arm", "continuous", "y", "w", "1 0 0"),
         _joint("flange", "fixed", "x", "tool"),
     )  # fmt: skip
-    chain = chain_from_urdf(path)
+    chain = model_from_urdf(path).chain
     assert sorted(chain.names) == ["arm", "bend", "lift", "swing"]
     assert dict(zip(chain.names, chain.joint_type.tolist(), strict=True)) == {
         "swing": 0, "lift": 1, "bend": 0, "arm": 0,
@@ -124,7 +124,7 @@ def test_what_no_chain_can_hold_is_refused_by_name_and_line(
 ) -> None:
     path = _write(tmp_path, *(f"\n{part.replace(chr(10), ' ')}" for part in parts))
     with pytest.raises(ConfigurationError) as refused:
-        chain_from_urdf(path)
+        model_from_urdf(path)
     message = str(refused.value)
     assert message.startswith(f"{path}:{told[0]}")
     assert all(words in message for words in told)
@@ -138,7 +138,7 @@ def test_every_mistake_of_a_file_is_told_at_once_in_the_order_of_lines(tmp_path:
     )  # fmt: skip
     path = _write(tmp_path, *(f"\n{part.replace(chr(10), ' ')}" for part in parts))
     with pytest.raises(ConfigurationError) as refused:
-        chain_from_urdf(path)
+        model_from_urdf(path)
     lines = [line.removeprefix(f"{path}:").split(" ")[0] for line in str(refused.value).split("\n")]
     assert lines == ["3:", "4:", "5:", "6:", "7:"]
 
@@ -148,15 +148,15 @@ def test_a_mass_behind_a_fixed_joint_counts(tmp_path: Path) -> None:
         tmp_path, _link("a", 1.0), _link("frame", None), _link("load", 2.0),
         _joint("j", "revolute", "a", "frame"), _joint("weld", "fixed", "frame", "load"),
     )  # fmt: skip
-    assert chain_from_urdf(path).mass.tolist() == [2.0]
+    assert model_from_urdf(path).chain.mass.tolist() == [2.0]
 
 
 def test_a_file_that_is_no_urdf_is_one_clear_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="No such file"):
-        chain_from_urdf(tmp_path / "none.urdf")
+        model_from_urdf(tmp_path / "none.urdf")
     path = tmp_path / "robot.urdf"
     for content, told in ((b"<robot", "not readable as URDF"), (b"\xff\xfe", "not readable as URDF"),
                           (b"<sdf/>", "describes a <sdf>, not a <robot>")):  # fmt: skip
         path.write_bytes(content)
         with pytest.raises(ConfigurationError, match=told):
-            chain_from_urdf(path)
+            model_from_urdf(path)

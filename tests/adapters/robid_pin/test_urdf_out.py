@@ -16,7 +16,7 @@ from robid_core import ConfigurationError, Robot
 from robid_core.mechanics import dynamics
 from robid_core.robot.file.description import FlexibleLink, RobotDescription
 from robid_core.robot.urdf import robot_to_urdf, roll_pitch_yaw
-from robid_pin.urdf import chain_from_urdf
+from robid_pin.urdf import model_from_urdf
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -200,7 +200,7 @@ def test_our_own_reader_takes_the_file_elastic_joints_and_all(name: str, tmp_pat
     assert robot_to_urdf(robot) == text
     assert "<!--" not in text
     (tmp_path / "robot.urdf").write_text(text)
-    chain = chain_from_urdf(tmp_path / "robot.urdf")
+    chain = model_from_urdf(tmp_path / "robot.urdf").chain
     assert chain.n_coordinate == robot.chain.n_coordinate + int(robot.mechanism.elastic_gear.sum())
     assert chain.mass.sum() == pytest.approx(robot.chain.mass.sum())
 

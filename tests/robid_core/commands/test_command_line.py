@@ -113,7 +113,7 @@ def test_a_wrong_pipeline_is_lines_on_stderr_and_exit_code_2(robid: Robid, tmp_p
         ("records", "none.mat"),
         ("records", "a", "b", "c"),
         ("validate", "--data", "none"),
-        ("init", "new", "--robot", "seven_axis"),
+        ("init", "new", "--robot", "eight_axis"),
         ("adopt", "frf"),
         ("adopt", "none.yaml", "frf"),
         ("adopt", "pipeline.yaml", "frf", "fit"),

@@ -283,10 +283,11 @@ def test_a_flexible_link_goes_into_no_urdf_and_comes_from_none(
     robot = robot_of(ARM, folder)
     with pytest.raises(ConfigurationError, match="URDF has no flexible links, joint 'shoulder' carries one"):
         robot.to_urdf()
-    monkeypatch.setattr(model_file, "load_plugin", lambda group, name: lambda path: robot.chain)
+    read = model_file.RobotModel(robot.chain)
+    monkeypatch.setattr(model_file, "load_plugin", lambda group, name: lambda path, locked: read)
     (folder / "arm.urdf").touch()
     with pytest.raises(ConfigurationError, match="'shoulder_mode_1' is a mode of a flexible link"):
-        model_file.bodies_from_model(folder / "arm.urdf")
+        model_file.read_model(folder / "arm.urdf", {})
 
 
 def test_six_axis_flex_has_the_masses_of_six_axis_and_resonances_like_it() -> None:

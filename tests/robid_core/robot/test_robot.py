@@ -134,7 +134,7 @@ def test_an_unknown_robot_names_the_packaged_ones() -> None:
     with pytest.raises(
         ConfigurationError, match="packaged robots: six_axis, six_axis_true, one_axis, one_axis_true"
     ):
-        Robot.load("seven_axis")
+        Robot.load("eight_axis")
 
 
 def test_a_robot_whose_name_is_misspelt_is_asked_after() -> None:

@@ -388,7 +388,7 @@ def test_a_model_file_is_told_at_the_line_that_names_it(tmp_path: Path) -> None:
     (found,) = mistakes(tmp_path, text=f"{head}model: robot.sdf\n{tail}")
     assert found == "3:1: model: no reader of robot models 'sdf'; there are: urdf"
     pytest.importorskip("pinocchio")
-    joint = '<joint name="a" type="revolute"><parent link="{}"/><child link="{}"/></joint>'
+    joint = '<joint name="a" type="continuous"><parent link="{}"/><child link="{}"/></joint>'
     (tmp_path / "robot.urdf").write_text(
         f'<robot name="r">\n<link name="b"/><link name="c"/>\n{joint.format("b", "c")}\n</robot>'
     )

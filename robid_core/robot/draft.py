@@ -1,0 +1,243 @@
+"""The draft of a robot file for a URDF: what the model file knows is taken, what it cannot know is a line to fill in.
+
+A URDF knows bodies, joints and limits at the joint. Gear ratios, rotors, torque constants and controllers are written
+as `fill_in`, which the reader of robot files refuses at its line; elastic coordinates are proposed (`file.proposal`),
+each with where its number comes from. What is not taken over is told: meshes, joints that are locked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from pydantic import TypeAdapter
+
+from robid_core.errors import ConfigurationError
+from robid_core.robot.file.body import Body
+from robid_core.robot.file.derived_file import key_text
+from robid_core.robot.file.model_file import JointLimits, RobotModel, bodies_of, read_model
+from robid_core.robot.file.part import with_tuples
+from robid_core.robot.file.proposal import (
+    HIGHEST_HZ,
+    ProposedSpring,
+    bearing_directions,
+    locked_by_mimicry,
+    proposed_bearing,
+    proposed_gear,
+)
+from robid_core.robot.file.wording import PLACEHOLDER
+from robid_core.yaml_file.problems import suggestion
+
+SUFFIX = ".urdf"
+_COLUMN = 44  # of the comments
+_SAMPLE = 0.75  # stiffness of the simulated machine over the proposed one
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A robot file that waits for what only a person knows."""
+
+    robot: str
+    """Text of robot.yaml."""
+    plant: str
+    """Text of plant.yaml: a simulated machine with other springs."""
+    remarks: tuple[str, ...]
+    """What was not taken over, and what was decided."""
+    to_fill_in: int
+    """How many values wait."""
+
+
+def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
+    """Return the draft of a robot file that stands beside its URDF.
+
+    Parameters
+    ----------
+    path
+        The URDF file.
+    name
+        Of the robot.
+    lock
+        Joints to lock besides those that mimic others.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the file is no URDF, or cannot be a chain; one line for each mistake.
+    """
+    if path.suffix.lower() != SUFFIX:
+        expand = ": expand it first (xacro FILE > robot.urdf)" if path.suffix.lower() == ".xacro" else ""
+        raise ConfigurationError(f"{path}: not a URDF file (*{SUFFIX}){expand}; give one")
+    locked, remarks = _look(path)
+    locked |= dict.fromkeys(lock, "asked for")
+    model = read_model(path, dict.fromkeys(locked, 0.0))
+    unknown = [joint for joint in lock if joint not in model.joints]
+    if unknown:
+        raise ConfigurationError(
+            f"{path.name} has no joint '{unknown[0]}' to lock; {suggestion(unknown[0], model.joints, 'it has')}"
+        )
+    bodies: tuple[Body, ...] = TypeAdapter(tuple[Body, ...]).validate_python(with_tuples(bodies_of(model)))
+    _refuse_points(bodies, path.name)
+    remarks += [f"joint '{joint}' is locked at 0: {why}" for joint, why in locked.items()]
+    remarks += [
+        f"joint '{body.joint}' carries {len(behind)} joints ({', '.join(behind)}): a tree; lock what is not moved "
+        "(--lock JOINT)"
+        for body in bodies
+        if len(behind := [other.joint for other in bodies if other.parent == body.joint]) > 1
+    ]
+    robot, plant, told = _texts(path.name, name, model, bodies, locked)
+    return Draft(robot, plant, (*remarks, *told), robot.count(f": {PLACEHOLDER}"))
+
+
+def _look(path: Path) -> tuple[dict[str, str], list[str]]:
+    """Return the joints that mimicry locks and what is passed over; what is no XML is told by the reader."""
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except (OSError, ElementTree.ParseError):
+        return {}, []
+    mimics = {
+        str(joint.get("name")): str(mimic.get("joint"))
+        for joint in root.findall("joint")
+        if (mimic := joint.find("mimic")) is not None
+    }
+    moving = {str(j.get("name")) for j in root.findall("joint") if j.get("type") != "fixed"}
+    meshes = sum(1 for _ in root.iter("mesh"))
+    fixed = sum(joint.get("type") == "fixed" for joint in root.findall("joint"))
+    remarks = [f"{meshes} meshes are not read: masses and inertias alone count"] if meshes else []
+    if fixed:
+        remarks.append(f"{fixed} fixed joints: what they carry is part of the body before")
+    locked = {j: why for j, why in locked_by_mimicry(mimics).items() if j in moving}
+    return locked, remarks
+
+
+def _refuse_points(bodies: Iterable[Body], file: str) -> None:
+    points = [body.joint for body in bodies if body.mass > 0 and not any(map(any, body.inertia))]
+    if points:
+        raise ConfigurationError(
+            f"{file}: what moves with joint '{points[0]}' has a mass and no inertia; give its link an <inertia> about "
+            "the centre of mass"
+        )
+
+
+def _texts(
+    file: str, name: str, model: RobotModel, bodies: tuple[Body, ...], locked: dict[str, str]
+) -> tuple[str, str, list[str]]:
+    """Return robot.yaml, plant.yaml, and what was decided about springs."""
+    lines = [
+        f"# Bodies, joints and limits: {file}. What is '{PLACEHOLDER}' the URDF cannot know: data sheets of motor,",
+        "# gear and drive do. Springs are proposals to begin with. `robid doctor robot.yaml` looks for what cannot be.",
+        "robid_robot: 1",
+        f"name: {key_text(name)}",
+        f"model: {key_text(file)}",
+    ]
+    if locked:
+        lines.append(
+            "lock:"
+            + " " * (_COLUMN - 5)
+            + "# joints that stay at a coordinate, rad or m; delete a line to move it"
+        )
+        lines += [_line(f"  {key_text(joint)}: 0", why) for joint, why in locked.items()]
+    lines.append("axes:")
+    springs: dict[str, float] = {}
+    bearings: list[str] = []
+    told = []
+    for body in bodies:
+        if body.elastic is not None:
+            told.append(f"joint '{body.joint}' is elastic in the URDF already, and stays so")
+            continue
+        limits = model.limits.get(body.joint, JointLimits())
+        gear = proposed_gear(bodies, body.joint, limits.effort)
+        lines += _axis(body, limits, gear)
+        if gear.frequency_hz <= HIGHEST_HZ:
+            springs[f"gear_stiffness.{body.joint}"] = gear.stiffness
+        else:
+            told.append(f"gear of '{body.joint}': rigid, it would swing at {gear.frequency_hz:.0f} Hz")
+        if body.type == "prismatic":
+            continue
+        across = proposed_bearing(bodies, body.joint, gear)
+        if across.frequency_hz > HIGHEST_HZ / 2:
+            continue
+        directions, left = bearing_directions(model.chain, bodies, body.joint)
+        told += [f"no bearing '{body.joint}_{why}".replace(": ", "': ", 1) for why in left]
+        for letter, direction in directions.items():
+            label = f"{body.joint}_{letter}"
+            spring = f"stiffness: {across.stiffness:.3g}, damping: {across.damping:.3g}"
+            entry = f"  {key_text(label)}: {{joint: {key_text(body.joint)}, axis: {direction}, {spring}}}"
+            bearings.append(f"{entry}  # proposed: {across.origin}, {across.frequency_hz:.0f} Hz")
+            springs[f"bearing_stiffness.{label}"] = across.stiffness
+    if bearings:
+        lines += [
+            "bearings:"
+            + " " * (_COLUMN - 9)
+            + "# elasticity across the axes; delete what the arm does not have",
+            *bearings,
+        ]
+    plant = [
+        "# The simulated machine: robot.yaml with springs a quarter softer, to see whether they are found.",
+        "robid_robot: 1",
+        f"name: {key_text(f'{name}_plant')}",
+        "base: robot.yaml",
+        "parameters:" if springs else "parameters: {}",
+        *(f"  {key_text(label)}: {_SAMPLE * stiffness:.3g}" for label, stiffness in springs.items()),
+    ]
+    return "\n".join(lines) + "\n", "\n".join(plant) + "\n", told
+
+
+def _axis(body: Body, limits: JointLimits, gear: ProposedSpring) -> list[str]:
+    slides = body.type == "prismatic"
+    angle, force = ("m", "N") if slides else ("rad", "N m")
+    lines = [f"  {key_text(body.joint)}:"]
+    if limits.position is None:
+        bound = "    position_limits: fill_in" if slides else "    position_limits: [-3.14, 3.14]"
+        lines.append(
+            _line(
+                bound,
+                f"[lower, upper], {angle}; none in the URDF" + ("" if slides else ": one turn proposed"),
+            )
+        )
+    else:
+        lower, upper = limits.position
+        lines.append(f"    # position_limits: those of the URDF, {lower:g} to {upper:g} {angle}")
+    lines += [
+        _line(
+            f"    gear_ratio: {PLACEHOLDER}",
+            f"motor turns (rad) per {angle} of the joint, negative where it reverses",
+        ),
+        _line(f"    rotor_inertia: {PLACEHOLDER}", "rotor, brake and gear input at the motor shaft, kg m^2"),
+        _line(f"    torque_constant: {PLACEHOLDER}", "N m/A; 1 where the drive tells torques"),
+    ]
+    for key, value, unit in (
+        ("torque_limit", limits.effort, force),
+        ("speed_limit", limits.speed, f"{angle}/s"),
+    ):
+        if value is None:
+            lines.append(
+                _line(
+                    f"    {key}: {PLACEHOLDER}",
+                    f"at the motor, {'N m' if unit == force else 'rad/s'}; none in the URDF",
+                )
+            )
+        else:
+            lines.append(f"    # {key}: that of the URDF through the gear, {value:g} {unit} at the joint")
+    if gear.frequency_hz <= HIGHEST_HZ:
+        spring = f"    gear: {{stiffness: {gear.stiffness:.3g}, damping: {gear.damping:.3g}}}"
+        lines.append(
+            _line(spring, f"proposed: {gear.origin}; {gear.frequency_hz:.0f} Hz with the stretched arm")
+        )
+    lines += [
+        _line(
+            "    friction: {coulomb: 0, viscous: 0}", "at the motor, N m and N m s/rad; fit.friction finds it"
+        ),
+        "    controller:",
+        _line(f"      speed_gain: {PLACEHOLDER}", "torque per speed error at the motor, N m s/rad"),
+        _line(
+            f"      integral_gain: {PLACEHOLDER}",
+            "torque per integrated speed error, N m/rad; with 0 angles drift",
+        ),
+    ]
+    return lines
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:{_COLUMN - 1}} # {comment}"

@@ -1,0 +1,228 @@
+"""Numbers of a robot that are hard to believe, or cannot be: degrees for radians, a ratio upside down, motors too weak.
+
+Each is told with its place, its size and what to do. Poses are drawn within the position limits, the same every time.
+What is only unusual is a remark; what no robot can have is impossible.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh
+
+from robid_core.arrays import FloatArray
+from robid_core.errors import ConfigurationError
+from robid_core.robot.file.coaxial import coaxial_springs
+from robid_core.robot.stability import refuse_unstable
+
+if TYPE_CHECKING:
+    from robid_core.robot.robot import Robot
+
+POSES = 64
+_TURNS = (2.0, 4.0)  # of a joint with limits: unusual, and none has them
+_INERTIA_RATIO = (0.02, 50.0)  # rotor through the gear over arm
+_NO_INERTIA = 1e-9
+_JOINT_SPEED = (0.1, 40.0)  # rad/s
+_RESONANCE_HZ = (1.0, 200.0)
+_LONGEST_M = 20.0
+_FRICTION_SHARE = 0.3  # of the torque limit
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something about a robot that is hard to believe."""
+
+    where: str
+    """Key of the robot file, dotted."""
+    what: str
+    """What is there, how large, and what to do."""
+    impossible: bool = False
+    """Whether no robot can be so."""
+
+
+def remarks_on(robot: Robot) -> Iterator[Remark]:
+    """Yield what is implausible: geometry, drives, springs on one line, gravity, inertias, resonances, controller."""
+    yield from _bodies(robot)
+    yield from _limits(robot)
+    yield from _gears(robot)
+    if missing := robot.left_out(("torque_limit", "speed_limit", "controller")):
+        yield Remark("axes", f"{missing}, before anything moves or is simulated")
+    for pair in coaxial_springs(robot.description):
+        yield Remark(pair.first, pair.sentence)
+    poses = drawn_poses(robot)
+    rest = robot.equilibrium(poses, partial=True)
+    stands = np.isfinite(rest.position).all(axis=1)
+    if not stands.any():
+        yield Remark(
+            "axes",
+            f"gravity bends the springs over in all of {POSES} poses drawn: {rest.refused[0]}; are stiffnesses in "
+            "N m/rad, masses in kg?",
+            impossible=True,
+        )
+        return
+    if not stands.all():
+        yield Remark(
+            "axes",
+            f"in {np.sum(~stands)} of {POSES} poses drawn the arm has no stable rest; raise stiffnesses",
+        )
+    yield from _gravity(robot, rest.torque[stands])
+    yield from _inertias(robot, poses[stands])
+    yield from _resonances(robot, poses[stands])
+    yield from _controller(robot, poses[stands][0])
+
+
+def drawn_poses(robot: Robot) -> FloatArray:
+    """Joint-side motor angles within the limits (a turn where there are none), shape (POSES, n_axis)."""
+    generator = np.random.default_rng(0)
+    lower, upper = (
+        np.where(np.isfinite(e), e, s * math.pi)
+        for e, s in ((robot.drives.lower, -1), (robot.drives.upper, 1))
+    )
+    drawn: FloatArray = lower + generator.random((POSES, robot.n_axis)) * (upper - lower)
+    return drawn
+
+
+def _turns(robot: Robot) -> list[bool]:
+    """Whether each axis turns."""
+    kinds = {body.joint: body.type == "revolute" for body in robot.description.bodies}
+    return [kinds[axis.joint or name] for name, axis in robot.description.axes.items()]
+
+
+def _bodies(robot: Robot) -> Iterator[Remark]:
+    for index, body in enumerate(robot.description.bodies):
+        place = f"bodies[{index}] ({body.joint})"
+        length = math.hypot(*body.translation)
+        if length > _LONGEST_M:
+            yield Remark(
+                f"{place}.translation", f"{length:.4g} m long; were millimetres written?", impossible=True
+            )
+        if body.mass == 0:
+            continue
+        moments = np.linalg.eigvalsh(np.array(body.inertia))
+        radius = math.sqrt(abs(moments[-1]) / body.mass)
+        if radius > _LONGEST_M:
+            yield Remark(
+                f"{place}.inertia",
+                f"{moments[-1]:.3g} kg m^2 at {body.mass:g} kg is a radius of gyration of {radius:.3g} m; kg mm^2?",
+                impossible=True,
+            )
+        elif moments[-1] == 0 and body.type == "revolute" and body.flexible is None:
+            yield Remark(
+                f"{place}.inertia",
+                f"{body.mass:g} kg in one point; give its inertia about the centre of mass",
+            )
+
+
+def _limits(robot: Robot) -> Iterator[Remark]:
+    for (name, axis), turns in zip(robot.description.axes.items(), _turns(robot), strict=True):
+        if axis.position_limits is None or not turns:
+            continue
+        largest = max(map(abs, axis.position_limits))
+        if largest > 2 * math.pi * _TURNS[0]:
+            yield Remark(
+                f"axes.{name}.position_limits",
+                f"{largest:g} rad are {largest / (2 * math.pi):.3g} turns; degrees? {largest:g} deg would be "
+                f"{math.radians(largest):.4g} rad",
+                impossible=largest > 2 * math.pi * _TURNS[1],
+            )
+
+
+def _gears(robot: Robot) -> Iterator[Remark]:
+    coupled = robot.description.coupling is not None
+    for (name, axis), turns in zip(robot.description.axes.items(), _turns(robot), strict=True):
+        ratio = abs(axis.gear_ratio)
+        if turns and ratio < 1 and not coupled:
+            yield Remark(
+                f"axes.{name}.gear_ratio",
+                f"{axis.gear_ratio:g}: the joint turns faster than its motor; motor turns per joint turn are wanted, "
+                f"{1 / axis.gear_ratio:.4g}?",
+            )
+        if turns and not coupled and axis.speed_limit is not None:
+            speed = axis.speed_limit / ratio
+            if not _JOINT_SPEED[0] <= speed <= _JOINT_SPEED[1]:
+                yield Remark(
+                    f"axes.{name}.speed_limit",
+                    f"{axis.speed_limit:g} rad/s are {speed:.3g} rad/s at the joint; is it at the motor, and in rad/s, "
+                    "not turns a minute?",
+                )
+        rubbing = axis.friction.coulomb / (axis.torque_limit or math.inf)
+        if rubbing > _FRICTION_SHARE:
+            yield Remark(
+                f"axes.{name}.friction.coulomb",
+                f"{axis.friction.coulomb:g} N m is {rubbing:.0%} of the torque limit {axis.torque_limit:g} N m; is it "
+                "at the motor?",
+                impossible=rubbing >= 1,
+            )
+
+
+def _gravity(robot: Robot, torque: FloatArray) -> Iterator[Remark]:
+    share = np.abs(torque) / robot.drives.torque_limit_or(np.full(robot.n_axis, np.inf))
+    for name, column, torques in zip(robot.axis_names, share.T, torque.T, strict=True):
+        worst = int(np.argmax(column))
+        if column[worst] <= 1:
+            continue
+        over = float(np.mean(column > 1))
+        yield Remark(
+            f"axes.{name}.torque_limit",
+            f"gravity asks for {abs(torques[worst]):.4g} N m of the motor, {column[worst]:.3g} times the limit, and "
+            f"for more than it in {over:.0%} of the poses; torque and ratio at the motor?",
+            impossible=over > 0.5,
+        )
+
+
+def _inertias(robot: Robot, poses: FloatArray) -> Iterator[Remark]:
+    from robid_core.mechanics import dynamics
+
+    gear = np.linalg.inv(robot.drives.gear)
+    reflected = np.diag(gear.T @ np.diag(robot.drives.rotor_inertia) @ gear)
+    position = np.zeros((len(poses), robot.chain.n_coordinate))
+    position[:, robot.mechanism.arm] = poses
+    mass = dynamics(robot.chain, position).mass[:, robot.mechanism.arm, robot.mechanism.arm]
+    for name, rotor, arm in zip(robot.axis_names, reflected, np.median(mass, axis=0), strict=True):
+        if arm < _NO_INERTIA:
+            continue  # told of its bodies
+        ratio = rotor / arm
+        if not _INERTIA_RATIO[0] <= ratio <= _INERTIA_RATIO[1]:
+            more = "less" if ratio < 1 else "more"
+            yield Remark(
+                f"axes.{name}.rotor_inertia",
+                f"through the gear the rotor is {rotor:.3g}, the arm at this axis {arm:.3g} (kg m^2, or kg): much "
+                f"{more}; rotor_inertia at the motor shaft in kg m^2 (1 kg cm^2 = 1e-4), and gear_ratio?",
+            )
+
+
+def _resonances(robot: Robot, poses: FloatArray) -> Iterator[Remark]:
+    behind = slice(robot.n_axis, None)
+    model = robot.second_order(poses)
+    if model.mass.shape[-1] == robot.n_axis:
+        yield Remark("axes", "nothing is elastic: no gear, no bearing; give gear: {stiffness, damping}")
+        return
+    lowest = np.array(
+        [
+            math.sqrt(max(float(eigh(k[behind, behind], m[behind, behind], eigvals_only=True)[0]), 0.0))
+            for k, m in zip(model.stiffness, model.mass, strict=True)
+        ]
+    ) / (2 * math.pi)
+    low, high = float(lowest.min()), float(lowest.max())
+    if high < _RESONANCE_HZ[0] or low > _RESONANCE_HZ[1]:
+        advice = (
+            "stiffness in N m/rad, not N m per minute of arc?"
+            if high < 1
+            else "too stiff to be seen by motors"
+        )
+        yield Remark(
+            "axes", f"the first resonance, motors held, lies at {low:.3g} to {high:.3g} Hz; {advice}"
+        )
+
+
+def _controller(robot: Robot, pose: FloatArray) -> Iterator[Remark]:
+    if robot.left_out(("controller",)):
+        return
+    try:
+        refuse_unstable(robot, pose, robot.step_s, "implicit_midpoint")
+    except ConfigurationError as error:
+        yield Remark("axes", str(error).removeprefix(f"{robot.name}: "), impossible=True)

@@ -1,0 +1,59 @@
+"""The schema of robot files takes every robot file here, says what each key means, and refuses mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+
+from robid_core.robot.file.schema import robot_schema
+
+ROOT = Path(__file__).parents[4]
+FILES = sorted([*ROOT.glob("robid_core/robots/*/*.yaml"), *ROOT.glob("examples/*/robot*.yaml")])
+SCHEMA = robot_schema()
+
+
+def read(path: Path) -> Any:
+    return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_every_robot_file_fits(path: Path) -> None:
+    jsonschema.validate(read(path), SCHEMA)
+
+
+def test_every_key_says_what_it_means() -> None:
+    jsonschema.Draft7Validator.check_schema(SCHEMA)
+    silent = [
+        f"{name}.{key}"
+        for name, part in SCHEMA["definitions"].items()
+        for key, entry in part.get("properties", {}).items()
+        if "description" not in entry
+    ]
+    assert silent == []
+    assert set(SCHEMA["definitions"]["WrittenRobot"]["properties"]) >= {
+        "model",
+        "lock",
+        "dh",
+        "bodies",
+        "axes",
+    }
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"model": "x.urdf"}, {"lok": {}}, {"axes": {}}, {"axes": {"axis_1": {"rotor_inertia": "fill_in"}}}],
+)
+def test_mistakes_do_not_fit(change: dict[str, Any]) -> None:
+    data = {**read(ROOT / "robid_core" / "robots" / "one_axis" / "robot.yaml"), **change}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(data, SCHEMA)
+
+
+def test_the_robot_file_of_the_readme_fits() -> None:
+    blocks = (ROOT / "README.md").read_text(encoding="utf-8").split("```yaml\n")
+    (text,) = [block.partition("```")[0] for block in blocks if "robid_robot" in block and "\nlock:" in block]
+    jsonschema.validate(YAML(typ="safe", pure=True).load(text), SCHEMA)

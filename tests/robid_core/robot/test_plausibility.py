@@ -1,0 +1,71 @@
+"""Implausible numbers are found where they stand, and packaged robots have none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from oracles.robots import changed
+
+from robid_core import Robot
+from robid_core.robot.plausibility import remarks_on
+
+SOFT = {"stiffness": 30.0, "damping": 1.0}
+ARMS = ("one_axis", "six_axis", "universal_arm", "seven_axis", "scara")
+
+
+@pytest.mark.parametrize("name", [*ARMS, *(f"{name}_true" for name in ARMS)])
+def test_packaged_robots_are_plausible(name: str) -> None:
+    assert list(remarks_on(Robot.load(name))) == []
+
+
+def test_a_bearing_on_the_line_of_the_next_gear_is_remarked() -> None:
+    """The bearings of data sheets stand on both directions across: six_axis_flex has one on the last axis' line."""
+    (remark,) = remarks_on(Robot.load("six_axis_flex"))
+    assert (remark.where, remark.impossible) == ("bearing_stiffness.axis_5_x", False)
+
+
+@pytest.mark.parametrize(
+    ("axis", "place", "told", "impossible"),
+    [
+        ({"position_limits": [-170.0, 170.0]}, "position_limits", "170 rad are 27.1 turns; degrees.*2.967 rad", True),
+        ({"position_limits": [-15.0, 15.0]}, "position_limits", "2.39 turns", False),
+        ({"gear_ratio": 0.01}, "gear_ratio", "motor turns per joint turn are wanted, 100", False),
+        ({"rotor_inertia": 12.0}, "rotor_inertia", r"rotor is 1.2e\+05, the arm .* 13.6.* much more", False),
+        ({"rotor_inertia": 1e-7}, "rotor_inertia", "much less", False),
+        ({"torque_limit": 1.0}, "torque_limit", r"gravity asks for 1.97\d N m of the motor, 1.97 times", True),
+        ({"torque_limit": 1.9, "friction": {}}, "torque_limit", r"for more than it in \d\d% of the poses", False),
+        ({"torque_limit": 0.4}, "friction.coulomb", "0.5 N m is 125% of the torque limit 0.4 N m", True),
+        ({"speed_limit": 6000.0}, "speed_limit", "6000 rad/s are 60 rad/s at the joint", False),
+        ({"gear": SOFT, "position_limits": [-0.5, 0.5]}, "axes", "gravity bends the springs over", True),
+        ({"gear": {"stiffness": 8e8, "damping": 60.0}}, "axes", "lies at 1.22e.03 to .* too stiff", False),
+        ({"gear": None}, "axes", "nothing is elastic", False),
+        ({"controller": {"speed_gain": 50.0}}, "axes", "axis_1: the controller is unstable", True),
+        ({"controller": None, "speed_limit": None}, "axes", "lacks speed_limit of axis_1 .* and controller of", False),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_and_what_is_unusual_is_told_with_its_size(
+    axis: dict[str, Any], place: str, told: str, impossible: bool
+) -> None:
+    """The pendulum has 40 kg at 0.5 m: 197 N m, 1.97 at the motor; 13.6 kg m^2 about the axis."""
+    robot = changed(Robot.load("one_axis"), every_axis=axis)
+    found = [r for r in remarks_on(robot) if r.where in (place, f"axes.axis_1.{place}")]
+    assert found, list(remarks_on(robot))
+    assert any(r.impossible == impossible and _matches(told, r.what) for r in found), found
+
+
+def test_millimetres_and_points_are_told() -> None:
+    robot = Robot.load("one_axis")
+    body = robot.description.bodies[0].model_dump(mode="json")
+    long = changed(robot, bodies=[{**body, "translation": (0.0, 0.0, 300.0)}])
+    assert [r.where for r in remarks_on(long) if r.impossible] == ["bodies[0] (axis_1).translation"]
+    heavy = changed(robot, bodies=[{**body, "inertia": [[3e5, 0, 0], [0, 3e5, 0], [0, 0, 3e5]]}])
+    assert any("86.6 m; kg mm^2?" in r.what and r.impossible for r in remarks_on(heavy))
+    point = changed(robot, bodies=[{**body, "inertia": [[0.0] * 3] * 3}])
+    assert any("40 kg in one point" in r.what and not r.impossible for r in remarks_on(point))
+
+
+def _matches(pattern: str, text: str) -> bool:
+    import re
+
+    return re.search(pattern, text) is not None
