@@ -33,8 +33,8 @@ def command(
 ) -> None:
     """Make a new project: a pipeline of a simulated robot that runs as it is, and a README that says what to change.
 
-    With a URDF the project holds a robot.yaml in which whatever a URDF cannot know waits to be filled in. With --plugin:
-    a package with a plugin that runs as it is, and the test of its kind. Nothing is overwritten.
+    With a URDF the project holds a robot.yaml in which whatever a URDF cannot know waits to be filled in. With
+    --plugin: a package with a plugin that runs as it is, and the test of its kind. Nothing is overwritten.
     """
     from robid_core.commands.init_plugin import plugin_files
     from robid_core.errors import ConfigurationError, StoreError
