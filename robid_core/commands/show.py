@@ -41,7 +41,7 @@ def command(
     else:  # `robid show fit`
         wanted, stage = DEFAULT_PIPELINE, str(where)
     if wanted.suffix in (".h5", ".html") and stage is None:
-        typer.echo("\n".join(artifact_lines(_read(wanted), wanted)))
+        typer.echo("\n".join([*artifact_lines(_read(wanted), wanted), verification_line(wanted)]))
         return
     folder = RunFolder.find(wanted)
     manifest = manifest_of(folder)
@@ -56,6 +56,26 @@ def command(
     path = folder.path / record.file
     refuse_damaged(path, record.sha256)
     typer.echo("\n".join(artifact_lines(_read(path), path)))
+
+
+def verification_line(path: Path) -> str:
+    """Say whether a file is what was written; StoreError where it is not."""
+    from robid_core.artifacts import seal
+    from robid_core.run.manifest import DamagedManifest
+    from robid_core.run.verification import known_hash
+
+    try:
+        sha256 = known_hash(path)
+    except DamagedManifest as error:
+        sha256, why = "", error.damage
+    else:
+        why = "no manifest beside it knows this file"
+    if sha256:
+        refuse_damaged(path, sha256)
+        return "  verified: these are the bytes that the run made"
+    if path.suffix == ".h5" and seal.is_intact(path):
+        return "  verified: these are the bytes that were written"
+    return f"  not verified: {why}, and it has no seal"
 
 
 def refuse_damaged(path: Path, sha256: str) -> None:
@@ -87,6 +107,7 @@ def _read(path: Path) -> Artifact:
 def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     """Return what a run made: one line per stage; and why its fits should be doubted."""
     from robid_core.commands.fit_screen import doubt_lines
+    from robid_core.run.verification import changed_files
 
     lines = [
         f"{manifest.name}: {manifest.status}, {manifest.finished or manifest.started}, seed {manifest.seed}, "
@@ -110,6 +131,9 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     ]
     if doubts:
         lines += ["", *doubt_lines(doubts)]
+    changed = changed_files(folder, manifest)
+    if changed:
+        lines += ["", *changed]
     return [*lines, "", f"in {folder.path}; one of them: robid show {folder.path} STAGE"]
 
 

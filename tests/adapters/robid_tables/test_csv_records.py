@@ -191,7 +191,7 @@ def test_dates_are_words_and_told(tmp_path: Path) -> None:
 
 def test_a_last_line_without_end_is_told(tmp_path: Path) -> None:
     lines = CsvRecords.describe(written(tmp_path, "q,tau\n1,2.5\n3,4.2"))
-    assert any(line.startswith("line 3 has no end") for line in lines)
+    assert any(line.startswith("A01: line 3 has no end") for line in lines)
 
 
 def test_a_big_table_with_decimal_commas_takes_the_fast_way(
