@@ -104,7 +104,7 @@ def _check_summary(content: bytes, problems: list[str]) -> None:
         return
     footer = Footer.read(_stream(content[9 - FOOTER_BYTES : -len(MAGIC)]))
     if footer.summary_crc and footer.summary_crc != zlib.crc32(content[: -len(MAGIC) - 4]):
-        problems.append("A02: the checksum over the summary behind the data does not fit")
+        problems.append("A02: the checksum over the summary does not fit; nothing is taken from it")
 
 
 def _chunk(content: bytes, number: int, problems: list[str]) -> Iterator[McapRecord]:

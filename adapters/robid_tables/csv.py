@@ -63,8 +63,8 @@ def read_table(path: Path) -> Table:
     remarks = layout.remarks
     if not text.endswith("\n"):
         remarks += (
-            f"{CUT}: line {layout.body[-1][0]} has no end: if the recording was cut, its last number was too; remove the "
-            "line, or end it where it is whole",
+            f"{CUT}: line {layout.body[-1][0]} has no end: if the recording was cut, its last number was too; remove "
+            "the line, or end it where it is whole",
         )
     if not layout.header and layout.separator == ",":
         _refuse_two_meanings(path, layout.body)

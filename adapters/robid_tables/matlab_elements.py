@@ -1,8 +1,8 @@
 """The variables of a MATLAB file (v5 to v7) as pieces of bytes, checked before a library parses them.
 
-Behind a header of 128 bytes stand elements: a type, a length, content. A packed one ends with the checksum (Adler-32) of
-its content, which scipy does not look at, and its content begins with its own type and length. Layout: "MAT-File Format",
-The MathWorks.
+Behind a header of 128 bytes stand elements: a type, a length, content. A packed one ends with the checksum (Adler-32)
+of its content, which scipy looks at only where it happens to read that far, and its content begins with its own type
+and length. Layout: "MAT-File Format", The MathWorks.
 """
 
 from __future__ import annotations

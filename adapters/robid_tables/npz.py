@@ -85,7 +85,8 @@ def _array(path: Path, name: str, content: bytes) -> np.ndarray[Any, Any]:
     shape, in_columns, dtype = _HEADERS[version](stream)
     if dtype.hasobject:
         raise DataRejected(
-            f"{path}, member {name}: holds Python objects, which are never opened; save plain arrays, not Python objects"
+            f"{path}, member {name}: holds Python objects, which are never opened; save plain arrays, "
+            "not Python objects"
         )
     wanted, there = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
     if wanted != there or min(shape, default=0) < 0:

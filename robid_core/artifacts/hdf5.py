@@ -99,8 +99,8 @@ def read_unsealed(path: Path) -> Artifact:
             version = int(file.attrs.get("robid_version", 0)) if "robid_artifact" in file.attrs else 1
             if version == FORMAT_VERSION:
                 raise StoreError(
-                    f"{path}: damaged: its seal is missing, the end is cut or changed; bring it back from a copy, or make "
-                    "it again with robid run"
+                    f"{path}: damaged: its seal is missing, the end is cut or changed; bring it back from a copy, or "
+                    "make it again with robid run"
                 )
             return _read_file(file, path)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:

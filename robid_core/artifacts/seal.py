@@ -1,7 +1,7 @@
 """The seal of an artifact's file: 80 bytes behind its HDF5 that say what all before them hashes to.
 
-HDF5 knows where it ends and does not look behind that; MATLAB, Julia and h5py open a sealed file as any other. A file that
-is hashed before HDF5 sees it can neither crash nor mislead it.
+HDF5 knows where it ends and does not look behind that; MATLAB, Julia and h5py open a sealed file as any other. A file
+that is hashed before HDF5 sees it can neither crash nor mislead it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def is_intact(path: Path) -> bool:
         raise StoreError(f"{path}: cannot be read: {error.strerror or error}") from error
     if found != MARK + digest.hexdigest().encode():
         raise StoreError(
-            f"{path}: damaged: its bytes are not those that were sealed when it was written; bring it back from a copy, or "
-            "make it again with robid run"
+            f"{path}: damaged: its bytes are not those that were sealed; bring it back from a copy, "
+            "or make it again with robid run"
         )
     return True

@@ -1,8 +1,8 @@
 """What the reading of a file may take, by its size.
 
 Memory counts beyond what libraries have mapped before. Text becomes about thirty times its size while it is parsed, a
-packed file of real samples some tens of times: the factor is for them, what is above it is damaged or a bomb (A04). Time
-is that of the processor, so that other work on the machine makes no file suspect; slow text takes half a second a
+packed file of real samples some tens of times: the factor is for them, what is above it is damaged or a bomb (A04).
+Time is that of the processor, so that other work on the machine makes no file suspect; slow text takes half a second a
 megabyte. A reader that waits instead of working is ended by the clock.
 """
 

@@ -142,8 +142,9 @@ def read_apart(path: Path, target: str, method: str, what: str, limits: Limits |
         As the function raises it.
     """
     limits = limits or limits_of(path)
+    request = Request(target, method, path, str(Path.cwd()), tuple(sys.path), limits)
     with _lock:
-        answer = _worker().ask(Request(target, method, path, str(Path.cwd()), limits))
+        answer = _worker().ask(request)
     if not isinstance(answer, Answer):
         raise DataRejected(f"{path}: {_death(answer, what, limits)}; {REMEDY}")
     for name, level, message in answer.told or ():

@@ -1,18 +1,20 @@
 """The process that reads: takes requests from its standard input, one after the other, and answers on its output.
 
 It limits itself before a library sees the file. Timers end it by their signals' default action, which needs no Python:
-a library that loops in C ends all the same, also where the parent has gone. What libraries print goes nowhere; what they
-log goes back with the answer. It ends when nobody can ask any more.
+a library that loops in C ends all the same, also where the parent has gone. What libraries print goes nowhere; what
+they log goes back with the answer. It ends when nobody can ask any more.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import importlib
 import logging
 import os
 import resource
 import signal
+import sys
 import traceback
 import warnings
 from collections.abc import Iterator
@@ -30,12 +32,16 @@ Told = list[tuple[str, int, str]]  # logger, level, message
 
 @dataclass(frozen=True)
 class Request:
-    """Which function of which object reads which file: `target` as in an entry point, `method` empty for itself."""
+    """Which function of which object reads which file: `target` as in an entry point, `method` empty for itself.
+
+    `folder` is where relative paths begin, `search` where Python looks for modules.
+    """
 
     target: str
     method: str
     path: Path
     folder: str
+    search: tuple[str, ...]
     limits: Limits
 
 
@@ -89,6 +95,8 @@ def answered(request: Request) -> Answer:
     root.addHandler(collector)
     try:
         os.chdir(request.folder)
+        sys.path[:] = request.search
+        importlib.invalidate_caches()
         reader = EntryPoint("reader", request.target, "robid").load()
         function = getattr(reader, request.method) if request.method else reader
         with limited(request.limits):

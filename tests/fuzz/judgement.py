@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 from fuzz.samples import SAMPLES
 
-from robid_core import FloatArray
+from robid_core import FloatArray, Record
 from robid_core.commands.recordings.acquisition import stage_lines
 from robid_core.commands.recordings.inspection import inspect
 from robid_core.commands.recordings.screen import recording_lines
+from robid_core.commands.records import recovered
 from robid_core.errors import RobidError
 from robid_core.foreign import guarded_reader
 
@@ -55,6 +56,21 @@ def same(one: Columns, other: Columns) -> bool:
     )
 
 
+def recovery_is_right(path: Path) -> bool:
+    """Tell whether `robid records recover` writes samples that were measured, and marks the others."""
+    output = path.with_suffix(".recovered.h5")
+    output.unlink(missing_ok=True)
+    recovered(path, guarded_reader("mcap"), output)
+    found, truth = (
+        Record.read(output),
+        guarded_reader("mcap").read_record(path.with_name("sound" + path.suffix)),
+    )
+    return all(
+        np.array_equal(channel.values[found.run.valid], truth.run.values(name)[found.run.valid])
+        for name, channel in found.run.channels.items()
+    )
+
+
 def judge(path: Path, name: str, truth: Columns, words: str, tally: Tally) -> None:
     """Read a damaged file as `robid records` does, and enter what came of it."""
     _, reader, _, checked = SAMPLES[name]
@@ -70,7 +86,9 @@ def judge(path: Path, name: str, truth: Columns, words: str, tally: Tally) -> No
         if checked:
             told = any("A0" in line for line in (*one.lines, *listening.told))
             outcome = "told" if told else "read"
-            if not told and not same(guarded_reader(reader).read(path), truth):
+            if one.is_record and not recovery_is_right(path):
+                outcome = "silent"
+            elif not told and not same(guarded_reader(reader).read(path), truth):
                 told = any("A0" in line for line in listening.told)
                 outcome = "told" if told else "silent"
     except RobidError as error:

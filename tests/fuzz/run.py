@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 if __name__ == "__main__":
@@ -21,7 +22,7 @@ from fuzz.samples import SAMPLES
 from robid_core.foreign import guarded_reader
 
 
-def fuzz(name: str, numbers: range, folder: Path) -> Tally:
+def fuzz(name: str, numbers: Iterable[int], folder: Path) -> Tally:
     """Return what came of damaged files of one format, by the numbers of their damage."""
     suffix, reader, write, _ = SAMPLES[name]
     sound = folder / f"sound{suffix}"
