@@ -144,7 +144,14 @@ def read_apart(path: Path, target: str, method: str, what: str, limits: Limits |
     limits = limits or limits_of(path)
     request = Request(target, method, path, str(Path.cwd()), tuple(sys.path), limits)
     with _lock:
-        answer = _worker().ask(request)
+        try:
+            worker = _worker()
+        except OSError as error:
+            raise StoreError(
+                f"{path}: the process that reads files of others cannot be started ({error.strerror or error}); "
+                "close some programs or raise the limits (ulimit), and run again"
+            ) from error
+        answer = worker.ask(request)
     if not isinstance(answer, Answer):
         raise DataRejected(f"{path}: {_death(answer, what, limits)}; {REMEDY}")
     for name, level, message in answer.told or ():

@@ -129,7 +129,10 @@ def limited(limits: Limits) -> Iterator[None]:
     status = Path("/proc/self/statm")
     if status.exists():
         taken = int(status.read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (taken + limits.memory_bytes, hard))
+        most = taken + limits.memory_bytes
+        if hard != resource.RLIM_INFINITY:  # a stage under --memory: less may be allowed already
+            most = min(most, hard)
+        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
     signal.setitimer(signal.ITIMER_PROF, limits.processor_s)
     signal.setitimer(signal.ITIMER_REAL, limits.clock_s)
     try:

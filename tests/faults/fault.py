@@ -10,14 +10,14 @@
     def test_a_changed_byte_in_the_data_is_noticed(tmp_path: Path) -> None: ...
 
 The id is one of the list of faults: B bus, D drives and motion, A acquisition and data, N numerics, R run, store
-and plugins, Y YAML, report and paths. A mutant is a line of a file that stands there once, and the line that breaks it; a
-test that has several promises may carry several faults. `sees` is what a person reads or finds, `without` (in place of a
-mutant) says why no single line could be broken.
+and plugins, Y YAML, report and paths. A mutant is a line of a file that stands there once, and the line that breaks
+it; a test that has several promises may carry several faults. `sees` is what a person reads or finds, `without` (in
+place of a mutant) says why no single line could be broken.
 
-`docs/faults.md` is made from all this by `python tests/faults/table.py`, and a test holds it to that. Everything is read
-from the source of the tests, so arguments are texts, or names that the module gives to texts. A plain run looks whether
-each mutant's line still stands, and tries one; `pytest -m full tests/faults` breaks every one in a copy of the sources
-and runs its test, which must fail.
+`docs/faults.md` is made from all this by `python tests/faults/table.py`, and a test holds it to that. Everything is
+read from the source of the tests, so arguments are texts, or names that the module gives to texts. A plain run looks
+whether each mutant's line still stands, and tries one; `pytest -m full tests/faults` breaks every one in a copy of the
+sources and runs its test, which must fail.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import subprocess
@@ -17,6 +18,7 @@ from fuzz.samples import SAMPLES
 
 from robid_core import guarded_reader
 from robid_core.errors import DataRejected, StoreError
+from robid_core.foreign import process
 from robid_core.foreign.limits import LEAST_BYTES, Limits, limits_of
 from robid_core.foreign.process import read_apart
 
@@ -132,7 +134,7 @@ def test_a_library_that_waits_is_ended_by_the_clock(strange: Path) -> None:
     sees="exit 5: reading the file would need more than so many MB; nothing else on the machine notices",
     mutant=(
         "robid_core/foreign/worker.py",
-        "        resource.setrlimit(resource.RLIMIT_AS, (taken + limits.memory_bytes, hard))",
+        "        resource.setrlimit(resource.RLIMIT_AS, (most, hard))",
         "        pass",
     ),
 )
@@ -230,6 +232,44 @@ def test_a_matlab_file_that_crashes_scipy_is_refused(tmp_path: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(DataRejected, match=r"crash\.mat: the library that reads it as mat crashed"):
         guarded_reader("mat").read(path)
+
+
+def test_a_process_that_is_limited_itself_reads_within_its_limit(strange: Path) -> None:
+    script = (
+        "import resource, sys; from pathlib import Path; from robid_core.foreign.process import read_apart; "
+        "resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)); "
+        "print(read_apart(Path(sys.argv[1]), 'strange_readers:good', '', 'x')['q'].tolist())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(strange)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.stdout == "[0.0, 1.0, 2.0]\n", done.stderr
+
+
+@fault(
+    "R04",
+    sees="exit 7: the process that reads files cannot be started, why, and what to do",
+    mutant=(
+        "robid_core/foreign/process.py",
+        "        except OSError as error:",
+        "        except KeyError as error:",
+    ),
+)
+def test_a_process_that_cannot_be_started_is_told(strange: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    process._end_kept()
+    with monkeypatch.context() as patched:
+        patched.setattr(subprocess, "Popen", refuse)
+        with pytest.raises(StoreError, match=r"a\.dat: .*cannot be started \(Too many open files\)"):
+            read(strange, "good")
+    assert_still_reads(strange)
 
 
 def test_limits_grow_with_the_file(tmp_path: Path) -> None:
