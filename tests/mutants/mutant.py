@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ("robid_core", "plugins", "adapters", "tests")
-LONGEST_S = 180
+LONGEST_S = 180  # of one test; kernels are compiled in the copy by then
 
 
 class Mutant(NamedTuple):
@@ -38,12 +38,12 @@ def copy_sources(folder: Path) -> Path:
 
 
 def pytest_in(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
-    """Run tests on copied sources, a test at a time, until one fails."""
+    """Run tests on copied sources, a test at a time, until one fails; TimeoutExpired where one hangs."""
     paths = [str(copy / name) for name in (".", "plugins", "adapters")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "pytest", "-x", "-n0", "-p", "no:cacheprovider", *tests]
     return subprocess.run(
-        command, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=LONGEST_S
+        command, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=LONGEST_S * max(len(tests), 1)
     )
 
 

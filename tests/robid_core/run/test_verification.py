@@ -15,7 +15,6 @@ from fuzz.damage import damaged
 
 from robid_core.commands.show import manifest_of, run_lines, verification_line
 from robid_core.errors import StoreError
-from robid_core.pipeline import Pipeline
 from robid_core.run import Manifest, RunOptions, Silence, preview_run
 from robid_core.run.folder import RunFolder
 from robid_core.run.manifest import with_hash
@@ -74,7 +73,7 @@ def test_a_damaged_manifest_is_set_aside_and_in_nobodys_way(world: Any, content:
     world.ran()
     path = world.folder / "manifest.json"
     path.write_bytes(content)
-    pipeline = Pipeline.load(world.file)
+    pipeline = world.pipeline()
     assert all(one.entry is not None for one in preview_run(pipeline, RunOptions()))
     with pytest.raises(StoreError, match="nothing to hold this run to; run without --locked"):
         preview_run(pipeline, RunOptions(locked=True))
