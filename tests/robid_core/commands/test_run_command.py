@@ -16,6 +16,7 @@ import pytest
 
 from robid_core import Fit, MisfitTable, ParameterTable
 from robid_core.commands.app import command_line
+from robid_core.registry import registry
 from robid_core.run.manifest import with_hash
 
 NAME = "robid_strange_world"
@@ -49,6 +50,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.chdir(world.project)
     yield world
     sys.modules.pop(module.PACKAGE, None)
+    registry.cache_clear()  # the stranger's package is gone
 
 
 @pytest.fixture
