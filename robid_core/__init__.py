@@ -30,6 +30,7 @@ _HOME = {
     "robid_core.pipeline": ("Pipeline",),
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.parameters.tangents": ("mechanism_change",),
+    "robid_core.foreign": ("guarded_reader",),
     "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
@@ -139,6 +140,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         StopNotConfirmed as StopNotConfirmed,
         StoreError as StoreError,
     )
+    from robid_core.foreign import guarded_reader as guarded_reader
     from robid_core.gate import (
         Clearance as Clearance,
         MotionLimits as MotionLimits,

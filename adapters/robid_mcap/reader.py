@@ -18,12 +18,13 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema
 
 from robid_core import DataRejected
 
 MAGIC = b"\x89MCAP0\r\n"
 MOST_BYTES = 64 * 2**20  # of one record, packed or unpacked
+FOOTER_BYTES = 9 + 8 + 8 + 4 + len(MAGIC)  # opcode, length, two offsets, checksum, and the mark at the end
 _PLAIN: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.METADATA: Metadata}
 _DAMAGE = (McapError, ValueError, OverflowError, MemoryError, KeyError, zstandard.ZstdError, RuntimeError)
 
@@ -54,6 +55,8 @@ def scan(path: Path, problems: list[str]) -> Iterator[McapRecord]:
                 elif opcode == Opcode.DATA_END:
                     complete = True
                     _check_data(DataEnd.read(_stream(content)), crc, problems)
+                    _check_summary(file.read(MOST_BYTES), problems)
+                    break  # what follows only repeats
                 else:
                     yield from _record(opcode, content)
             except _DAMAGE as error:
@@ -92,6 +95,16 @@ def _check_data(end: DataEnd, crc: int, problems: list[str]) -> None:
         problems.append(
             "A02: the checksum over the data does not fit: something outside the chunks is damaged"
         )
+
+
+def _check_summary(content: bytes, problems: list[str]) -> None:
+    """Look at the summary and the footer behind it; nothing is taken from them, and damage to them is told."""
+    if content[-len(MAGIC) :] != MAGIC or len(content) < FOOTER_BYTES:
+        problems.append("A01: the file is cut, or damaged, behind its data")
+        return
+    footer = Footer.read(_stream(content[9 - FOOTER_BYTES : -len(MAGIC)]))
+    if footer.summary_crc and footer.summary_crc != zlib.crc32(content[: -len(MAGIC) - 4]):
+        problems.append("A02: the checksum over the summary does not fit; nothing is taken from it")
 
 
 def _chunk(content: bytes, number: int, problems: list[str]) -> Iterator[McapRecord]:

@@ -6,6 +6,7 @@ rest marked as not measured. `read` gives every plain number of every channel, o
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 from collections.abc import Callable, Iterator
@@ -127,14 +128,21 @@ def _tell(path: Path, problems: list[str]) -> None:
 
 
 def _plan(path: Path, metadata: dict[str, str]) -> RecordPlan:
+    """Return the plan of a log; DataRejected where it is not the one that was written (older logs have no hash)."""
     try:
-        content = json.loads(metadata["json"])
+        text = metadata["json"]
+        if metadata.get("sha256", digest := hashlib.sha256(text.encode()).hexdigest()) != digest:
+            raise ValueError("it does not fit its hash")
+        content = json.loads(text)
         content["axis_names"] = tuple(content["axis_names"])
         content["angle"] = np.array(content["angle"], dtype=float).reshape(-1, len(content["axis_names"]))
         content["line"] = np.array(content["line"], dtype=np.int64)
         return RecordPlan(**content)
     except (KeyError, TypeError, ValueError) as error:
-        raise DataRejected(f"A02: {path}: the plan of the record cannot be understood ({error})") from error
+        raise DataRejected(
+            f"A02: {path}: the plan of the record is damaged ({error}): what was measured cannot be put in its place; "
+            "bring the file back from a copy"
+        ) from error
 
 
 class Slices:

@@ -7,6 +7,7 @@ the drives, so that the same motion gives the same bytes.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator
@@ -120,8 +121,11 @@ class McapLog:
         self._axis_names, self._sample_time_s = plan.axis_names, plan.sample_time_s
         content = {key: value for key, value in vars(plan).items() if key not in ("angle", "line")}
         content |= {"angle": plan.angle.tolist(), "line": plan.line.tolist()}
+        text = json.dumps(content, sort_keys=True)
         with self._refusing():
-            self._writer.add_metadata(PLAN, {"json": json.dumps(content, sort_keys=True)})
+            self._writer.add_metadata(
+                PLAN, {"json": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+            )
 
     def event(self, time_s: float, text: str) -> None:
         """Keep what happened."""

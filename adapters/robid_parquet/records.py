@@ -27,7 +27,7 @@ def read_columns(path: Path) -> tuple[dict[str, FloatArray], list[str]]:
         If the file is no Parquet file, is damaged, or holds no numbers.
     """
     try:
-        table = pyarrow.parquet.ParquetFile(path).read()
+        table = pyarrow.parquet.ParquetFile(path, page_checksum_verification=True).read()
         while any(pyarrow.types.is_struct(kind) for kind in table.schema.types):
             table = table.flatten()
     except (pyarrow.ArrowException, OSError) as error:

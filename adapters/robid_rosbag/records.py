@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mcap.stream_reader import CRCValidationError, StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -29,6 +30,7 @@ def read_topics(path: Path) -> tuple[list[Topic], list[str]]:
     """
     topics: dict[str, Topic] = {}
     failed: dict[str, str] = {}
+    _check_chunks(path)
     try:
         with _opened(path) as reader:
             for connection, time_ns, content in reader.messages():
@@ -48,6 +50,25 @@ def read_topics(path: Path) -> tuple[list[Topic], list[str]]:
             f"{path}: cannot be read as a bag of ROS ({type(error).__name__}: {error})"
         ) from error
     return list(topics.values()), [f"{name}: {why}, left out" for name, why in failed.items()]
+
+
+def _check_chunks(path: Path) -> None:
+    """Read the MCAP files of a bag to the end with their checksums, which rosbags does not look at.
+
+    Raises DataRejected where one is cut, or a checksum does not fit.
+    """
+    files = path.parent.glob("*.mcap") if path.name == METADATA else [path] if path.suffix == ".mcap" else []
+    for file in files:
+        try:
+            with file.open("rb") as stream:
+                for _ in StreamReader(stream, validate_crcs=True).records:
+                    pass
+        except CRCValidationError as error:
+            raise DataRejected(f"A02: {file}: a checksum does not fit; copy the bag again") from error
+        except Exception as error:  # mcap raises whatever its decoders meet
+            raise DataRejected(
+                f"A01: {file}: damaged, or cut ({type(error).__name__}); copy the bag again, or run ros2 bag reindex"
+            ) from error
 
 
 def _opened(path: Path) -> AnyReader:

@@ -9,6 +9,7 @@ ways. An empty cell is NaN.
 from __future__ import annotations
 
 import itertools
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,6 +31,8 @@ from robid_tables.notation import (
     number,
 )
 
+_log = logging.getLogger("robid.csv")
+CUT = "A01"  # begins what is told of a cut file
 _INTEGER = re.compile("[+-]?[0-9]+")
 _FRACTION = re.compile("[0-9]+(?:e[+-]?[0-9]+)?", re.IGNORECASE)
 
@@ -60,7 +63,8 @@ def read_table(path: Path) -> Table:
     remarks = layout.remarks
     if not text.endswith("\n"):
         remarks += (
-            f"line {layout.body[-1][0]} has no end: if the recording was cut, its last number was too",
+            f"{CUT}: line {layout.body[-1][0]} has no end: if the recording was cut, its last number was too; remove "
+            "the line, or end it where it is whole",
         )
     if not layout.header and layout.separator == ",":
         _refuse_two_meanings(path, layout.body)
@@ -216,8 +220,12 @@ class CsvRecords:
 
     @staticmethod
     def read(path: Path) -> dict[str, FloatArray]:
-        """Return the columns by name, each (n_row,)."""
-        return read_table(path).columns
+        """Return the columns by name, each (n_row,); a last line that may be cut is logged."""
+        table = read_table(path)
+        for remark in table.remarks:
+            if remark.startswith(CUT):
+                _log.warning("%s: %s", path, remark)
+        return table.columns
 
     @staticmethod
     def units(path: Path) -> dict[str, str]:

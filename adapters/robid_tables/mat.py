@@ -12,6 +12,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque, mat_stru
 from scipy.sparse import issparse
 
 from robid_core import DataRejected, FloatArray
+from robid_tables.matlab_elements import check_elements
 from robid_tables.matlab_hdf5 import read_hdf5_variables
 from robid_tables.matlab_values import LeftOut, flattened
 
@@ -41,6 +42,7 @@ def read_variables(path: Path) -> dict[str, FloatArray | LeftOut]:
 
 
 def _older_variables(path: Path) -> dict[str, Any]:
+    check_elements(path)
     with warnings.catch_warnings():
         # about names that occur twice in objects that are left out anyway
         warnings.simplefilter("ignore")

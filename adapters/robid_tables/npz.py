@@ -1,14 +1,25 @@
-"""NumPy archives (.npz) as named arrays; nothing pickled is ever opened."""
+"""NumPy archives (.npz) as named arrays; nothing pickled is ever opened.
+
+The checksum of a member stands at its end: a member is read whole before anything in it is believed, and an array must
+fill it to the last byte.
+"""
 
 from __future__ import annotations
 
+import io
+import math
 import zipfile
-import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from robid_core import DataRejected, FloatArray
+from robid_core import DataRejected, FloatArray, StoreError
+
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_SUFFIX = ".npy"
+_LONGEST_END = 22 + 2**16  # with a comment
+_SAID_ELSEWHERE = 2**16 - 1  # in the record for long archives
 
 
 def read_arrays(path: Path) -> dict[str, FloatArray]:
@@ -17,25 +28,74 @@ def read_arrays(path: Path) -> dict[str, FloatArray]:
     Raises
     ------
     DataRejected
-        If the file is no archive, is damaged, or holds Python objects (which could run code when opened).
+        If the file is no archive, is damaged, or holds Python objects (which could run code when opened); the message
+        has the member.
+    StoreError
+        If it cannot be read.
     """
     arrays: dict[str, FloatArray] = {}
+    name = ""
     try:
         with zipfile.ZipFile(path) as archive:
-            names = [name for name in archive.namelist() if name.endswith(".npy")]
-            for name in names:
-                with archive.open(name) as member:
-                    values = np.lib.format.read_array(member, allow_pickle=False)
-                if values.dtype.kind in "fiub":
-                    arrays[name.removesuffix(".npy")] = values.astype(np.float64)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise DataRejected(f"{path}: no intact NumPy archive ({error})") from error
-    except ValueError as error:
-        hint = "; save plain arrays, not Python objects" if "pickle" in str(error).lower() else ""
-        raise DataRejected(f"{path}: {name} cannot be read ({error}){hint}") from error
+            _check_count(path, len(archive.infolist()))
+            for member in archive.infolist():
+                name = member.filename
+                content = archive.read(member)  # to the end, where zipfile compares the checksum
+                if name.endswith(_SUFFIX):
+                    values = _array(path, name, content)
+                    if values.dtype.kind in "fiub":
+                        arrays[name.removesuffix(_SUFFIX)] = values.astype(np.float64)
+    except DataRejected:
+        raise
+    except FileNotFoundError as error:
+        raise StoreError(f"{path}: cannot be read ({error.strerror})") from error
+    except Exception as error:  # zipfile meets whatever stands in a damaged directory
+        raise _damaged(path, name, error) from error
     if not arrays:
         raise DataRejected(f"{path}: the archive holds no numeric array")
     return arrays
+
+
+def _damaged(path: Path, name: str, error: Exception) -> DataRejected:
+    place = f", member {name}" if name else ""
+    return DataRejected(
+        f"A02: {path}{place}: no intact NumPy archive ({error}); copy it again, or save it anew"
+    )
+
+
+def _check_count(path: Path, n_member: int) -> None:
+    """Raise DataRejected where the directory lists another number of members than the archive's end states."""
+    with path.open("rb") as file:
+        file.seek(-min(path.stat().st_size, _LONGEST_END), 2)
+        end = file.read()
+    place = end.rfind(b"PK\x05\x06") + 10  # end of central directory, number of its entries
+    stated = int.from_bytes(end[place : place + 2], "little")
+    if stated not in (n_member, _SAID_ELSEWHERE):
+        raise DataRejected(
+            f"A02: {path}: no intact NumPy archive: it states {stated} members and lists {n_member}; copy it again"
+        )
+
+
+def _array(path: Path, name: str, content: bytes) -> np.ndarray[Any, Any]:
+    """Return the array of a member; one of another type than numbers comes empty."""
+    stream = io.BytesIO(content)
+    version = np.lib.format.read_magic(stream)
+    if version not in _HEADERS:  # of tables with names that are no ASCII
+        return np.empty(0, dtype=np.str_)
+    shape, in_columns, dtype = _HEADERS[version](stream)
+    if dtype.hasobject:
+        raise DataRejected(
+            f"{path}, member {name}: holds Python objects, which are never opened; save plain arrays, "
+            "not Python objects"
+        )
+    wanted, there = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
+    if wanted != there or min(shape, default=0) < 0:
+        raise DataRejected(
+            f"A04: {path}, member {name}: its header claims {shape} numbers of {dtype.itemsize} bytes, {wanted} bytes, "
+            f"and {there} follow; save it anew"
+        )
+    values: np.ndarray[Any, Any] = np.frombuffer(content, dtype, offset=stream.tell())
+    return values.reshape(shape, order="F" if in_columns else "C")
 
 
 class NpzRecords:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from robid_core import ConfigurationError, DataPath, DataRejected, load_plugin, record_readers
+from robid_core import ConfigurationError, DataPath, DataRejected, guarded_reader, record_readers
 
 _BELOW_ROOT: TypeAdapter[str] = TypeAdapter(DataPath)
 
@@ -44,12 +44,12 @@ def reader_name(path: str, format_name: str) -> str:
 
 
 def reader_of(path: str, format_name: str) -> Any:
-    """Return the reader of a data file."""
+    """Return the reader of a data file, which reads in a process of its own."""
     name = reader_name(path, format_name)
     if not name:
         known = ", ".join(sorted(set(record_readers().values())))
         raise ConfigurationError(f"{path}: no reader for '{Path(path).suffix}'; give format: {known}")
-    return load_plugin("robid.records", name)
+    return guarded_reader(name)
 
 
 def refuse_others(files: Sequence[Path], sha256: str, name: str, origin: str) -> None:

@@ -22,14 +22,31 @@ from robid_core.errors import DataRejected
 
 
 def array(
-    axes: str, unit: str = "", *, optional: bool = False, finite: bool = True, keyword: bool = False
+    axes: str,
+    unit: str = "",
+    *,
+    optional: bool = False,
+    finite: bool = True,
+    keyword: bool = False,
+    known: bool = False,
+    rising: bool = False,
+    covariance: bool = False,
 ) -> Any:
     """Declare an array field: its axes as words (`"n_config n_freq n_out n_in"`), its unit, and what it may hold.
 
     Axes with the same name must have the same length within one artifact. `finite=False` allows NaN (a value
-    that does not exist, such as the standard error of a parameter that is fixed).
+    that does not exist, such as the standard error of a parameter that is fixed). What a result must be to be stored
+    (`soundness.py`): `known`, not all of it NaN; `rising` along its axis; `covariance`, matrices that are symmetric and
+    not negative.
     """
-    metadata = {"axes": tuple(axes.split()), "unit": unit, "finite": finite}
+    metadata = {
+        "axes": tuple(axes.split()),
+        "unit": unit,
+        "finite": finite,
+        "known": known,
+        "rising": rising,
+        "covariance": covariance,
+    }
     if optional:
         return field(default=None, metadata=metadata, kw_only=keyword)
     return field(metadata=metadata, kw_only=keyword)

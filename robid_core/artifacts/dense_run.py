@@ -19,7 +19,7 @@ class Channel(Artifact):
 
     side: str
     unit_symbol: str
-    values: FloatArray = array("n_config n_block n_exp n_period n_sample n_axis", finite=False)
+    values: FloatArray = array("n_config n_block n_exp n_period n_sample n_axis", finite=False, known=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class DenseRun(Artifact):
 
     sample_time_s: float
     channels: dict[str, Channel]
-    time_s: FloatArray = array("n_sample", "s")
+    time_s: FloatArray = array("n_sample", "s", rising=True)
     valid: BoolArray = array("n_config n_block n_exp n_period n_sample")
     test: BoolArray | None = array("n_config n_block n_exp", optional=True)
     constant_names: tuple[str, ...] = ()

@@ -26,7 +26,7 @@ class Design(Configurations):
     weight: FloatArray = array("n_config", keyword=True)
     experiments: IntArray = array("n_config", keyword=True)
     candidate_index: IntArray = array("n_config", keyword=True)
-    information: FloatArray = array("n_parameter n_parameter", keyword=True)
+    information: FloatArray = array("n_parameter n_parameter", keyword=True, covariance=True)
     predicted_standard_error: FloatArray = array("n_parameter", "relative", finite=False, keyword=True)
 
     def table(self) -> Table:

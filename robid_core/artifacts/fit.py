@@ -59,8 +59,8 @@ class ResponseComparison(Artifact):
     """Measured and modelled frequency responses on the same lines; `deviation` is one standard deviation."""
 
     axis_names: tuple[str, ...]
-    frequency_hz: FloatArray = array("n_freq", "Hz")
-    measured: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
+    frequency_hz: FloatArray = array("n_freq", "Hz", rising=True)
+    measured: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False, known=True)
     modelled: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)")
     start: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)")
     deviation: FloatArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
@@ -126,7 +126,7 @@ class Fit(Artifact):
     n_starts: int
     n_agree: int
     parameters: ParameterTable
-    covariance: FloatArray = array("n_free n_free", finite=False)
+    covariance: FloatArray = array("n_free n_free", finite=False, covariance=True)
     free_names: tuple[str, ...] = ()
     response: ResponseComparison | None = None
     time: tuple[TimeComparison, ...] = ()

@@ -47,19 +47,29 @@ class Frf(Artifact):
     sample_time_s: float
     torque_hold: str
     angle: FloatArray = array("n_config n_axis", "rad")
-    frequency_hz: FloatArray = array("n_freq", "Hz")
-    response: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
+    frequency_hz: FloatArray = array("n_freq", "Hz", rising=True)
+    response: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False, known=True)
     block_response: ComplexArray | None = array(
         "n_config n_block n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False, optional=True
     )
     input_gram_inverse: ComplexArray | None = array(
-        "n_config n_freq n_in n_in", "1/(N m)^2", finite=False, optional=True
+        "n_config n_freq n_in n_in", "1/(N m)^2", finite=False, optional=True, known=True, covariance=True
     )
     output_covariance: ComplexArray | None = array(
-        "n_config n_freq n_out n_out", "(rad/s^2)^2", finite=False, optional=True
+        "n_config n_freq n_out n_out",
+        "(rad/s^2)^2",
+        finite=False,
+        optional=True,
+        known=True,
+        covariance=True,
     )
     noise_covariance: ComplexArray | None = array(
-        "n_config n_freq n_out n_out", "(rad/s^2)^2", finite=False, optional=True
+        "n_config n_freq n_out n_out",
+        "(rad/s^2)^2",
+        finite=False,
+        optional=True,
+        known=True,
+        covariance=True,
     )
     degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
     noise_degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
@@ -70,7 +80,9 @@ class Frf(Artifact):
     valid: BoolArray | None = array("n_config n_freq", optional=True)
     speed_rms: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
     slow_sine_speed: FloatArray | None = array("n_config n_axis", "rad/s", optional=True)
-    travel_covariance: FloatArray | None = array("n_config n_axis n_axis", "rad^2", optional=True)
+    travel_covariance: FloatArray | None = array(
+        "n_config n_axis n_axis", "rad^2", optional=True, covariance=True
+    )
     damping_deviation: FloatArray | None = array("n_config n_freq n_axis", "N m s/rad", optional=True)
     covers: str = OWN_MEAN
 

@@ -3,7 +3,8 @@
 Layout: the root group carries `robid_artifact` (class name) and `robid_version`; each array field is a
 dataset with the attributes `axes`, `unit` (and dimension labels); plain values are attributes; nested
 artifacts are groups of the same shape, tuples of them groups `0000`, `0001`, ... Complex numbers are compound
-(`r`, `i`), as h5py writes and MATLAB, Julia and h5py read them.
+(`r`, `i`), as h5py writes and MATLAB, Julia and h5py read them. Behind the HDF5, where its readers do not look, stands
+the SHA-256 of all before it (`seal.py`).
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from typing import Any
 import h5py
 import numpy as np
 
+from robid_core.artifacts import seal
 from robid_core.artifacts.artifact import Artifact
 from robid_core.artifacts.freezing import frozen
 from robid_core.errors import DataRejected, StoreError
+from robid_core.foreign.process import read_apart
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1 had no seal
 BLOCK = 1 << 20  # bytes by which a file in memory grows
 
 
@@ -55,22 +58,61 @@ def write_hdf5(artifact: Artifact, path: Path) -> None:
         file.flush()
         image = file.id.get_file_image()
     try:
-        path.write_bytes(image)
+        path.write_bytes(image + seal.of(image))
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error}") from error
 
 
 def read_hdf5(path: Path) -> Artifact:
-    """Read whatever artifact the file holds; StoreError where it holds none."""
+    """Read whatever artifact the file holds, its bytes verified before HDF5 sees them.
+
+    A file without a seal (of a format before this one, of somebody else, cut or changed) is read in the process for
+    files of others.
+
+    Raises
+    ------
+    StoreError
+        If the file is damaged, or holds no artifact.
+    """
+    if seal.is_intact(path):
+        return read_sealed(path)
+    try:
+        artifact: Artifact = read_apart(path, f"{__name__}:read_unsealed", "", "an artifact of robid")
+    except DataRejected as error:
+        raise StoreError(str(error)) from error
+    return artifact
+
+
+def read_sealed(path: Path) -> Artifact:
+    """Read an artifact whose bytes were verified."""
     try:
         with h5py.File(path, "r") as file:
-            if "robid_artifact" not in file.attrs:
-                raise StoreError(f"{path}: an HDF5 file, but not one of robid's: 'robid_artifact' is missing")
-            if int(file.attrs.get("robid_version", 0)) > FORMAT_VERSION:
-                raise StoreError(f"{path}: written by a newer robid; update robid to read it")
-            return _read_group(file, str(path))
+            return _read_file(file, path)
     except OSError as error:
         raise StoreError(f"{path}: cannot be read: {error}") from error
+
+
+def read_unsealed(path: Path) -> Artifact:
+    """Read an artifact of a format that had no seal; StoreError where it is of one that has."""
+    try:
+        with h5py.File(path, "r") as file:
+            version = int(file.attrs.get("robid_version", 0)) if "robid_artifact" in file.attrs else 1
+            if version == FORMAT_VERSION:
+                raise StoreError(
+                    f"{path}: damaged: its seal is missing, the end is cut or changed; bring it back from a copy, or "
+                    "make it again with robid run"
+                )
+            return _read_file(file, path)
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"{path}: cannot be read: {error}") from error
+
+
+def _read_file(file: h5py.File, path: Path) -> Artifact:
+    if "robid_artifact" not in file.attrs:
+        raise StoreError(f"{path}: an HDF5 file, but not one of robid's: 'robid_artifact' is missing")
+    if int(file.attrs.get("robid_version", 0)) > FORMAT_VERSION:
+        raise StoreError(f"{path}: written by a newer robid; update robid to read it")
+    return _read_group(file, str(path))
 
 
 def _write_group(group: h5py.Group, artifact: Artifact) -> None:

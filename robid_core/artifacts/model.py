@@ -35,7 +35,7 @@ class Model(Artifact):
     names: tuple[str, ...]
     start: FloatArray = array("n_parameter")
     value: FloatArray = array("n_parameter")
-    covariance: FloatArray = array("n_free n_free", finite=False)
+    covariance: FloatArray = array("n_free n_free", finite=False, covariance=True)
     free_names: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 

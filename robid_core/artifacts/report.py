@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.errors import StoreError
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +25,15 @@ class Report(Artifact):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read the page back."""
-        return cls(html=path.read_text(encoding="utf-8"))
+        """Read the page back; StoreError where it cannot be read, or is no text."""
+        try:
+            return cls(html=path.read_text(encoding="utf-8"))
+        except UnicodeDecodeError as error:
+            raise StoreError(
+                f"{path}: damaged at byte {error.start}, where no text is; robid run makes it again"
+            ) from error
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,12 +43,15 @@ def diagnosis_of(pipeline: Pipeline, stage: str) -> Diagnosis:
     """Return what a stage of a run found."""
     from robid_core.artifacts import Diagnosis
     from robid_core.run import Manifest, RunFolder
+    from robid_core.run.results import refuse_damaged
 
     folder = RunFolder.of(pipeline)
     manifest = Manifest.read(folder)
     if manifest is None or stage not in manifest.stages:
         raise ConfigurationError(f"{folder.path}: the run has no diagnosis '{stage}'")
-    return Diagnosis.read(folder.path / manifest.stages[stage].file)
+    record = manifest.stages[stage]
+    refuse_damaged(folder.path / record.file, record.sha256)
+    return Diagnosis.read(folder.path / record.file)
 
 
 def experiment_of(diagnosis: Diagnosis) -> SeparatingExperiment | None:

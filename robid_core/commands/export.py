@@ -132,9 +132,9 @@ def model_of(source: str, robot: Robot) -> Model | None:
     Raises ConfigurationError where the run has another result meanwhile: its covariance is of other numbers.
     """
     from robid_core.artifacts import Artifact, Model
-    from robid_core.commands.show import manifest_of, refuse_damaged
     from robid_core.errors import ConfigurationError
     from robid_core.run.folder import RunFolder
+    from robid_core.run.results import manifest_of, refuse_damaged
 
     path = Path(source)
     parts = path.name.split(".")

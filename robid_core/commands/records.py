@@ -31,12 +31,12 @@ def command(
     """
     if words[0] == _RECOVER and len(words) > 1:
         from robid_core.commands.recordings.inspection import reader_name
-        from robid_core.registry import RECORDS, registry
+        from robid_core.foreign import guarded_reader
 
         if len(words) > 2:
             raise typer.BadParameter("`recover` takes one file")
         file = Path(words[1])
-        reader = registry().load(RECORDS, reader_name(file, form))
+        reader = guarded_reader(reader_name(file, form))
         typer.echo("\n".join(recovered(file, reader, output or file.with_suffix(".recovered.h5"))))
         return
     shown = inspected([Path(word) for word in words], form)

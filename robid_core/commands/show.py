@@ -36,7 +36,7 @@ def command(
     else:  # `robid show fit`
         wanted, stage = DEFAULT_PIPELINE, str(where)
     if wanted.suffix in (".h5", ".html") and stage is None:
-        typer.echo("\n".join(artifact_lines(read_artifact(wanted), wanted)))
+        typer.echo("\n".join([*artifact_lines(read_artifact(wanted), wanted), verification_line(wanted)]))
         return
     folder = RunFolder.find(wanted)
     manifest = manifest_of(folder)
@@ -47,9 +47,31 @@ def command(
     typer.echo("\n".join(artifact_lines(read_artifact(path), path)))
 
 
+def verification_line(path: Path) -> str:
+    """Say whether a file is what was written; StoreError where it is not."""
+    from robid_core.artifacts import seal
+    from robid_core.run.manifest import DamagedManifest
+    from robid_core.run.results import refuse_damaged
+    from robid_core.run.verification import known_hash
+
+    try:
+        sha256 = known_hash(path)
+    except DamagedManifest as error:
+        sha256, why = "", error.damage
+    else:
+        why = "no manifest beside it knows this file"
+    if sha256:
+        refuse_damaged(path, sha256)
+        return "  verified: these are the bytes that the run made"
+    if path.suffix == ".h5" and seal.is_intact(path):
+        return "  verified: these are the bytes that were written"
+    return f"  not verified: {why}, and it has no seal"
+
+
 def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     """Return what a run made: one line per stage; and why its results should be doubted."""
     from robid_core.commands.fit_screen import doubt_lines
+    from robid_core.run.verification import changed_files
 
     lines = [
         f"{manifest.name}: {manifest.status}, {manifest.finished or manifest.started}, seed {manifest.seed}, "
@@ -73,6 +95,9 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
             found[doubt.get("degree", "doubt")].append(text)
     if any(found.values()):
         lines += ["", *doubt_lines(found["doubt"], found["remark"])]
+    changed = changed_files(folder, manifest)
+    if changed:
+        lines += ["", *changed]
     return [*lines, "", f"in {folder.path}; one of them: robid show {folder.path} STAGE"]
 
 

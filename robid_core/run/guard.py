@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robid_core.artifacts import Artifact
+from robid_core.artifacts.soundness import unsound
 from robid_core.errors import PluginError, RobidError
 from robid_core.pipeline import StageNode
 
@@ -53,12 +54,17 @@ def _where(error: BaseException, package: str) -> str:
 
 
 def checked_result(node: StageNode, result: Any) -> Artifact:
-    """Return a stage's result; PluginError where it is not of the type its kind promises (R12)."""
+    """Return a stage's result; PluginError where it is not of the type its kind promises, or unsound (R12)."""
     promised = node.stage.output
     if not isinstance(result, promised):
         raise PluginError(
             f"stage {node.name}: R12: {node.plugin} returned {_a(type(result).__name__)}, but its kind "
             f"'{node.stage.kind}' promises {_a(promised.__name__)}; nothing was stored"
+        )
+    problem = next(unsound(result), "")
+    if problem:
+        raise PluginError(
+            f"stage {node.name}: R12: {node.plugin} gave a result that cannot be: {problem}; nothing was stored"
         )
     return result
 

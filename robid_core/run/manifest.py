@@ -1,7 +1,8 @@
 """The manifest: everything from which a run can be made again, and what `--locked` holds it to.
 
 Written after each stage, at once and for good. It has the clock in it; identity to the bit is claimed for
-artifacts, not for the manifest.
+artifacts, not for the manifest. It carries its own hash: one that is damaged is told, set aside by the next run, and in
+nobody's way, since what is finished stands in the store.
 """
 
 from __future__ import annotations
@@ -15,9 +16,19 @@ from robid_core.errors import ConfigurationError, StoreError
 from robid_core.pipeline.wiring import Source
 from robid_core.run.folder import RunFolder
 from robid_core.run.identity import differences
-from robid_core.store import Files, Store, failures_named
+from robid_core.store import Files, Store, canonical_json, failures_named, text_hash
 
-MANIFEST_FORMAT = 1
+MANIFEST_FORMAT = 2  # 1 had no hash of its own
+
+
+class DamagedManifest(StoreError):
+    """A manifest that is not what a run wrote; the next run sets it aside."""
+
+    def __init__(self, folder: RunFolder, why: str) -> None:
+        self.damage = f"R06: {folder.manifest}: damaged ({why})"
+        super().__init__(
+            f"{self.damage}; run again: it is set aside and written anew, and finished stages are kept"
+        )
 
 
 @dataclass(frozen=True)
@@ -39,6 +50,7 @@ class StageRecord:
     ingredients: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
     doubts: Sequence[Mapping[str, str]] = ()  # kind, sentence, remedy, degree (older ones: a doubt)
+    raw: Mapping[str, str] = field(default_factory=dict)  # raw logs, relative to the run folder: their sha256
 
 
 @dataclass
@@ -58,13 +70,18 @@ class Manifest:
 
     def write(self, store: Store, folder: RunFolder) -> None:
         """Write the manifest in place of the one before."""
-        store.write_json(folder.manifest, {"robid_manifest": MANIFEST_FORMAT, **asdict(self)})
+        store.write_json(folder.manifest, with_hash({"robid_manifest": MANIFEST_FORMAT, **asdict(self)}))
 
     @classmethod
     def read(cls, folder: RunFolder, files: Files | None = None) -> Manifest | None:
         """Read the manifest of a run; None where there is none.
 
-        Raises StoreError where it is damaged or was written by a newer robid.
+        Raises
+        ------
+        DamagedManifest
+            If it is not what a run wrote.
+        StoreError
+            If it cannot be read, or was written by a newer robid.
         """
         with failures_named("read", folder.manifest):
             try:
@@ -73,15 +90,45 @@ class Manifest:
                 return None
         try:
             content = json.loads(data)
-            version = content.pop("robid_manifest")
+            version = _checked_version(folder, content)
             if version > MANIFEST_FORMAT:
                 raise StoreError(f"{folder.manifest}: written by a newer robid; update robid to read it")
             stages = {name: StageRecord(**record) for name, record in content.pop("stages").items()}
             return cls(**content, stages=stages)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise StoreError(
-                f"{folder.manifest}: damaged ({error}); delete it and run again, finished stages are kept"
-            ) from error
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise DamagedManifest(folder, f"{type(error).__name__}: {error}") from error
+
+
+def with_hash(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a manifest with its own hash, in place of the one it has."""
+    bare = {name: value for name, value in content.items() if name != "check"}
+    return {**bare, "check": text_hash(canonical_json(bare))}
+
+
+def readable_manifest(folder: RunFolder, files: Files | None = None) -> tuple[Manifest | None, str]:
+    """Return the manifest of a run, None where there is none or a damaged one, and what is damaged in words."""
+    try:
+        return Manifest.read(folder, files), ""
+    except DamagedManifest as error:
+        return None, error.damage
+
+
+def refuse_damaged(damage: str) -> None:
+    """Raise StoreError where a run is to be held to a manifest that is damaged (in words; empty: it is not)."""
+    if damage:
+        raise StoreError(f"{damage}, so there is nothing to hold this run to; run without --locked")
+
+
+def _checked_version(folder: RunFolder, content: dict[str, Any]) -> int:
+    """Take format and hash out of a manifest and return its format; DamagedManifest where the hash does not fit."""
+    version = content.get("robid_manifest")
+    if type(version) is not int or version < 1:
+        raise DamagedManifest(folder, "it states no format")
+    if ("check" in content or version > 1) and content.get("check") != with_hash(content)["check"]:
+        raise DamagedManifest(folder, "its content does not fit its hash")
+    content.pop("check", None)
+    del content["robid_manifest"]
+    return version
 
 
 def locked_differences(

@@ -7,6 +7,7 @@ import datetime
 import logging
 import os
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 
 from robid_core.artifacts import Diagnosis, Doubt, Fit
@@ -23,13 +24,14 @@ from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file
-from robid_core.run.manifest import Manifest, StageRecord
+from robid_core.run.manifest import StageRecord, readable_manifest, refuse_damaged
 from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
 from robid_core.run.progress import Listener, Silence
 from robid_core.run.recording import recording_decision
 from robid_core.run.robot_files import drop_robot, keep_robot, refuse_own_robot
+from robid_core.run.verification import raw_logs
 from robid_core.stage import MODELLED, MapTasks
 from robid_core.store import Entry, Files, Store
 
@@ -68,8 +70,9 @@ def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:
     folder = RunFolder.of(pipeline)
     chosen = selection(pipeline, options.first, options.last)
     shared = Surroundings(pipeline, pipeline.robot.load())
-    previous = Manifest.read(folder)
+    previous, damage = readable_manifest(folder)
     if options.locked:
+        refuse_damaged(damage)
         hold_to(previous, folder, new_manifest(shared, options), shared)
     return preview(pipeline, chosen, options.forced(pipeline), shared, Store(folder.path), previous)
 
@@ -83,7 +86,9 @@ class _Run:
         self.pipeline, self.options, self.listener, self.store = pipeline, options, listener, store
         self.folder = RunFolder.of(pipeline)
         self.shared = Surroundings(pipeline, pipeline.robot.load())
-        self.previous = Manifest.read(self.folder, store.files)
+        self.previous, self.damage = readable_manifest(self.folder, store.files)
+        if options.locked:
+            refuse_damaged(self.damage)
         self.manifest = new_manifest(self.shared, options)
         self.caller = Caller(self.shared, store, tasks, listener, options)
         self.motions = MotionRecords(store, self.folder.motions)
@@ -101,6 +106,9 @@ class _Run:
         self._refuse_before(chosen, forced)
         self.store.prepare()
         self.found_unfinished = self.motions.unfinished()
+        if self.damage:
+            place = self.store.set_aside_file(self.folder.manifest)
+            self._note(f"{self.damage}; it was set aside as {place}")
         self.store.write(self.folder.pipeline, self.pipeline.text.encode())
         try:
             for index, node in enumerate(self.pipeline.stages, start=1):
@@ -210,6 +218,11 @@ class _Run:
     ) -> None:
         path = self.store.publish(node.name, entry)
         self.entries[node.name], self.outcomes[node.name] = entry, outcome
+        earlier = self.previous.stages.get(node.name) if self.previous else None
+        if outcome != "kept":
+            raw: Mapping[str, str] = raw_logs(self.folder, node.name)
+        else:
+            raw = earlier.raw if earlier is not None and earlier.key == entry.key else {}
         self.manifest.stages[node.name] = StageRecord(
             outcome=outcome,
             key=entry.key,
@@ -229,6 +242,7 @@ class _Run:
                 }
                 for doubt in self._doubts_about(node, entry)
             ],
+            raw=raw,
         )
         keep_robot(node, entry, self.shared, self.store)
         self._log(node).info("%s in %.3f s: sha256 %s", outcome, seconds, entry.sha256)

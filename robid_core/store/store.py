@@ -197,6 +197,14 @@ class Store:
             self.files.sync_folder(self.index)
             return place
 
+    def set_aside_file(self, path: Path) -> Path:
+        """Move a damaged file of the run to the quarantine folder; return where it went."""
+        with failures_named("set aside", path):
+            place = self._free_name(path.name)
+            self.files.replace(path, place)
+            self.files.sync_folder(path.parent)
+            return place
+
     def _set_aside_blob(self, entry: Entry) -> Path:
         blob, place = self.blobs / entry.blob_name, self._free_name(entry.blob_name)
         for name in self.files.names(self.artifacts):

@@ -6,31 +6,15 @@ runs the tests that shall notice.
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
+from mutants.mutant import Mutant, copy_sources, pytest_in, survival
 
-ROOT = Path(__file__).parents[2]
-SOURCES = ("robid_core", "plugins", "adapters", "tests")
 STOPPING = "tests/adapters/robid_can/test_can_stopping.py"
 INTERRUPTION = "tests/robid_core/test_interruption.py"
 LIMITS = "tests/robid_core/run/test_limits.py"
 TWO_RUNS = "tests/robid_core/run/test_two_runs.py"
-
-
-class Mutant(NamedTuple):
-    """A line, what breaks it, and the test that notices."""
-
-    name: str
-    file: str
-    old: str
-    new: str
-    test: str
 
 
 MUTANTS = [
@@ -186,46 +170,21 @@ MUTANTS = [
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
 def test_the_line_that_a_mutant_breaks_stands_once(mutant: Mutant) -> None:
-    assert (ROOT / mutant.file).read_text(encoding="utf-8").count(mutant.old) == 1
+    assert mutant.stands_once
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the sources that a process finds before the installed ones."""
-    folder = tmp_path_factory.mktemp("mutant")
-    for name in SOURCES:
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", folder)
-    return folder
-
-
-def _pytest_in(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
-    """Run tests on the copied sources, a test at a time, until one fails."""
-    paths = [str(copy / name) for name in (".", "plugins", "adapters")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-m", "pytest", "-x", "-n0", "-p", "no:cacheprovider", *tests]
-    return subprocess.run(
-        command, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=180
-    )
+    return copy_sources(tmp_path_factory.mktemp("mutant"))
 
 
 @pytest.mark.full
 def test_the_sound_copy_passes(copy: Path) -> None:
-    done = _pytest_in(copy, *dict.fromkeys(mutant.test for mutant in MUTANTS))
+    done = pytest_in(copy, *dict.fromkeys(mutant.test for mutant in MUTANTS))
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
 def test_a_mutant_is_caught(mutant: Mutant, copy: Path) -> None:
-    file = copy / mutant.file
-    sound = file.read_text(encoding="utf-8")
-    file.write_text(sound.replace(mutant.old, mutant.new), encoding="utf-8")
-    try:
-        done = _pytest_in(copy, mutant.test)
-    except subprocess.TimeoutExpired:
-        return  # it hangs: caught
-    finally:
-        file.write_text(sound, encoding="utf-8")
-    caught = done.returncode == 1 or "KeyboardInterrupt" in done.stdout  # 1: tests failed
-    assert caught, done.stdout[-2000:] + done.stderr[-2000:]
+    assert not (words := survival(mutant, copy)), words

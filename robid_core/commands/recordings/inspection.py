@@ -12,9 +12,9 @@ from typing import Any
 from robid_core.arrays import FloatArray
 from robid_core.commands.recordings.guesses import Guesses, guess_channels
 from robid_core.errors import ConfigurationError, RobidError
+from robid_core.foreign import guarded_reader
+from robid_core.foreign.limits import BAG_METADATA
 from robid_core.registry import RECORDS, record_readers, registry
-
-BAG_METADATA = "metadata.yaml"  # beside the files of a ROS 2 bag
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def _known_reader(file: Path) -> str:
 def inspect(file: Path, form: str = "") -> Inspected:
     """Read a recording and guess what it holds; raises what its reader raises."""
     name = reader_name(file, form)
-    reader = registry().load(RECORDS, name)
+    reader = guarded_reader(name)
     lines = tuple(reader.describe(file))
     with _quiet():  # what readers log stands in the description
         if _is_record(reader, file):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from robid_core.commands.recordings.behaviour import Clock
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
 
+DAMAGE = re.compile("A0[0-9]: ")  # begins what a reader says is wrong with a file
 LONGEST_NAME = 40
 MOST_NAMES = 6
 
@@ -43,7 +45,8 @@ def short_line(one: Inspected) -> str:
         missing = sum(channel.n_missing for channel in one.guesses.channels)
         if missing:
             words.append(f"{missing} values missing")
-    return ", ".join(words)
+    damage = [f"  {line}" for line in one.lines if DAMAGE.match(line)]
+    return "\n".join([", ".join(words), *damage])
 
 
 def clock_text(clock: Clock) -> str:

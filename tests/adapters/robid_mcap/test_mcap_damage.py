@@ -10,6 +10,7 @@ import lz4.frame
 import numpy as np
 import pytest
 import zstandard
+from faults.fault import fault
 from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
@@ -119,6 +120,45 @@ def test_A02_damage_outside_the_chunks_is_seen_by_the_checksum_over_all(whole, t
     damaged = data[:where] + b"a" + b"q" + data[where + 2 :]
     (tmp_path / "x.mcap").write_bytes(damaged)
     assert any("A02" in line for line in McapRecords.describe(tmp_path / "x.mcap"))
+
+
+@fault(
+    "A02",
+    sees="the checksum over the summary does not fit; nothing is taken from the summary, so that numbers are right",
+    mutant=(
+        "adapters/robid_mcap/reader.py",
+        "                    _check_summary(file.read(MOST_BYTES), problems)",
+        "                    continue",
+    ),
+)
+def test_damage_behind_the_data_is_told_and_changes_nothing(whole, tmp_path, caplog):
+    """Found by `tests/fuzz/run.py mcap_log`: a channel of the summary with another schema changed what was read."""
+    data, truth = whole
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    sound = McapRecords.read(path)
+    start = data.rindex(b"robid.AxisSample")  # the schema, once more
+    for place in range(start - 20, len(data) - 8, 131):
+        damaged = data[:place] + bytes([data[place] ^ 0x01]) + data[place + 1 :]
+        record, told = read(path, damaged, caplog)
+        assert_no_wrong_sample(record, truth)
+        assert record.run.valid.all()
+        assert "A02: the checksum over the summary does not fit" in told
+        assert McapRecords.read(path).keys() == sound.keys()
+
+
+@fault(
+    "A02",
+    sees="exit 5: the plan of the record is damaged, in `robid records recover` too; bring the file back from a copy",
+    mutant=("adapters/robid_mcap/records.py", 'raise ValueError("it does not fit its hash")', "pass"),
+)
+def test_a_damaged_plan_is_refused(whole, tmp_path):
+    data, _ = whole
+    place = data.index(b'"n_period": 2')
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data[: place + 12] + b"1" + data[place + 13 :])
+    with pytest.raises(DataRejected, match=r"A02: .*x\.mcap: the plan of the record is damaged"):
+        McapRecords.read_record(path)
 
 
 def record_bytes(opcode, content):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 pytest.importorskip("rosbags")
 
+from faults.fault import fault
 from rosbags.rosbag1 import Writer as OlderWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -122,3 +124,33 @@ def test_what_is_no_bag_is_rejected(tmp_path: Path) -> None:
         path.write_bytes(b"no bag at all\n" * 100)
         with pytest.raises(DataRejected, match=f"{name}: cannot be read as a bag of ROS"):
             RosbagRecords.read(path)
+
+
+def with_checksum(content: bytes) -> bytes:
+    """Put the checksum of its only chunk into a bag, as ros2 bag does and rosbags does not."""
+    place = len(b"\x89MCAP0\r\n")
+    while content[place] != 0x06:
+        place += 9 + int.from_bytes(content[place + 1 : place + 9], "little")
+    size = int.from_bytes(content[place + 25 : place + 33], "little")
+    data = content[place + 49 : place + 49 + size]  # no compression: a name of no letters, then a length
+    return content[: place + 33] + zlib.crc32(data).to_bytes(4, "little") + content[place + 37 :]
+
+
+@fault(
+    "A02",
+    sees="exit 5: a checksum of the bag does not fit; copy the bag again",
+    mutant=("adapters/robid_rosbag/records.py", "    _check_chunks(path)\n", "    pass\n"),
+)
+def test_a_checksum_that_does_not_fit_is_told(tmp_path: Path) -> None:
+    path = written(tmp_path, "mcap", [("joint_1",)] * 5)
+    sound = RosbagRecords.read(path)
+    content = with_checksum(path.read_bytes())
+    path.write_bytes(content)
+    assert RosbagRecords.read(path).keys() == sound.keys()
+    place = content.index(np.float64(31.0).tobytes())  # a position
+    path.write_bytes(content[: place + 6] + b"\x0f" + content[place + 7 :])
+    with pytest.raises(DataRejected, match=rf"A02: .*{path.name}: a checksum does not fit"):
+        RosbagRecords.read(path)
+    path.write_bytes(content[:-100])
+    with pytest.raises(DataRejected, match=rf"A01: .*{path.name}: damaged, or cut"):
+        RosbagRecords.read(path.parent / "metadata.yaml")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
 import pytest
+from faults.fault import fault
 
 from robid_core import DataRejected
 from robid_tables.csv import CsvRecords
@@ -189,9 +191,24 @@ def test_dates_are_words_and_told(tmp_path: Path) -> None:
     assert "clock: dates or times of day, left out" in lines
 
 
-def test_a_last_line_without_end_is_told(tmp_path: Path) -> None:
-    lines = CsvRecords.describe(written(tmp_path, "q,tau\n1,2.5\n3,4.2"))
-    assert any(line.startswith("line 3 has no end") for line in lines)
+@fault(
+    "A01",
+    sees="`robid records` and the log of a run: line 3 has no end; if the recording was cut, its last number was too",
+    mutant=(
+        "adapters/robid_tables/csv.py",
+        '    if not text.endswith("\\n"):\n        remarks',
+        "    if not text:\n        remarks",
+    ),
+)
+def test_a_last_line_without_end_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = written(tmp_path, "q,tau\n1,2.5\n3,4.2")
+    assert any(line.startswith("A01: line 3 has no end") for line in CsvRecords.describe(path))
+    with caplog.at_level(logging.WARNING, logger="robid.csv"):
+        CsvRecords.read(path)
+    assert "table.csv: A01: line 3 has no end" in caplog.text
+    caplog.clear()
+    CsvRecords.read(written(tmp_path, "q,tau\n1,2.5\n3,4.2\n"))
+    assert caplog.text == ""
 
 
 def test_a_big_table_with_decimal_commas_takes_the_fast_way(

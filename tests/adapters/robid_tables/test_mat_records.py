@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from faults.fault import fault
 
 from robid_core import DataRejected
 from robid_tables.mat import MatRecords
+from robid_tables.matlab_elements import check_elements
 
 
 def saved(folder: Path) -> Path:
@@ -103,3 +105,45 @@ def test_text_is_no_matlab_file(tmp_path: Path) -> None:
     path.write_text("q,tau\n1,2\n" * 100)
     with pytest.raises(DataRejected, match=r"text\.mat: cannot be read as a MATLAB file"):
         MatRecords.read(path)
+
+
+@fault(
+    "A02",
+    sees="exit 5: the variable at byte 128 is damaged, also where scipy takes it without its checksum",
+    mutant=("adapters/robid_tables/mat.py", "    check_elements(path)\n", "    pass\n"),
+)
+def test_a_packed_variable_must_fit_its_checksum(tmp_path: Path) -> None:
+    path = tmp_path / "packed.mat"
+    scipy.io.savemat(path, {"q": np.arange(50.0)}, do_compression=True)
+    whole = path.read_bytes()
+    length = int.from_bytes(whole[132:136], "little")
+    path.write_bytes(whole[:132] + (length - 4).to_bytes(4, "little") + whole[136:-4])  # without the checksum
+    assert scipy.io.loadmat(path)["q"].shape == (1, 50)  # scipy says nothing
+    with pytest.raises(DataRejected, match=r"A02: .*packed\.mat: the variable at byte 128 is damaged"):
+        MatRecords.read(path)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_variable_that_is_cut_is_told_with_its_byte(tmp_path: Path, packed: bool) -> None:
+    path = tmp_path / "cut.mat"
+    scipy.io.savemat(path, {"a": np.arange(3.0), "q": np.arange(50.0)}, do_compression=packed)
+    whole = path.read_bytes()
+    second = 128 + 8 + int.from_bytes(whole[132:136], "little")
+    for length in (second + 1, second + 20, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(DataRejected, match=f"A01: .* the variable at byte {second} is cut"):
+            MatRecords.read(path)
+
+
+def test_files_of_version_4_and_of_other_machines_pass(tmp_path: Path) -> None:
+    path = tmp_path / "old.mat"
+    scipy.io.savemat(path, {"q": np.arange(5.0)}, format="4")
+    check_elements(path)
+    assert MatRecords.read(path)["q"].shape == (5,)
+    content = b"MATLAB 5.0".ljust(124) + b"\x01\x00MI"
+    element = (14).to_bytes(4, "big") + (8).to_bytes(4, "big") + bytes(8)
+    path.write_bytes(content + element)
+    check_elements(path)
+    path.write_bytes(content + element[:-1])
+    with pytest.raises(DataRejected, match="byte 128 is cut"):
+        check_elements(path)

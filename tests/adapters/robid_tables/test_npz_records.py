@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from faults.fault import fault
 
 from robid_core import DataRejected
 from robid_tables.npz import NpzRecords
@@ -48,13 +51,67 @@ def test_a_cut_archive_is_rejected(tmp_path: Path) -> None:
             NpzRecords.read(path)
 
 
+@fault(
+    "A02",
+    sees="exit 5: no intact archive, with the member and its checksum; copy it again, or save it anew",
+    mutant=(
+        "adapters/robid_tables/npz.py",
+        "                content = archive.read(member)  #",
+        "                content = archive.open(member).read(member.file_size - 1) + bytes(1)  #",
+    ),
+)
 def test_a_changed_byte_in_the_data_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "recording.npz"
     np.savez(path, q=np.arange(1000.0))
     whole = bytearray(path.read_bytes())
     whole[4000] ^= 1
     path.write_bytes(bytes(whole))
-    with pytest.raises(DataRejected, match="CRC"):
+    with pytest.raises(DataRejected, match=r"recording\.npz, member q\.npy: .*CRC"):
+        NpzRecords.read(path)
+
+
+def forged(path: Path, shape: tuple[int, ...]) -> None:
+    """An archive of 24 numbers whose header, under a right checksum, claims another shape."""
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("q.npy", header.getvalue() + np.arange(24.0).tobytes())
+
+
+@fault(
+    "A04",
+    sees="exit 5: the member's header claims so many numbers, and so many bytes follow; no memory is asked for",
+    mutant=("adapters/robid_tables/npz.py", "    if wanted != there or", "    if"),
+)
+@pytest.mark.parametrize("shape", [(25,), (23,), (4, 5), (10**15,), (2**40, 2**40), (0, 3)])
+def test_a_header_must_fit_the_bytes_that_follow(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    path = tmp_path / "forged.npz"
+    forged(path, (4, 6))
+    assert NpzRecords.read(path)["q"].shape == (4, 6)
+    forged(path, shape)
+    with pytest.raises(DataRejected, match=r"A04: .*forged\.npz, member q\.npy: its header claims \("):
+        NpzRecords.read(path)
+
+
+@fault(
+    "A02",
+    sees="exit 5: the archive states another number of members than it lists",
+    mutant=(
+        "adapters/robid_tables/npz.py",
+        "            _check_count(path, len(archive.infolist()))",
+        "            pass",
+    ),
+)
+def test_a_member_that_the_directory_swallows_is_missed(tmp_path: Path) -> None:
+    """Found by `tests/fuzz/run.py npz`: the length of an entry's comment reaches over the next entry."""
+    path = tmp_path / "recording.npz"
+    np.savez(path, t=np.arange(3.0), q=np.arange(3.0))
+    content = bytearray(path.read_bytes())
+    first = content.index(b"PK\x01\x02")
+    second = content.index(b"PK\x01\x02", first + 4)
+    content[first + 32 : first + 34] = (len(content) - 22 - second).to_bytes(2, "little")
+    path.write_bytes(content)
+    with pytest.raises(DataRejected, match="states 2 members and lists 1"):
         NpzRecords.read(path)
 
 

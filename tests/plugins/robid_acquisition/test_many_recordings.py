@@ -563,11 +563,13 @@ def test_a_table_gives_places_times_roles_variants_and_constants(table: Path, re
 def test_a_file_is_read_once_however_many_experiments_it_holds(
     table: Path, read: Read, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from robid_tables import npz
+    from robid_core.foreign import reader
 
     opened: list[str] = []
-    real = npz.read_arrays
-    monkeypatch.setattr(npz, "read_arrays", lambda path: opened.append(path.name) or real(path))
+    real = reader.read_apart
+    monkeypatch.setattr(
+        reader, "read_apart", lambda path, *rest: opened.append(path.name) or real(path, *rest)
+    )
     read(index="lab/index.csv")
     assert opened == ["long.npz", "other.npz"]
 

@@ -122,6 +122,7 @@ def test_all_of_it_survives_the_file_and_a_file_from_before_is_read(tmp_path: Pa
     np.testing.assert_array_equal(back.run.test, marked(2))
     record(variants=()).write(tmp_path / "old.h5")
     with h5py.File(tmp_path / "old.h5", "a") as file:
+        file.attrs["robid_version"] = 1
         run = file["runs/0000"]
         del file.attrs["variants"], run.attrs["constant_names"], run["constants"]
     old = Record.read(tmp_path / "old.h5")

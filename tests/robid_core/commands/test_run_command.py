@@ -16,6 +16,8 @@ import pytest
 
 from robid_core import Fit, MisfitTable, ParameterTable
 from robid_core.commands.app import command_line
+from robid_core.registry import registry
+from robid_core.run.manifest import with_hash
 
 NAME = "robid_strange_world"
 
@@ -48,6 +50,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.chdir(world.project)
     yield world
     sys.modules.pop(module.PACKAGE, None)
+    registry.cache_clear()  # the stranger's package is gone
 
 
 @pytest.fixture
@@ -356,7 +359,7 @@ def test_diff_tells_settings_versions_and_results(world: Any, robid: Robid) -> N
     path = world.project / "before" / "manifest.json"
     content = json.loads(path.read_text())
     content["environment"]["versions"]["numpy"] = "1.0"
-    path.write_text(json.dumps(content))
+    path.write_text(json.dumps(with_hash(content)))
     lines = robid("diff", "before", "runs/strange").out.splitlines()
     assert lines[:3] == ["settings:", "  seed: 7 -> 8", "  stage acquire: setting noise: 0.1 -> 0.2"]
     assert lines[3] == "versions:"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from faults.fault import fault
 
 from robid_core.errors import DataRejected, PluginError, StoreError
 from robid_core.run import Manifest, RunFolder, Silence
@@ -51,6 +52,25 @@ def test_what_breaks_the_contract_is_not_stored(world: Any, outcome: str, words:
     with pytest.raises(PluginError, match=words):
         world.run(f"stages.fit.with.outcome={outcome}")
     assert not (world.folder / "artifacts" / "fit.h5").exists()
+
+
+@fault(
+    "R12",
+    sees="exit 8: the stage, its plugin and its version gave a result that cannot be; nothing is stored",
+    mutant=("robid_core/run/guard.py", '    problem = next(unsound(result), "")', '    problem = ""'),
+)
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_R12_a_response_of_no_value_is_not_stored(world: Any, value: str) -> None:
+    world.edit("np.eye(blocks.shape[2]) + 0j + BIAS", f"0 + 0j + float('{value}')")
+    with pytest.raises(PluginError) as caught:
+        world.run()
+    assert caught.value.exit_code == 8
+    message = str(caught.value)
+    assert message.startswith("stage frf: R12: 'strange.respond' (robid_strange_stages ")
+    assert "gave a result that cannot be: Frf.response: " in message
+    assert message.endswith("; nothing was stored")
+    assert "values are" in message
+    assert not (world.folder / "artifacts" / "frf.h5").exists()
 
 
 def test_a_fit_that_did_not_converge_is_kept_shown_and_doubted(world: Any) -> None:

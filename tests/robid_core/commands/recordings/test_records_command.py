@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from faults.fault import fault
 from hypothesis import given, strategies as st
 from ruamel.yaml import YAML
 
@@ -255,3 +256,23 @@ def test_the_data_root_is_the_known_one_or_the_folder_in_common(tmp_path: Path) 
     files = [tmp_path / "a" / "x.csv", tmp_path / "b" / "y.csv"]
     assert data_root(files, tmp_path) == tmp_path
     assert data_root(files, tmp_path / "elsewhere") == tmp_path.resolve()
+
+
+@fault(
+    "A01",
+    sees="`robid records FOLDER`: below the file's line, that its last line has no end",
+    mutant=(
+        "robid_core/commands/recordings/screen.py",
+        '    damage = [f"  {line}" for line in one.lines if DAMAGE.match(line)]',
+        "    damage: list[str] = []",
+    ),
+)
+def test_a_cut_table_among_many_alike_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "\n".join(f"{0.001 * k:.3f},{np.sin(k):.6f}" for k in range(50))
+    (tmp_path / "a.csv").write_text(f"time,q\n{rows}\n")
+    (tmp_path / "b.csv").write_text(f"time,q\n{rows}"[:-2])
+    records.inspected([tmp_path], "")
+    out = capsys.readouterr().out
+    assert "b.csv: the same columns" in out
+    assert "  A01: line 51 has no end" in out
+    assert out.count("A01") == 1

@@ -1,0 +1,80 @@
+"""What no result may be, whoever computed it: values at infinity, nothing but NaN, axes that run backwards, covariances
+that no scatter has.
+
+Asked before a result is stored, of whole artifacts, since they may be built from parts that are checked elsewhere. A
+field says in its declaration what it is: `array(..., rising=True)`, `array(..., covariance=True)`,
+`array(..., known=True)`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from robid_core.artifacts.artifact import Artifact
+
+ROUNDING = 1e-6  # of a correlation: matrices that were inverted near their last digits are still covariances
+
+
+def unsound(artifact: Artifact, place: str = "") -> Iterator[str]:
+    """Yield what is wrong with an artifact and those within it: the field, and what about it."""
+    place = place or type(artifact).__name__
+    for item in dataclasses.fields(artifact):
+        value, where = getattr(artifact, item.name), f"{place}.{item.name}"
+        if isinstance(value, np.ndarray) and "axes" in item.metadata:
+            words = _wrong(value, item.metadata)
+            if words:
+                yield f"{where}: {words}"
+        elif isinstance(value, Artifact):
+            yield from unsound(value, where)
+        elif isinstance(value, Mapping | tuple):
+            parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+            for key, part in parts:
+                if isinstance(part, Artifact):
+                    yield from unsound(part, f"{where}[{key}]")
+
+
+def _wrong(values: npt.NDArray[Any], metadata: Mapping[str, Any]) -> str:
+    """Return what is wrong with an array, empty where nothing is."""
+    if values.dtype.kind not in "fciu" or not values.size:
+        return ""
+    if np.isinf(values).any():
+        first = tuple(int(index) for index in np.argwhere(np.isinf(values))[0])
+        axes = ", ".join(f"{axis}={index}" for axis, index in zip(metadata["axes"], first, strict=True))
+        return f"{int(np.isinf(values).sum())} values are infinite, the first at {axes}"
+    if metadata.get("known") and not np.isfinite(values).any():
+        return f"all {values.size} values are NaN"
+    if metadata.get("rising") and not (np.diff(values) > 0).all():
+        index = int(np.argmin(np.diff(values) > 0))
+        return f"does not rise: {values[index]:g} is followed by {values[index + 1]:g}"
+    return no_covariance(values) if metadata.get("covariance") else ""
+
+
+def no_covariance(matrices: npt.NDArray[Any]) -> str:
+    """Say why matrices (..., n, n) are no covariances, empty where all are; NaN on a diagonal: not known.
+
+    Rows are scaled to correlations first, so that units do not hide a negative eigenvalue.
+    """
+    flat = matrices.reshape(-1, *matrices.shape[-2:])
+    variance = np.einsum("kii->ki", flat).real
+    known = np.isfinite(variance)
+    if (variance[known] < 0).any():
+        return f"a variance is negative: {variance[known].min():g}"
+    deviation = np.sqrt(np.where(known & (variance > 0), variance, 1.0))
+    correlation = flat / (deviation[:, :, None] * deviation[:, None, :])
+    pairs = known[:, :, None] & known[:, None, :]
+    correlation = np.where(pairs, correlation, np.eye(flat.shape[-1]))
+    correlation = correlation[np.isfinite(correlation).all(axis=(1, 2))]
+    if not len(correlation):
+        return ""
+    skew = float(np.abs(correlation - correlation.conj().swapaxes(1, 2)).max())
+    if skew > ROUNDING:
+        return f"is no covariance: not symmetric, by {skew:.2g} of the deviations"
+    least = float(np.linalg.eigvalsh(correlation)[:, 0].min())
+    if least < -ROUNDING * flat.shape[-1]:
+        return f"is no covariance: not positive, its least eigenvalue is {least:.2g} of the variances"
+    return ""

@@ -1,0 +1,53 @@
+"""A reader of recordings (`robid.records`) whose every call on a file happens in the reading process."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robid_core.errors import PluginError
+from robid_core.foreign.process import read_apart
+from robid_core.registry import RECORDS, Plugin, registry
+
+READING = ("describe", "read", "read_record", "units")
+
+
+class GuardedReader:
+    """What a reader can, under guard: `describe`, `read` and, where it has them, `read_record` and `units`.
+
+    A damaged file is DataRejected whatever the library does with it; what the reader logs is logged here.
+    """
+
+    def __init__(self, plugin: Plugin) -> None:
+        self._plugin = plugin
+        self._reader = plugin.load()  # says what is not installed
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._reader, name)
+        return functools.partial(self._call, name) if name in READING else found
+
+    def _call(self, method: str, path: Path) -> Any:
+        result = read_apart(path, self._plugin.target, method, self._plugin.name)
+        if method == "read":
+            _check_columns(result, self._plugin)
+        return result
+
+
+def _check_columns(result: Any, plugin: Plugin) -> None:
+    """Raise PluginError where a reader gave no columns of numbers."""
+    for name, values in result.items() if isinstance(result, dict) else [("", None)]:
+        if not (isinstance(name, str) and isinstance(values, np.ndarray) and values.dtype == np.float64):
+            raise PluginError(
+                f"R12: reader {plugin} gave {name or 'no mapping'}, which is no array of float64"
+            )
+
+
+def guarded_reader(name: str) -> GuardedReader:
+    """Return the reader of recordings of this name, or pinned as `distribution:name`, under guard.
+
+    Raises ConfigurationError where there is none, PluginError where it cannot be imported.
+    """
+    return GuardedReader(registry().find(RECORDS, name))

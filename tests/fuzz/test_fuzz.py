@@ -1,0 +1,49 @@
+"""Damaged files of every format: read, told or refused with the file's name; never a crash, a hang or a bug of ours.
+
+A plain run damages a few files of each format, and those that once led to a fault. `pytest -m full tests/fuzz` takes
+10^5 of each (`python tests/fuzz/run.py FORMAT COUNT` does, too, and prints what came of them).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from fuzz.damage import damaged
+from fuzz.run import fuzz
+from fuzz.samples import SAMPLES
+
+FEW, MANY = 12, 100_000
+# Numbers of damage that led to something else than a message once, by format.
+FOUND = {
+    "npz": (1241, 3895),  # an entry of the directory swallowed the next one
+    "npz_plain": (1840,),
+    "mat_plain": (1932, 2411, 3192),  # scipy ended the process, by SIGSEGV and SIGBUS
+    "mcap_foreign": (3, 58, 129, 138, 176, 218),  # the summary was believed
+    "mcap_log": (2, 3, 91, 135, 176, 263),
+}
+EXTRAS = {"parquet": "pyarrow", "rosbag": "rosbags"}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_damaged_files_are_read_told_or_refused(name: str, tmp_path: Path) -> None:
+    pytest.importorskip(EXTRAS.get(SAMPLES[name][1], "numpy"))
+    numbers = [*range(FEW), *FOUND.get(name, ())]
+    tally = fuzz(name, numbers, tmp_path)
+    assert not tally.faults
+    assert sum(tally.counts.values()) == len(numbers)
+    assert tally.counts.get("read", 0) < len(numbers)  # some damage was noticed
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", SAMPLES)
+def test_very_many_damaged_files_are_read_told_or_refused(name: str, tmp_path: Path) -> None:
+    assert not fuzz(name, range(MANY), tmp_path).faults
+
+
+def test_damage_is_the_same_for_the_same_number_and_changes_something() -> None:
+    data = bytes(range(256)) * 20
+    found = [damaged(data, number) for number in range(200)]
+    assert found == [damaged(data, number) for number in range(200)]
+    assert all(content != data for content, _ in found)
+    assert len({content for content, _ in found}) > 190

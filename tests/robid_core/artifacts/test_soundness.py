@@ -1,0 +1,131 @@
+"""What no result may be is told by field and place, and real results are none of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from faults.fault import fault
+from hypothesis import given, settings, strategies as st
+
+from robid_core import Channel, Frf
+from robid_core.artifacts.soundness import no_covariance, unsound
+
+SEES = (
+    "exit 8: the stage and its plugin gave a result that cannot be, which field, and why; nothing is stored"
+)
+FILE = "robid_core/artifacts/soundness.py"
+
+
+def response(**changes: Any) -> Frf:
+    """Three lines of a response of two axes, with the covariance of independent noise."""
+    rng = np.random.default_rng(1)
+    fields: dict[str, Any] = {
+        "axis_names": ("a", "b"),
+        "estimator": "x",
+        "pooling": "y",
+        "sample_time_s": 0.001,
+        "torque_hold": "continuous",
+        "angle": np.zeros((1, 2)),
+        "frequency_hz": np.array([1.0, 2.0, 4.0]),
+        "response": rng.normal(size=(1, 3, 2, 2)) + 0j,
+        "input_gram_inverse": np.tile(np.eye(2) + 0j, (1, 3, 1, 1)),
+        "output_covariance": np.tile(np.array([[2.0, 1j], [-1j, 1.0]]), (1, 3, 1, 1)),
+    }
+    return Frf(**(fields | changes))
+
+
+def problems(artifact: Any) -> list[str]:
+    return list(unsound(artifact))
+
+
+def test_a_sound_response_has_no_problem() -> None:
+    assert problems(response()) == []
+    gaps = response().response.copy()
+    gaps[0, 1] = np.nan  # a masked line
+    assert problems(response(response=gaps)) == []
+
+
+@fault(
+    "R12",
+    sees=SEES,
+    mutant=(FILE, '    if metadata.get("known") and not np.isfinite(values).any():', "    if False:"),
+)
+def test_a_response_of_nan_alone_is_told() -> None:
+    nothing = np.full((1, 3, 2, 2), np.nan + 0j)
+    assert problems(response(response=nothing)) == ["Frf.response: all 12 values are NaN"]
+
+
+@fault("R12", sees=SEES, mutant=(FILE, "    if np.isinf(values).any():", "    if False:"))
+def test_a_value_at_infinity_is_told_with_its_place() -> None:
+    values = np.ones((1, 3, 2, 2), dtype=complex)
+    values[0, 2, 1, 0] = np.inf
+    assert problems(response(response=values)) == [
+        "Frf.response: 1 values are infinite, the first at n_config=0, n_freq=2, n_out=1, n_in=0"
+    ]
+
+
+@fault(
+    "R12",
+    sees=SEES,
+    mutant=(FILE, '    if metadata.get("rising") and not (np.diff(values) > 0).all():', "    if False:"),
+)
+def test_frequencies_that_descend_are_told() -> None:
+    assert problems(response(frequency_hz=np.array([4.0, 2.0, 1.0]))) == [
+        "Frf.frequency_hz: does not rise: 4 is followed by 2"
+    ]
+
+
+@fault("R12", sees=SEES, mutant=(FILE, "    if least < -ROUNDING * flat.shape[-1]:", "    if False:"))
+def test_a_covariance_that_is_not_positive_is_told() -> None:
+    wrong = np.tile(np.array([[1.0, 2.0], [2.0, 1.0]]) + 0j, (1, 3, 1, 1))  # eigenvalues 3 and -1
+    (words,) = problems(response(output_covariance=wrong))
+    assert words.startswith(
+        "Frf.output_covariance: is no covariance: not positive, its least eigenvalue is -1 "
+    )
+
+
+def test_a_negative_variance_and_a_matrix_that_is_not_symmetric_are_told() -> None:
+    assert no_covariance(np.diag([1.0, -2.0])) == "a variance is negative: -2"
+    assert no_covariance(np.array([[1.0, 0.5], [0.1, 1.0]])).startswith(
+        "is no covariance: not symmetric, by 0.4"
+    )
+
+
+def test_parts_within_an_artifact_are_named() -> None:
+    channel = Channel("motor", "rad", np.full((1, 1, 1, 1, 2, 1), np.nan))
+    assert list(unsound(channel, "Record.runs[0].channels[q]")) == [
+        "Record.runs[0].channels[q].values: all 2 values are NaN"
+    ]
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 12),
+    st.lists(st.floats(-8, 8), min_size=12, max_size=12),
+    st.booleans(),
+)
+@settings(max_examples=60, deadline=None)
+def test_inverses_of_information_in_any_units_are_covariances(
+    seed: int, n: int, scales: list[float], with_gaps: bool
+) -> None:
+    """J^T J of full rank, inverted and scaled to units of 1e-8 to 1e8: positive but for rounding, n eps cond of it."""
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(4 * n, n)) @ np.diag(10.0 ** rng.uniform(-2, 0, n))
+    units = 10.0 ** np.array(scales[:n])
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * units[:, None] * units
+    if with_gaps:
+        covariance[0], covariance[:, 0] = np.nan, np.nan
+    assert no_covariance(covariance) == ""
+    known = np.flatnonzero(np.isfinite(np.diag(covariance)))
+    if len(known) > 1:
+        i, j = known[:2]
+        covariance[i, j] = covariance[j, i] = 1.5 * np.sqrt(covariance[i, i] * covariance[j, j])
+        assert "not positive" in no_covariance(covariance)
+
+
+def test_zero_variances_are_covariances() -> None:
+    assert no_covariance(np.zeros((2, 3, 3))) == ""
+    with pytest.raises(AssertionError):
+        assert no_covariance(np.array([[0.0, 1.0], [1.0, 0.0]])) == ""
