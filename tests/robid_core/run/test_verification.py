@@ -13,11 +13,12 @@ import pytest
 from faults.fault import fault
 from fuzz.damage import damaged
 
-from robid_core.commands.show import manifest_of, run_lines, verification_line
+from robid_core.commands.show import run_lines, verification_line
 from robid_core.errors import StoreError
 from robid_core.run import Manifest, RunOptions, Silence, preview_run
 from robid_core.run.folder import RunFolder
 from robid_core.run.manifest import with_hash
+from robid_core.run.results import manifest_of
 from robid_core.run.verification import changed_files, known_hash, raw_logs
 
 
