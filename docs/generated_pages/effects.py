@@ -35,7 +35,8 @@ SHOWN: dict[str, dict[str, float]] = {
     "friction.quadratic_load": {"load_square": 0.01},
     "load.cable_spring": {"stiffness": 500.0, "damping": 5.0},
     "load.centre_of_mass": {"z": 0.05},
-    "structure.elastic_coordinate": {"axis_x": 0.0, "axis_y": 1.0, "stiffness": 2e4, "damping": 10.0},
+    "load.payload": {"mass": 10.0, "z": 0.5},
+    "structure.elastic_coordinate": {"axis_x": 0.0, "axis_y": 1.0, "stiffness": 5e3, "damping": 4.0},
     "structure.foundation": {"stiffness_x": 5e5, "stiffness_y": 5e5, "damping_x": 300.0, "damping_y": 300.0},
     "structure.foundation_sway": {"stiffness_x": 2e6, "stiffness_y": 2e6, "damping_x": 1e3, "damping_y": 1e3},
     "transmission.coupled_axes": {"from_motor": 2.0, "ratio": 0.004},
@@ -47,7 +48,7 @@ SHOWN: dict[str, dict[str, float]] = {
 # Robot and axis, where one_axis does not do.
 ELSEWHERE = {
     "transmission.coupled_axes": ("six_axis", "axis_1"),
-    "structure.elastic_coordinate": ("six_axis", "axis_4"),
+    "structure.elastic_coordinate": ("six_axis", "axis_6"),
 }
 
 

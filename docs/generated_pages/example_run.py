@@ -188,7 +188,7 @@ def _diagnosis(folder: Path) -> list[str]:
 def _equivalent_gain() -> list[str]:
     rms = np.geomspace(0.2, 50, 200)
     curves = [
-        Curve(rms, 1e3 * equivalent_damping(rms, sine, 0.5, 0.0), style, name)
+        Curve(rms, 20 * np.log10(equivalent_damping(rms, sine, 0.5, 0.0)), style, name)
         for sine, style, name in (
             (0.0, "first", "multisine alone"),
             (9.0, "second", "on a slow sine of 9 rad/s"),
@@ -199,7 +199,7 @@ def _equivalent_gain() -> list[str]:
             chart(
                 "Gain of Coulomb friction of 0.5 N m",
                 "rms speed of the multisine, rad/s",
-                "N m s/rad, times 1000",
+                "gain, dB of N m s/rad",
                 curves,
                 logarithmic=True,
                 size=WIDE,

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
-# docutils puts the index of a letter with an accent below the letter.
-_ACCENT_AND_INDEX = re.compile(
-    r"<munderover>\s*(<m[in]>[^<]*</m[in]>)\s*(<m[in]>[^<]*</m[in]>)\s*(<mo[^>]*>[˙¨ˆ]</mo>)\s*</munderover>"
+# docutils puts the index of a letter with an accent below the letter, and browsers the accent too near to it.
+_ACCENTS = {
+    "˙": "\N{COMBINING DOT ABOVE}",
+    "¨": "\N{COMBINING DIAERESIS}",
+    "ˆ": "\N{COMBINING CIRCUMFLEX ACCENT}",
+}
+_ACCENT = rf"<mo[^>]*>([{''.join(_ACCENTS)}])</mo>"
+_WITH_INDEX = re.compile(
+    rf"<munderover>\s*<mi>([A-Za-z])</mi>\s*(<m[in]>[^<]*</m[in]>)\s*{_ACCENT}\s*</munderover>"
 )
+_ALONE = re.compile(rf"<mover[^>]*>\s*<mi>([A-Za-z])</mi>\s*{_ACCENT}\s*</mover>")
 
 
 def use_mathml(app: Sphinx) -> None:
@@ -24,7 +32,14 @@ def use_mathml(app: Sphinx) -> None:
 def mathml(formula: str, block: bool = False) -> str:
     """Return a LaTeX formula as MathML."""
     written = tex2mathml(formula, as_block=block)
-    return _ACCENT_AND_INDEX.sub(r'<msub><mover accent="true">\1\3</mover>\2</msub>', written)
+    written = _WITH_INDEX.sub(lambda m: f"<msub>{_accented(m[1], m[3])}{m[2]}</msub>", written)
+    return _ALONE.sub(lambda m: _accented(m[1], m[2]), written)
+
+
+def _accented(letter: str, accent: str) -> str:
+    """Return an italic letter with its accent as one identifier."""
+    case = "CAPITAL" if letter.isupper() else "SMALL"
+    return f"<mi>{unicodedata.lookup(f'MATHEMATICAL ITALIC {case} {letter.upper()}')}{_ACCENTS[accent]}</mi>"
 
 
 def _inline(translator: HTML5Translator, node: nodes.math) -> None:

@@ -25,6 +25,12 @@ HYSTERESIS_REACH = {
     "friction.lugre": PRESLIDING,
     "friction.elasto_plastic": PRESLIDING,
 }
+WITH_THE_SPRING = {  # what they do is seen in the torque of the whole gear
+    "transmission.backlash",
+    "transmission.piecewise_linear",
+    "transmission.soft_zone",
+    "transmission.spring_damper",
+}
 LOADS = {
     "friction.load_dependent": (0.0, 10.0, 20.0),
     "friction.quadratic_load": (0.0, 5.0, 10.0),
@@ -69,6 +75,9 @@ def _of_force(name: str, term: ForceTerm, robot: Robot) -> str:
     if group == "transmission":
         motion = _sine(*DEFLECTION)
         run = law_along(term, *motion, 0.0, STEP, settle=motion[0].shape[1])
+        if name not in WITH_THE_SPRING:
+            added = [Curve(1e3 * motion[0][0], run.force[0])]
+            return chart("Added to the spring's torque", "deflection, mrad", "torque, N m", added)
         gear = robot.description.axes["axis_1"].gear
         assert gear is not None
         spring = gear.stiffness * motion[0][0]
@@ -119,6 +128,8 @@ def _of_signal(name: str, term: SignalTerm, effect: type[SignalEffect]) -> str:
     reach = {"torque": 30.0, "torque_measurement": 30.0, "position": 5e-4}[term.channel]
     before = np.linspace(-reach, reach, 400)[None]
     after = signal_along(term, before, still, still, 1.0)
+    if "error" in rows:
+        return chart("Added to the signal", f"before, {unit}", unit, [Curve(before[0], (after - before)[0])])
     curves = [
         Curve(before[0], before[0], "reference", "unchanged"),
         Curve(before[0], after[0], "first", "after the effect"),

@@ -10,6 +10,7 @@ from generated_pages.docstrings import prose
 from generated_pages.text import escaped, heading, literal, table
 from robid_core.commands.stages import setting_rows
 from robid_core.robot.file import axis, body, data_sheet, denavit_hartenberg, description, reading
+from robid_core.robot.file.part import LARGEST
 
 PARTS: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("The whole file", "", description.RobotDescription),
@@ -58,7 +59,7 @@ def pages() -> dict[str, str]:
         rows = [
             (
                 literal(key),
-                escaped(kind),
+                escaped(_without_widest(kind)),
                 "**required**" if default == "required" else literal(_short(default)),
                 escaped(said),
             )
@@ -71,3 +72,8 @@ def pages() -> dict[str, str]:
 def _short(default: str) -> str:
     """Return a default as it fits into a cell: that of a whole part is its own table's."""
     return "see below" if default.startswith("{") and len(default) > 2 else default
+
+
+def _without_widest(kind: str) -> str:
+    """Leave out of a type the limits beyond which no number means anything."""
+    return kind.replace(f" >= {-LARGEST:g}", "").replace(f" <= {LARGEST:g}", "")

@@ -105,10 +105,11 @@ def test_a_chart_puts_points_where_they_belong() -> None:
 
 
 def test_an_accent_stands_over_its_letter_and_an_index_beside_it() -> None:
-    tree = ElementTree.fromstring(formulas.mathml(r"{\dot q}_m"))
+    tree = ElementTree.fromstring(formulas.mathml(r"{\dot q}_m + \ddot q"))
     (found,) = tree.iter(f"{MATHML}msub")
-    assert [child.tag for child in found] == [f"{MATHML}mover", f"{MATHML}mi"]
-    assert [child.text for child in found.iter(f"{MATHML}mi")] == ["q", "m"]
+    assert [child.text for child in found] == ["\U0001d45e\u0307", "m"]
+    assert [one.text for one in tree.iter(f"{MATHML}mi")][-1] == "\U0001d45e\u0308"
+    assert not list(tree.iter(f"{MATHML}mover"))
 
 
 def test_bars_are_escaped_in_prose_only() -> None:
