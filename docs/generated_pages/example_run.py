@@ -15,6 +15,7 @@ from robid_core.run import RunOptions, run_pipeline
 EXAMPLE = Path(__file__).parent.parent / "example"
 WIDE = (480, 260)
 HERTZ = "frequency, Hz"
+MOST_POINTS = 600
 
 
 def pages() -> dict[str, str]:
@@ -22,6 +23,8 @@ def pages() -> dict[str, str]:
     run_pipeline(Pipeline.load(EXAMPLE / "pipeline.yaml"), RunOptions())
     folder = EXAMPLE / "runs" / "one-axis"
     artifacts = folder / "artifacts"
+    run_pipeline(Pipeline.load(EXAMPLE / "motion.yaml"), RunOptions())
+    moved = EXAMPLE / "runs" / "motion" / "artifacts"
     figures = {
         "excitation": _excitation(artifacts),
         "responses": _responses(artifacts),
@@ -30,6 +33,10 @@ def pages() -> dict[str, str]:
         "diagnosis": _diagnosis(artifacts),
         "equivalent_gain": _equivalent_gain(),
         "design": _design(artifacts),
+        "rigid": _over_time(moved / "rigid.h5", 0, "fit.rigid on the run in docs/example/motion.yaml."),
+        "output_error": _over_time(
+            moved / "loop.h5", 1, "fit.time_domain on the run in docs/example/motion.yaml."
+        ),
     }
     page = (artifacts / "page.html").read_text(encoding="utf-8")
     return {f"figures/{name}.txt": "\n".join(lines) for name, lines in figures.items()} | {
@@ -227,4 +234,24 @@ def _design(folder: Path) -> list[str]:
             )
         ],
         "design.optimal on the robot of one axis: the few poses that tell most.",
+    )
+
+
+def _over_time(file_name: Path, index: int, caption: str) -> list[str]:
+    """Measured and modelled torque over time, and their difference."""
+    with h5py.File(file_name) as file:
+        found = file[f"time/{index:04d}"]
+        every = max(1, found["time_s"].shape[0] // MOST_POINTS)
+        time, measured, modelled = (
+            found[name][:].reshape(found["time_s"].shape[0], -1)[::every, 0]
+            for name in ("time_s", "measured", "modelled")
+        )
+    curves = [Curve(time, measured, "first", "measured"), Curve(time, modelled, "reference", "model")]
+    left = [Curve(time, measured - modelled, "second")]
+    return row_of(
+        [
+            chart("Motor torque", "time, s", "torque, N m", curves, size=WIDE),
+            chart("Measured less model", "time, s", "torque, N m", left, size=WIDE),
+        ],
+        caption,
     )
