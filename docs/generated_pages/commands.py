@@ -51,7 +51,7 @@ def exit_codes() -> str:
     known: dict[int, list[str]] = {code: [f"{text}"] for code, text in OTHER_CODES.items()}
     for kind in classes:
         known.setdefault(kind.exit_code, []).append(
-            f"{literal(kind.__name__)}: {(inspect.getdoc(kind) or '').partition(chr(10))[0]}"
+            f"{literal(kind.__name__)}: {prose(_first_paragraph(kind))}"
         )
     lines = heading("Exit codes")
     lines += [
@@ -60,8 +60,12 @@ def exit_codes() -> str:
         *table(("code", "meaning"), [(str(c), " ".join(known[c])) for c in sorted(known)], "10 90"),
         "With ``robid run --strict`` one doubt about a fit is enough for exit code 6.",
         "",
-        "A message about drives, data or the store begins with the id of its fault: B for the bus, D for drives and",
-        "motion, A for acquisition and data, R for runner and store. The same id stands in the log.",
+        "A message about drives, data or the store begins with the id of its fault: :doc:`/faults`.",
         "",
     ]
     return "\n".join(lines)
+
+
+def _first_paragraph(kind: type) -> str:
+    """Return the first paragraph of a docstring on one line."""
+    return " ".join((inspect.getdoc(kind) or "").partition("\n\n")[0].split())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -55,6 +56,21 @@ def test_every_command_and_exit_code_stands_in_the_reference() -> None:
         assert word in pages["commands.rst"]
     for code in ("0", "2", "3", "4", "5", "6", "7", "8", "70", "130"):
         assert f"* - {code}\n" in pages["exit_codes.rst"]
+
+
+def test_every_fault_of_the_code_stands_in_the_documentation() -> None:
+    sources = [
+        path
+        for folder in ("robid_core", "plugins", "adapters")
+        for path in (DOCS.parent / folder).rglob("*.py")
+    ]
+    known = set(
+        re.findall(r"^\| ([BDAR]\d\d) \|", (DOCS / "faults.md").read_text(encoding="utf-8"), re.MULTILINE)
+    )
+    used = {
+        one for path in sources for one in re.findall(r"\b[BDAR]\d\d\b", path.read_text(encoding="utf-8"))
+    }
+    assert used == known
 
 
 def ratio(name: str, values: dict[str, float]) -> Any:
