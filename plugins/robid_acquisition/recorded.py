@@ -57,17 +57,19 @@ Experiment = tuple[
 class RecordedAcquisition(ReadFiles):
     """Reads recordings through a channel map: one file, a pattern of files, or those that a table lists.
 
-    acquire:
-      use: acquisition.recorded
-      with:
-        pattern: "lab/c{config}_b{block}_e{exp}.npz"
-        sample_time_s: 0.0005
-        period_s: 4.0
-        lines: [17, 19, 21]
-        torque_hold: zero_order_hold
-        channels:
-          motor_position: {column: q, unit: rad}
-          motor_torque: {column: current, unit: A, torque_constant: 0.43, delay_s: 0.00025}
+    Example::
+
+        acquire:
+          use: acquisition.recorded
+          with:
+            pattern: "lab/c{config}_b{block}_e{exp}.npz"
+            sample_time_s: 0.0005
+            period_s: 4.0
+            lines: [17, 19, 21]
+            torque_hold: zero_order_hold
+            channels:
+              motor_position: {column: q, unit: rad}
+              motor_torque: {column: current, unit: A, torque_constant: 0.43, delay_s: 0.00025}
     """
 
     period_s: PositiveFloat | Literal["auto"] | None = None

@@ -2,7 +2,7 @@
 
 Not the two-state model of Ruderman and Bertram (2011, 2013), which gave it its name here, but a model of ours of the
 same two phenomena: one state follows the path and holds the presliding hysteresis, one follows time and holds the
-frictional lag; both end in the Stribeck curve S(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2). With that curve:
+frictional lag; both end in the Stribeck curve S(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2). With that curve::
 
     z' = sigma v - sigma |v| z / w        torque of the asperities: presliding hysteresis
     w' = (S(v) - w) / lag                 level at which they flow: frictional lag

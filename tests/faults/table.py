@@ -1,4 +1,4 @@
-"""Writes `docs/faults.md` from what the tests say: python tests/faults/table.py."""
+"""Writes `docs/tested_faults.md` from what the tests say: python tests/faults/table.py."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if __name__ == "__main__":
 
 from faults.fault import Fault, faults_in  # noqa: E402
 
-TABLE = ROOT / "docs" / "faults.md"
+TABLE = ROOT / "docs" / "tested_faults.md"
 KINDS = {
     "B": "Bus",
     "D": "Drives and motion",
@@ -20,7 +20,7 @@ KINDS = {
     "R": "Run, store and plugins",
     "Y": "YAML, report and paths",
 }
-HEAD = """# Faults
+HEAD = """# Tested faults
 
 What may go wrong, what the user sees, the test that tries it, and the mutant: the line that the test does not let be
 broken. Made from the tests by `python tests/faults/table.py`; `tests/faults/fault.py` says how a test enters itself
@@ -44,12 +44,11 @@ def table(faults: list[Fault]) -> str:
 
 
 def _row(one: Fault) -> str:
-    file, name = one.test.split("::")
     if one.mutant is None:
         broken = f"none: {one.without}"
     else:
         broken = f"`{one.mutant.file}`: {_code(one.mutant.old)} becomes {_code(one.mutant.new)}"
-    return f"| {one.identifier} | {_text(one.sees)} | [{name}](../{file}) | {broken} |\n"
+    return f"| {one.identifier} | {_text(one.sees)} | `{one.test}` | {broken} |\n"
 
 
 def _text(words: str) -> str:

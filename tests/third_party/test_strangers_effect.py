@@ -167,9 +167,11 @@ def test_its_own_tests_pass(stranger: dict[str, str], tmp_path: Path) -> None:
     assert "3 passed" in done.stdout
 
 
-def test_the_effect_of_the_readme_keeps_the_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    readme = (HERE.parent.parent / "README.md").read_text(encoding="utf-8")
-    (text,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "@kernel" in block)
+def test_the_effect_of_the_documentation_keeps_the_contract(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (HERE.parent.parent / "docs" / "plugins.md").read_text(encoding="utf-8")
+    (text,) = (block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "@kernel" in block)
     path = tmp_path / "robid_churning.py"
     path.write_text(text)
     spec = spec_from_file_location(path.stem, path)
@@ -208,10 +210,10 @@ stages:
 
 @pytest.fixture(name="lab")
 def lab_environment(tmp_path: Path) -> dict[str, str]:
-    """An environment in which the effect of the README is installed as the README says."""
-    readme = (HERE.parent.parent / "README.md").read_text(encoding="utf-8")
-    (law,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "@kernel" in block)
-    (entry,) = (b for b in re.findall(r"```toml\n(.*?)```", readme, re.DOTALL) if "robid.effects" in b)
+    """An environment in which the effect of the documentation is installed as its page says."""
+    page = (HERE.parent.parent / "docs" / "plugins.md").read_text(encoding="utf-8")
+    (law,) = (block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "@kernel" in block)
+    (entry,) = (b for b in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "robid.effects" in b)
     target = tmp_path / "installed"
     metadata = target / "robid_churning-1.0.dist-info"
     metadata.mkdir(parents=True)
@@ -222,7 +224,7 @@ def lab_environment(tmp_path: Path) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": str(target)}
 
 
-def test_the_effect_of_the_readme_is_freed_in_a_fit_without_a_line_of_code(
+def test_the_effect_of_the_documentation_is_freed_in_a_fit_without_a_line_of_code(
     lab: dict[str, str], tmp_path: Path
 ) -> None:
     """Told half as strong in a robot file: `robid run` finds how strong it is."""
@@ -257,7 +259,9 @@ stages:
 """
 
 
-def test_the_effect_of_the_readme_is_found_where_it_is_hidden(lab: dict[str, str], tmp_path: Path) -> None:
+def test_the_effect_of_the_documentation_is_found_where_it_is_hidden(
+    lab: dict[str, str], tmp_path: Path
+) -> None:
     """Among all of the catalogue, by name and size: nothing in the package says how it is searched."""
     folder = tmp_path / "project"
     folder.mkdir()

@@ -219,11 +219,11 @@ def test_every_parameter_of_a_law_has_a_column(name: str) -> None:
         np.testing.assert_allclose(forces[1] - forces[0], change, rtol=0, atol=1e-8 * np.abs(forces).max())
 
 
-def test_the_robot_file_of_the_readme_loads_and_moves(tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+def test_the_robot_file_of_the_documentation_loads_and_moves(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "your_own_robot.md").read_text(encoding="utf-8")
     (text,) = (
         block
-        for block in re.findall(r"```yaml\n(.*?)```", readme, re.DOTALL)
+        for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
         if "robid_robot" in block and "effects:" in block
     )
     (tmp_path / "robot.yaml").write_text(text)

@@ -54,7 +54,7 @@ def test_every_pose_of_a_robot_with_backlash_has_a_rest(
     [
         "{use: transmission.piecewise_linear, on: axis_2, with: {lost_motion: 4.0e-4}}",
         "{use: transmission.soft_zone, on: axis_3}",
-        "{use: transmission.backlash, on: axis_3, side: gear, with: {gap: 2.0e-4}}",  # README's robot 'tired'
+        "{use: transmission.backlash, on: axis_3, side: gear, with: {gap: 2.0e-4}}",  # docs/your_own_robot.md, 'tired'
     ],
 )
 def test_every_pose_of_a_robot_with_another_soft_zone_has_a_rest(tmp_path: Path, effect: str) -> None:
