@@ -29,7 +29,7 @@ from numba.core import caching
 
 from robid_core.compiled.content import keep_hash
 
-VERSIONS = 6
+VERSIONS = 4
 """Contents of a kernel that are kept: installations of different versions beside one another, and edited sources."""
 
 

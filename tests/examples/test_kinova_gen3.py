@@ -91,7 +91,7 @@ def test_joint_4_is_predicted_from_its_first_half_and_carries_no_cause_nor_wave(
 ) -> None:
     told = Robot.load("robot_joint_4.yaml", EXAMPLE)
     fit = joint_4("fit").run(joint_4("acquire").run(told, context()), told)
-    (picture,) = joint_4("predict").run(joint_4("later").run(told, context()), told, context(), fit).time
+    (picture,) = joint_4("predict").run((joint_4("later").run(told, context()),), told, context(), fit).time
     assert picture.relative_error < 0.3
     assert refuses(explained(told, joint_4))
     record: Record = joint_4("whole").run(told, context())

@@ -183,4 +183,5 @@ def test_rounding_is_seen_and_measured_angles_are_not_computed() -> None:
 
 
 def test_the_stage_keeps_the_contract() -> None:
-    check_stage(GearDeflection, for_axes=(1,), artifacts=lambda _: {Record: recorded()})
+    # What it tells are bounds, not errors of the model: the tests above hold them to known gears.
+    check_stage(GearDeflection, for_axes=(1,), artifacts=lambda _: {Record: recorded()}, recovery=False)

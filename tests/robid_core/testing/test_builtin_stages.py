@@ -32,7 +32,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "recovery": False,
     },  # under way at its start
     "fit.state_space": {"iterations": 1, "recovery": False},  # an iteration of six axes takes long
-    "fit.torque_residual": {"passes": 2},
+    "fit.torque_residual": {"passes": 4},
 }
 # Tried with these settings and more sizes by the tests of the plugin, or only there, with a recording or a plant.
 PLUGINS = Path(__file__).parents[2] / "plugins"
