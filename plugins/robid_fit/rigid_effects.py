@@ -101,9 +101,12 @@ def effect_torque(
     """
     labels = acting_laws(robot)
     behind = [bound.label for bound in robot.effects if bound.place.side == "arm"]
-    along = RobotMotion(motion.position[None], motion.velocity[None], sample_time, torque=bodies[None])
+    rotors = robot.drives.rotor_inertia * np.gradient(motion.velocity, sample_time, axis=0)
+    moved = motion.position[None], motion.velocity[None], sample_time
+    along = RobotMotion(*moved, torque=bodies[None], passed=(bodies - rotors)[None])
     if behind and needs_load(robot):
-        along = dataclasses.replace(along, torque=(bodies + _exerted(robot, along, behind))[None])
+        exerted = _exerted(robot, along, behind)
+        along = RobotMotion(*moved, torque=(bodies + exerted)[None], passed=(bodies - rotors + exerted)[None])
     columns = np.zeros((*bodies.shape, len(names)))
     for column in effect_columns(robot, names, along):
         columns[:, :, names.index(column.name)] += column.values[0, :, None] * column.direction

@@ -121,9 +121,11 @@ def pass_torque(  # type: ignore[no-untyped-def]
             passed = plant.gear_spring[a, 0] * deflection + plant.gear_spring[a, 1] * rate
             for e in range(plant.rigid_column.shape[1]):
                 b = plant.rigid_column[a, e]
-                passed = passed + plant.rigid_value[a, e] * (
-                    torque[b] - plant.rotor_inertia[b] * acceleration[motor + b]
-                )
+                driving = torque[b] - plant.rotor_inertia[b] * acceleration[motor + b]
+                for t in range(terms.force.shape[0]):
+                    if terms.force[t, 10] == b:  # as it was in the step before
+                        driving = driving - work.force[t]
+                passed = passed + plant.rigid_value[a, e] * driving
             load[a] = passed
 
 

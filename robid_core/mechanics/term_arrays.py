@@ -21,11 +21,10 @@ from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 class TermArrays(NamedTuple):
     """Laws that act, as data: structure, and numbers as `in_lanes` lays them."""
 
-    force: (
-        IntArray  # (n_force, 10) entry of the law; n_state, first state, first argument; acts where it sees
-    )
-    # (implicit);
-    # axis of the gear whose torque it is part of, or -1; ends of direction, coordinate and load in `column`
+    force: IntArray
+    """(n_force, 11) entry of the law; n_state, first state, first argument; acts where it sees (implicit); axis of the
+    gear whose torque it is part of, or -1; ends of direction, coordinate and load in `column`; axis of the motor that
+    it brakes before the gear, or -1."""
     signal: IntArray  # (n_signal, 6) entry of the law; n_state, first state, first argument; axis; channel
     column: IntArray  # (n_entry,)
     value: FloatArray  # (n_entry,)
@@ -81,10 +80,12 @@ def term_arrays(
             ends.append(len(column))
         acts_where_it_sees = int(all(np.array_equal(term.direction, term.coordinate) for term in terms))
         gear = int(gears.get(tuple(first.direction.tolist()), -1))
-        rows["force"].append([*head, acts_where_it_sees, gear, *ends])
+        rows["force"].append(
+            [*head, acts_where_it_sees, gear, *ends, _motor(first.direction, models[0].mechanism)]
+        )
     nothing = np.zeros(len(models))
     return TermArrays(
-        np.array(rows["force"], dtype=np.int64).reshape(-1, 10),
+        np.array(rows["force"], dtype=np.int64).reshape(-1, 11),
         np.array(rows["signal"], dtype=np.int64).reshape(-1, 6),
         np.array([*column, 0], dtype=np.int64),
         in_lanes(list(np.stack([*value, nothing], axis=1)), robots),
@@ -98,6 +99,13 @@ def _gears(mechanism: Mechanism) -> dict[tuple[float, ...], int]:
     """Axis of each elastic gear by its direction."""
     directions = map(tuple, mechanism.spring_directions.tolist())
     return dict(zip(directions, np.flatnonzero(mechanism.elastic_gear).tolist(), strict=False))
+
+
+def _motor(direction: FloatArray, mechanism: Mechanism) -> int:
+    """Axis of the motor that a law acts on before the gear, or -1."""
+    (there,) = np.nonzero(direction)
+    alone = len(there) == 1 and there[0] < mechanism.n_axis and direction[there[0]] == 1.0
+    return int(there[0]) if alone else -1
 
 
 def _weights(model: MechanicalModel, weight: FloatArray, implicit_step: float) -> FloatArray:

@@ -6,19 +6,22 @@ that the whole transmission passes.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robid_core.arrays import FloatArray
+from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.law_along import LawRun, law_along
 from robid_core.mechanics.terms import ForceTerm
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
+
+TURNS = 60  # half of the load as friction: 1e-18
+EXACT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,8 @@ class RobotMotion:
     """How many samples, from the end of a periodic motion, laws with a memory are run through before its first one."""
     torque: FloatArray | None = None
     """Of the motors, N m, (n_lane, n_sample, n_axis); needed for the load of rigid gears, and for laws on signals."""
+    passed: FloatArray | None = None
+    """Torque that rigid gears pass, at the motors, N m, same shape, where it is known better than from `torque`."""
 
     @classmethod
     def periodic(cls, coordinates: FloatArray, sample_time: float, finer: int) -> RobotMotion:
@@ -103,8 +108,8 @@ def forces_along(robot: Robot, motion: RobotMotion, labels: Collection[str] | No
     gears = np.flatnonzero(robot.mechanism.elastic_gear)
     rows = robot.mechanism.spring_directions[: len(gears)]
     stiffness, damping = (values[: len(gears)] for values in robot.spring_arrays())
-    load = _of_rigid_gears(robot, motion)
-    load[..., gears] = stiffness * (motion.position @ rows.T) + damping * (motion.speed @ rows.T)
+    of_springs = stiffness * (motion.position @ rows.T) + damping * (motion.speed @ rows.T)
+    load = _transmitted(robot, motion, gears, of_springs)
     found = []
     for term in robot.forces:
         along_gear = [g for g, row in zip(gears, rows, strict=True) if np.array_equal(term.direction, row)]
@@ -122,11 +127,49 @@ def forces_along(robot: Robot, motion: RobotMotion, labels: Collection[str] | No
     return ForcesAlong(load, tuple(found))
 
 
-def _of_rigid_gears(robot: Robot, motion: RobotMotion) -> FloatArray:
-    """Torque that rigid gears would pass, joint side, (n_lane, n_sample, n_axis)."""
-    if motion.torque is None:
-        return np.full((*motion.position.shape[:2], robot.n_axis), np.nan)
-    acceleration = np.gradient(motion.speed[..., : robot.n_axis], motion.step, axis=1)
+def _transmitted(robot: Robot, motion: RobotMotion, gears: IntArray, of_springs: FloatArray) -> FloatArray:
+    """Torque that gears pass, joint side, (n_lane, n_sample, n_axis): springs theirs, rigid ones what motors leave.
+
+    A motor leaves its torque, less what its rotor takes and what brakes it before the gear. Where that grows with the
+    torque passed, both are found by turns: each turn leaves such a share of the error as the friction has of the load.
+    """
+    n_axis = robot.n_axis
+    to_joints = np.linalg.inv(robot.drives.gear)
+    rigid = np.setdiff1d(np.arange(n_axis), gears)
+
+    def load_of(shaft: FloatArray) -> FloatArray:
+        load: FloatArray = shaft @ to_joints
+        load[..., gears] = of_springs
+        return load
+
+    if motion.passed is not None:
+        return load_of(motion.passed)
+    if motion.torque is None or not len(rigid):
+        return load_of(np.full((*motion.position.shape[:2], n_axis), np.nan))
+    acceleration = np.gradient(motion.speed[..., :n_axis], motion.step, axis=1)
     shaft = motion.torque - robot.drives.rotor_inertia * acceleration
-    passed: FloatArray = shaft @ np.linalg.inv(robot.drives.gear)
-    return passed
+    brakes = [(term, a) for term in robot.forces for a in rigid.tolist() if _brakes(term, a)]
+    steady = [pair for pair in brakes if not pair[0].load.any()]
+    shaft -= _taken(motion, steady, load_of(shaft))
+    loaded = [pair for pair in brakes if pair[0].load.any()]
+    left = shaft
+    for _ in range(TURNS if loaded else 0):
+        before, left = left, shaft - _taken(motion, loaded, load_of(left))
+        if np.abs(left - before).max() <= EXACT * np.abs(left).max():
+            break
+    return load_of(left)
+
+
+def _brakes(term: ForceTerm, axis: int) -> bool:
+    """Whether a law acts on a motor, before the gear."""
+    return bool(term.direction[axis] == 1.0 and np.count_nonzero(term.direction) == 1)
+
+
+def _taken(motion: RobotMotion, brakes: Sequence[tuple[ForceTerm, int]], load: FloatArray) -> FloatArray:
+    """Torque of laws on motors, (n_lane, n_sample, n_axis)."""
+    total = np.zeros_like(load)
+    for term, axis in brakes:
+        seen = motion.position @ term.coordinate, motion.speed @ term.coordinate
+        known = np.where(term.load == 0, 0.0, load) @ term.load
+        total[..., axis] += law_along(term, *seen, known, motion.step, settle=motion.settle).force
+    return total

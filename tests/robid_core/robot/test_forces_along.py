@@ -145,8 +145,10 @@ def test_a_rigid_gear_needs_the_torque_of_its_motor(six: Robot) -> None:
     ):
         along(rubbing, coordinates)
     d = robot.drives
-    (seal,) = along(rubbing, coordinates, torque).of("seal")
+    found = along(rubbing, coordinates, torque)
+    (seal,) = found.of("seal")
     acceleration = np.gradient(np.diff(coordinates[..., 1], axis=1) / STEP, STEP, axis=1)
-    np.testing.assert_allclose(
-        seal.load, torque[..., 1] - d.rotor_inertia[1] * acceleration, rtol=1e-9, atol=1e-9
-    )
+    # What brakes the motor before the gear, the seal itself among it, is not passed.
+    braking = sum(force.run.force for force in found.forces if force.term.direction[1] == 1.0)
+    passed = torque[..., 1] - d.rotor_inertia[1] * acceleration - braking
+    np.testing.assert_allclose(seal.load, passed, rtol=1e-9, atol=1e-9 * np.abs(passed).max())
