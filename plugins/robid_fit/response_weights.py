@@ -56,9 +56,9 @@ def covariance_of_logarithm(
 def inverse_excess(degrees_of_freedom: FloatArray, n_out: int) -> FloatArray:
     """Factor by which the inverse of an estimated covariance is too large on average, shape (n, 1, 1).
 
-    The inverse of a complex Wishart matrix of nu degrees of freedom has the mean ``nu / (nu - n_out)`` times the inverse
-    of the covariance (P. Shaman, 1980). Weights of a covariance without this factor show a misfit of a right model
-    above one: 1.25 for one axis and five degrees of freedom. With fewer than ``n_out + 1`` there is no mean, and
+    The inverse of a complex Wishart matrix of nu degrees of freedom is on average ``nu / (nu - n_out)`` times the
+    inverse of the covariance (P. Shaman, 1980). Weights of a covariance without this factor show a misfit of a right
+    model above one: 1.25 for one axis and five degrees of freedom. With fewer than ``n_out + 1`` there is no mean, and
     the factor is the one of ``n_out + 1``.
 
     Parameters
