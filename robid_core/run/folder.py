@@ -40,6 +40,15 @@ class RunFolder:
             f"{where}: not a run, there is {lacking}; name a folder in '{RUNS}', or run the pipeline first"
         )
 
+    def others(self) -> tuple[Path, ...]:
+        """Return the folders of the runs beside this one, in the order of their names."""
+        beside = self.path.parent
+        if not beside.is_dir():
+            return ()
+        with failures_named("read", beside):
+            folders = sorted(path for path in beside.iterdir() if path != self.path)
+        return tuple(path for path in folders if (path / "store" / "index").is_dir())
+
     @property
     def manifest(self) -> Path:
         """Everything from which the run can be made again."""
