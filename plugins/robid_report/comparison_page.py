@@ -49,7 +49,8 @@ class ComparisonPage(ReportStage):
                 if not doubt.is_remark
             ],
             "fits": [
-                (label, fit.method, significant(fit.misfit, 3), fit.status) for label, fit in named.items()
+                (label, fit.method, significant(fit.misfit, 3), fit.status.partition(";")[0])
+                for label, fit in named.items()
             ],
             "figures": figures,
             "keys": [(label, COLOURS[i % len(COLOURS)]) for i, label in enumerate(measured)],
