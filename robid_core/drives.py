@@ -21,6 +21,7 @@ from robid_core.artifacts import Channel, DenseRun, Record, Truth, frozen
 from robid_core.artifacts.record import MOTOR_POSITION, MOTOR_TORQUE, SPEED_REFERENCE
 from robid_core.gate import Clearance
 from robid_core.robot import Robot
+from robid_core.yaml_file.problems import KeyPath
 
 
 class Plant(Protocol):
@@ -170,6 +171,11 @@ class Drives(BaseModel, abc.ABC):
     @abc.abstractmethod
     def open(self, session: Session) -> OpenDrives:
         """Bring the drives up, up to enabled; a context manager stops them on every way out."""
+
+    def problems_with(self, robot: Robot) -> Mapping[KeyPath, str]:
+        """Say which settings this robot cannot have, by their place; empty where there are none. See `Stage`."""
+        del robot
+        return {}
 
     def truth(self, robot: Robot) -> Truth | None:
         """Return the simulated plant's parameters; None on hardware."""

@@ -110,12 +110,14 @@ class Stage(Settings):
 
     Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are held out
     for tests are left out; where `tells_variants` is false, a record of several variants (payloads, tools) is refused.
+    Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines.
     """
 
     kind: ClassVar[str] = ""
     output: ClassVar[type[Artifact]] = Artifact
     sees_test: ClassVar[bool] = True
     tells_variants: ClassVar[bool] = True
+    needs_lines: ClassVar[bool] = False
 
     run: ClassVar[Callable[..., Any]]
 
@@ -215,6 +217,11 @@ class ExcitationDesign(Stage):
 
     kind = "excitation"
     output = Excitation
+
+    @property
+    def excites_lines(self) -> bool:
+        """Whether the motion is periodic, with lines that a frequency response can be read at."""
+        return True
 
     def needs_of_axes(self) -> Sequence[AxisKey]:
         """Limits, and the controller whose loop the references act on."""

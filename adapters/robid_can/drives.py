@@ -94,6 +94,18 @@ class CanDrives(Drives):
         effects = Robot.load(self.plant).description.effects.values()
         return sorted({("robid.effects", effect.use) for effect in effects})
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """A plant of another number of motors, and nodes or serial numbers that are not one for each motor."""
+        found: dict[tuple[str | int, ...], str] = {}
+        n_axis = robot.n_axis
+        n_plant = n_axis if self.plant is None else Robot.load(self.plant).n_axis
+        if n_plant != n_axis:
+            found["plant",] = f"plant '{self.plant}' has {n_plant} motors, robot '{robot.name}' has {n_axis}"
+        for what, values in {"node_ids": self.node_ids, "serial_numbers": self.serial_numbers}.items():
+            if values is not None and len(values) != n_axis:
+                found[what,] = f"{what} has {len(values)} entries, the robot has {n_axis} motors"
+        return found
+
     def truth(self, robot: Robot) -> Truth | None:
         """Return the parameters of the simulated plant."""
         del robot
@@ -110,19 +122,11 @@ class CanDrives(Drives):
                 "motors may move; this version moves simulated ones only: add `plant:` with the name of a "
                 "robot (a later version will ask for `hardware: {confirm: true}` and a person at the robot)"
             )
-        plant = Robot.load(self.plant)
-        n_axis = session.robot.n_axis
-        if plant.n_axis != n_axis:
-            raise ConfigurationError(
-                f"drives: plant '{self.plant}' has {plant.n_axis} motors, robot '{session.robot.name}' has {n_axis}"
-            )
+        for message in self.problems_with(session.robot).values():
+            raise ConfigurationError(f"drives: {message}")
+        plant, n_axis = Robot.load(self.plant), session.robot.n_axis
         node_ids = self.node_ids or tuple(range(1, n_axis + 1))
         serial_numbers = self.serial_numbers or tuple(range(1, n_axis + 1))
-        for what, values in {"node_ids": node_ids, "serial_numbers": serial_numbers}.items():
-            if len(values) != n_axis:
-                raise ConfigurationError(
-                    f"drives: {what} has {len(values)} entries, the robot has {n_axis} motors"
-                )
         return OpenCanDrives(self, session, plant, expected_drives(session.robot, node_ids, serial_numbers))
 
 

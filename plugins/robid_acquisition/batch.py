@@ -103,8 +103,11 @@ class SimulatedAcquisition(Acquisition):
         return sorted({("robid.effects", effect.use) for effect in effects})
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
-        """What the plant's file lacks for a simulation."""
+        """Another number of motors, and what the plant's file lacks for a simulation."""
         plant = robot if self.plant is None else Robot.load(self.plant)
+        if plant.n_axis != robot.n_axis:
+            wrong = f"plant '{self.plant}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
+            return {("plant",): wrong}
         missing = plant.left_out(("torque_limit", "controller"))
         return {("plant",): missing} if missing else {}
 

@@ -47,6 +47,15 @@ class SimulatedDrives(Drives):
         effects = Robot.load(self.plant).description.effects.values()
         return sorted({("robid.effects", effect.use) for effect in effects})
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """A plant of another number of motors."""
+        n_axis = Robot.load(self.plant).n_axis
+        if n_axis == robot.n_axis:
+            return {}
+        return {
+            ("plant",): f"plant '{self.plant}' has {n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
+        }
+
     def truth(self, robot: Robot) -> Truth | None:
         """Return the parameters of the plant."""
         del robot
@@ -55,13 +64,9 @@ class SimulatedDrives(Drives):
 
     def open(self, session: Session) -> OpenSimulatedDrives:
         """Return the plant at rest."""
-        plant = Robot.load(self.plant)
-        if plant.n_axis != session.robot.n_axis:
-            raise ConfigurationError(
-                f"drives: plant '{self.plant}' has {plant.n_axis} motors, robot '{session.robot.name}' has "
-                f"{session.robot.n_axis}"
-            )
-        return OpenSimulatedDrives(plant)
+        for message in self.problems_with(session.robot).values():
+            raise ConfigurationError(f"drives: {message}")
+        return OpenSimulatedDrives(Robot.load(self.plant))
 
 
 def saturation_level(robot: Robot) -> FloatArray:

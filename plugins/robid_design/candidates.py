@@ -43,6 +43,7 @@ def draw_configurations(
     upper: FloatArray,
     acceptable: Callable[[FloatArray], BoolArray],
     generator: np.random.Generator,
+    most_rounds: int = MOST_ROUNDS,
 ) -> FloatArray:
     """Draw configurations that are acceptable, in rounds of Latin hypercubes.
 
@@ -56,6 +57,8 @@ def draw_configurations(
         Tells which of (n, n_axis) configurations will do.
     generator
         Draws them.
+    most_rounds
+        Before it is given up.
 
     Returns
     -------
@@ -68,7 +71,7 @@ def draw_configurations(
     """
     found: list[FloatArray] = []
     missing, drawn = count, 0
-    for _ in range(MOST_ROUNDS):
+    for _ in range(most_rounds):
         points = latin_hypercube(count, lower, upper, generator)
         good = points[acceptable(points)][:missing]
         found.append(good)
@@ -88,6 +91,7 @@ def random_configurations(
     margin: float = 0.05,
     gravity_share: float = 0.5,
     room: Room | None = None,
+    most_rounds: int = MOST_ROUNDS,
 ) -> FloatArray:
     """Configurations of a robot within its limits, shape (count, n_axis); see `RandomCandidates` for the rest."""
     # A joint without limits turns freely: one turn holds all of its poses.
@@ -101,7 +105,7 @@ def random_configurations(
         light: BoolArray = np.all(np.abs(rest.torque) <= allowed, axis=1)
         return light if room is None else light & room.is_kept(robot, rest.joint)
 
-    return draw_configurations(count, lower + inset, upper - inset, acceptable, generator)
+    return draw_configurations(count, lower + inset, upper - inset, acceptable, generator, most_rounds)
 
 
 class RandomCandidates(CandidateDesign):
@@ -118,6 +122,21 @@ class RandomCandidates(CandidateDesign):
     """Largest share of a motor's torque limit that holding the arm may take."""
     room: Room | None = None
     """Floor and links that are kept clear of; null: none is looked at."""
+
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """A room, or a share of the torque, that leaves hardly any configuration.
+
+        A run gives up where less than one of `MOST_ROUNDS` is acceptable; that none of ten times as many is, has a
+        chance of 5e-5 then.
+        """
+        if robot.left_out(self.needs_of_axes()):
+            return {}  # told as such
+        trial, told = np.random.default_rng(0), (self.margin, self.gravity_share, self.room)
+        try:
+            random_configurations(robot, 1, trial, *told, most_rounds=10 * MOST_ROUNDS)
+        except ConfigurationError as error:
+            return {("room",) if self.room is not None else ("gravity_share",): str(error)}
+        return {}
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """Torque limits: what is heavy is measured against them."""

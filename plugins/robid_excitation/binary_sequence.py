@@ -62,6 +62,25 @@ class BinarySequence(ClassicalExcitation):
         """Length of one period, s."""
         return ((1 << self.register_bits) - 1) * (2 if self.inverse_repeat else 1) / self.clock_hz
 
+    def length(self) -> tuple[str, float]:
+        """The period, from the register."""
+        return "register_bits", self.period_s
+
+    def check_length(self, robot: Robot) -> None:
+        """Raise ConfigurationError unless each sign holds for whole samples."""
+        self.samples_of_sign(robot)
+
+    def samples_of_sign(self, robot: Robot) -> int:
+        """Samples for which a sign holds; ConfigurationError unless they are whole."""
+        hold = round(1 / (self.clock_hz * robot.sample_time_s))
+        if hold < 1 or abs(hold * self.clock_hz * robot.sample_time_s - 1) > 1e-9:
+            near = 1 / (max(hold, 1) * robot.sample_time_s)
+            raise ConfigurationError(
+                f"clock_hz: {self.clock_hz:g} Hz does not hold a sign for whole samples of {robot.sample_time_s:g} s; "
+                f"{near:.9g} Hz does"
+            )
+        return hold
+
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""
         lines = super().plan_lines(upstream)
@@ -71,13 +90,7 @@ class BinarySequence(ClassicalExcitation):
 
     def run(self, configurations: Configurations, robot: Robot, context: Context) -> Excitation:
         """Make the sequences of all configurations and clear them by simulation."""
-        hold = round(1 / (self.clock_hz * robot.sample_time_s))
-        if hold < 1 or abs(hold * self.clock_hz * robot.sample_time_s - 1) > 1e-9:
-            near = 1 / (max(hold, 1) * robot.sample_time_s)
-            raise ConfigurationError(
-                f"clock_hz: {self.clock_hz:g} Hz does not hold a sign for whole samples of {robot.sample_time_s:g} s; "
-                f"{near:.9g} Hz does"
-            )
+        hold = self.samples_of_sign(robot)
         waveform = binary_waveform(self.register_bits, hold, self.inverse_repeat)
         n_sample = len(waveform)
         self.check_band(n_sample, robot, self.band_hz[0])

@@ -44,6 +44,10 @@ class Chirp(ClassicalExcitation):
     fade: float = Field(default=0.05, gt=0, le=0.5)
     """Share of the period over which the sweep rises, two turns at least, and falls at its end."""
 
+    def length(self) -> tuple[str, float]:
+        """The period."""
+        return "period_s", self.period_s
+
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""
         return [f"{self.sweep} sweep in {self.period_s:g} s", *super().plan_lines(upstream)]

@@ -7,6 +7,7 @@ inertia under its speed loop (`estimation.excitation.signals`), as for the multi
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -30,15 +31,17 @@ from robid_core.estimation.excitation.signals import (
     through_lines,
 )
 from robid_excitation.amplitudes import crossover_hz, inverse_inertia, torque_peaks
+from robid_excitation.beforehand import problems_of, refuse_too_large, refuse_wrong_length
+from robid_excitation.lines import refuse_beyond_half_rate
 from robid_excitation.prediction import Level, clear
 
 
-def whole_samples(period_s: float, robot: Robot) -> int:
+def whole_samples(period_s: float, robot: Robot, setting: str = "period_s") -> int:
     """Samples in a period; ConfigurationError unless they are whole."""
     count = round(period_s / robot.sample_time_s)
     if count < 4 or abs(period_s / robot.sample_time_s - count) > 1e-6:
         raise ConfigurationError(
-            f"period_s: {period_s:g} s is not a whole number of the robot's samples of {robot.sample_time_s:g} s; "
+            f"{setting}: {period_s:g} s is not a whole number of the robot's samples of {robot.sample_time_s:g} s; "
             f"{max(count, 4) * robot.sample_time_s:.9g} s is"
         )
     return count
@@ -90,14 +93,32 @@ class ClassicalExcitation(ExcitationDesign):
         """Experiments in a block."""
         return n_axis if self.experiments is None else self.experiments
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """A length or a band that the robot's sampling does not hold, axes that it does not have, too much memory."""
+        setting, seconds = self.length()
+        n_experiment = self.blocks * self.n_exp(robot.n_axis)
+        return problems_of(
+            [
+                lambda: refuse_beyond_half_rate(self.band_hz, robot),
+                lambda: self.check_length(robot),
+                lambda: refuse_too_large(setting, seconds, n_experiment, robot),
+                lambda: refuse_wrong_length("axis_scale", self.axis_scale, robot),
+            ]
+        )
+
+    @abc.abstractmethod
+    def length(self) -> tuple[str, float]:
+        """Which setting says how long a period is, and how long it is in s."""
+
+    def check_length(self, robot: Robot) -> None:
+        """Raise ConfigurationError unless a period has whole samples."""
+        setting, seconds = self.length()
+        whole_samples(seconds, robot, setting)
+
     def check_band(self, n_sample: int, robot: Robot, lowest_hz: float) -> None:
         """Refuse a band that the sampling, or a slow sine that the signal from `lowest_hz` on, has no room for."""
         step = robot.sample_time_s
-        if self.band_hz[1] >= 0.5 / step:
-            raise ConfigurationError(
-                f"band_hz: {self.band_hz[1]:g} Hz is not below half the sampling rate of {robot.name}, "
-                f"{0.5 / step:g} Hz"
-            )
+        refuse_beyond_half_rate(self.band_hz, robot)
         sine_hz = self.slow_sine_bin / (n_sample * step)
         if self.slow_sine_rad_s > 0 and sine_hz >= lowest_hz:
             raise ConfigurationError(
@@ -164,10 +185,7 @@ class ClassicalExcitation(ExcitationDesign):
     def _scale(self, robot: Robot) -> FloatArray:
         if self.axis_scale is None:
             return np.ones(robot.n_axis)
-        if len(self.axis_scale) != robot.n_axis:
-            raise ConfigurationError(
-                f"axis_scale: {len(self.axis_scale)} factors for the {robot.n_axis} axes of {robot.name}"
-            )
+        refuse_wrong_length("axis_scale", self.axis_scale, robot)
         return np.array(self.axis_scale)
 
 

@@ -126,6 +126,11 @@ class ConstantVelocity(ExcitationDesign):
         """Speeds of each axis."""
         return self.steps if self.speeds_rad_s is None else len(self.speeds_rad_s)
 
+    @property
+    def excites_lines(self) -> bool:
+        """No: the motion is not for a frequency response."""
+        return False
+
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""
         counts = [getattr(stage, "count", None) for stage in upstream.values()]

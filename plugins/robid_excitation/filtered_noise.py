@@ -33,6 +33,15 @@ class FilteredNoise(ClassicalExcitation):
     fade: float = Field(default=0.02, gt=0, le=0.5)
     """Share of the duration over which noise that is not periodic rises, and falls at its end."""
 
+    @property
+    def excites_lines(self) -> bool:
+        """Periodic noise does."""
+        return self.periodic
+
+    def length(self) -> tuple[str, float]:
+        """The duration."""
+        return "duration_s", self.duration_s
+
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""
         how = "periodic noise" if self.periodic else "noise from rest to rest, no lines"
@@ -40,7 +49,7 @@ class FilteredNoise(ClassicalExcitation):
 
     def run(self, configurations: Configurations, robot: Robot, context: Context) -> Excitation:
         """Draw the noise of all configurations and clear it by simulation."""
-        n_sample = whole_samples(self.duration_s, robot)
+        n_sample = whole_samples(self.duration_s, robot, "duration_s")
         self.check_band(n_sample, robot, self.band_hz[0])
         bins = band_bins(self.band_hz, self.duration_s)
         shape = (configurations.n_config, self.blocks, self.n_exp(robot.n_axis), robot.n_axis)

@@ -41,6 +41,7 @@ from robid_core.estimation.excitation.fourier_trajectory import (
 from robid_core.estimation.excitation.trajectory_search import improved, search
 from robid_core.estimation.rigid.rigid_torque import base_of, motor_torque
 from robid_core.residual import rigid_drives
+from robid_excitation.beforehand import problems_of, refuse_too_large
 from robid_excitation.prediction import Cleared, Level, clear
 from robid_excitation.rigid import (
     motion_limits,
@@ -157,6 +158,20 @@ class Fourier(ExcitationDesign):
                 f"evaluations: {self.evaluations} are fewer than the {self.draws} draws; ask for more, or draw less"
             )
         return self
+
+    @property
+    def excites_lines(self) -> bool:
+        """No: the motion is not for a frequency response."""
+        return False
+
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """A period that the robot's sampling does not hold, and too much memory."""
+        return problems_of(
+            [
+                lambda: whole_samples(self.period_s, robot, "period_s"),
+                lambda: refuse_too_large("period_s", self.period_s, 1, robot),
+            ]
+        )
 
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""

@@ -17,12 +17,17 @@ def samples_in_period(period_s: float, band_hz: tuple[float, float], robot: Robo
             f"period_s: {period_s:g} s is not an even number of the robot's samples of {robot.sample_time_s:g} s; "
             f"{near:.9g} s is"
         )
+    refuse_beyond_half_rate(band_hz, robot)
+    return round(n_sample)
+
+
+def refuse_beyond_half_rate(band_hz: tuple[float, float], robot: Robot) -> None:
+    """Raise ConfigurationError where a band does not end below half the robot's sampling rate."""
     if band_hz[1] >= 0.5 / robot.sample_time_s:
         raise ConfigurationError(
             f"band_hz: {band_hz[1]:g} Hz is not below half the sampling rate of {robot.name}, "
             f"{0.5 / robot.sample_time_s:g} Hz"
         )
-    return round(n_sample)
 
 
 def missed_resonances(

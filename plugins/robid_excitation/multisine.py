@@ -46,6 +46,12 @@ from robid_excitation.amplitudes import (
     tabulated_weight,
     torque_peaks as torque_peaks,
 )
+from robid_excitation.beforehand import (
+    problems_of,
+    refuse_strange_axes,
+    refuse_too_large,
+    refuse_wrong_length,
+)
 from robid_excitation.lines import (
     missed_resonances as missed_resonances,
     samples_in_period as samples_in_period,
@@ -187,6 +193,19 @@ class Multisine(ExcitationDesign):
         """Experiments in a block."""
         return n_axis + (self.experiments_per_block == "n_plus_1")
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """A period or a band that the robot's sampling does not hold, axes that it does not have, too much memory."""
+        n_experiment = self.blocks * self.n_exp(robot.n_axis)
+        return problems_of(
+            [
+                lambda: samples_in_period(self.period_s, self.band_hz, robot),
+                lambda: refuse_too_large("period_s", self.period_s, n_experiment, robot),
+                lambda: refuse_wrong_length("exponents", self.exponents, robot),
+                lambda: refuse_wrong_length("axis_scale", self.axis_scale, robot),
+                lambda: refuse_strange_axes("weights", self.weights, robot),
+            ]
+        )
+
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""
         line = self.line()
@@ -302,11 +321,8 @@ class Multisine(ExcitationDesign):
             return None
         shape: FloatArray = reference_shape(self.spectrum, frequency, crossover)
         shape = shape * (frequency[:, None] / frequency[0]) ** self._of_axes("exponents", robot, 0.0)
+        refuse_strange_axes("weights", self.weights, robot)
         for name, table in (self.weights or {}).items():
-            if name not in robot.axis_names:
-                raise ConfigurationError(
-                    f"weights: {robot.name} has no axis '{name}'; it has {', '.join(robot.axis_names)}"
-                )
             shape[:, robot.axis_names.index(name)] *= tabulated_weight(frequency, table)
         return shape
 
@@ -315,8 +331,5 @@ class Multisine(ExcitationDesign):
         values: tuple[float, ...] | None = getattr(self, setting)
         if values is None:
             return np.full(robot.n_axis, default)
-        if len(values) != robot.n_axis:
-            raise ConfigurationError(
-                f"{setting}: {len(values)} factors for the {robot.n_axis} axes of {robot.name}"
-            )
+        refuse_wrong_length(setting, values, robot)
         return np.array(values)

@@ -90,6 +90,8 @@ def noise_covariance(
 class Averaging(FrfEstimator):
     """Settings and bookkeeping of the averaging estimators; `run` is the subclass's."""
 
+    needs_lines = True
+
     discard: NonNegativeInt | None = 0
     """Leading periods dropped as transient, beyond those that were not recorded; null: those that differ from the
     last ones by more than noise does (a record in steady state loses one in a thousand times at most)."""

@@ -28,6 +28,8 @@ Options = Callable[[int], dict[str, Any]]
 class LocalMethod(FrfEstimator):
     """Settings and bookkeeping of the local methods; `run` is the subclass's."""
 
+    needs_lines = True
+
     approach: Literal["direct", "jio"] = "direct"
     """`direct`: output over input; `jio`: output and input over the reference, then their ratio, without bias from
     feedback."""

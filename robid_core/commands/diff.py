@@ -14,17 +14,38 @@ if TYPE_CHECKING:
 
 
 def command(
-    first: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder, or its pipeline file.")],
-    second: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Another run's folder, or its pipeline file.")
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN RUN [RUN...]", help="Folders of runs, or their pipeline files."),
     ],
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            "--page", metavar="FILE", help="Write a page: parameters side by side, responses overlaid."
+        ),
+    ] = None,
 ) -> None:
-    """Compare two runs: settings, versions, results; parameters by their difference over its standard error."""
+    """Compare runs with the first: settings, versions, results; parameters by their difference over its standard error.
+
+    With --page the last fit of each run is shown beside the others, with intervals, and measured responses are
+    overlaid where runs share a configuration.
+    """
+    from robid_core.commands.diff_page import write_page
+    from robid_core.errors import ConfigurationError
     from robid_core.run import RunFolder
     from robid_core.run.results import manifest_of
 
-    one, other = RunFolder.find(first), RunFolder.find(second)
-    typer.echo("\n".join(difference_lines(one, manifest_of(one), other, manifest_of(other))))
+    if len(runs) < 2:
+        raise ConfigurationError(f"{runs[0]}: one run is no comparison; name two or more")
+    folders = [RunFolder.find(run) for run in runs]
+    one, *others = folders
+    for other in others:
+        if len(others) > 1:
+            typer.echo(f"{one.path} -> {other.path}")
+        typer.echo("\n".join(difference_lines(one, manifest_of(one), other, manifest_of(other))))
+    if page is not None:
+        write_page(folders, page)
+        typer.echo(f"page       {page}")
 
 
 def difference_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest) -> list[str]:

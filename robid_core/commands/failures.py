@@ -16,7 +16,7 @@ import typer
 
 from robid_core import __version__
 from robid_core.commands import INTERRUPTED
-from robid_core.errors import RobidError, StopNotConfirmed
+from robid_core.errors import ConfigurationError, RobidError, StopNotConfirmed
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -44,6 +44,13 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
                 traceback.print_exc()
             _say("interrupted")
             raise SystemExit(INTERRUPTED) from error
+        except MemoryError as error:
+            if debug:
+                traceback.print_exc()
+            _say(
+                f"not enough memory: {error or 'none is left'}; ask for less: a shorter period, fewer lines or blocks"
+            )
+            raise SystemExit(ConfigurationError.exit_code) from error
         except Exception as error:
             if _meant_for_typer(error):
                 raise

@@ -5,6 +5,7 @@ At most 25 lines, but that doubts, remarks and verdicts are all told, and whole.
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -32,13 +33,13 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     again
         The command that runs it again.
     """
-    show = f"robid show {_near(result.folder.path)}"
+    show = shlex.join(["robid", "show", near(result.folder.path)])
     head = [headline(pipeline, result)]
     head += doubt_lines(result.doubts, result.remarks)
     page, found = last_page(pipeline, result), fits(pipeline, result)
-    tail = [f"page       {_near(page)}"] if page is not None else []
-    tail += [f"verdict    {_near(path)}" for path in verdict_files(pipeline, result)]
-    tail += [f"robot      {_near(path)}" for path in robot_files(pipeline, result)]
+    tail = [f"page       {near(page)}"] if page is not None else []
+    tail += [f"verdict    {near(path)}" for path in verdict_files(pipeline, result)]
+    tail += [f"robot      {near(path)}" for path in robot_files(pipeline, result)]
     tail += [f"results    {show}", f"run again  {again}"]
     verdicts = verdict_lines(pipeline, result)
     if not found:
@@ -137,7 +138,7 @@ def true_parameters(pipeline: Pipeline) -> dict[str, float]:
     return truth.as_mapping() if truth else {}
 
 
-def _near(path: Path) -> str:
+def near(path: Path) -> str:
     """Return a path as seen from where the user is, where that is shorter."""
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)

@@ -6,6 +6,7 @@ printed below them. One that breaks a limit is refused here already.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,7 +54,9 @@ def predictions(pipeline: Pipeline) -> dict[str, list[str]]:
     """Make the excitations of a pipeline and return what each predicts, by stage; warnings begin with '!'."""
     from robid_core.artifacts import Excitation
     from robid_core.commands.excitation_screen import advice_lines
+    from robid_core.commands.last_screen import near
     from robid_core.commands.run_screen import listening
+    from robid_core.run import RunFolder
     from robid_core.run.rehearsal import rehearse
     from robid_core.stage import ExcitationDesign
 
@@ -65,8 +68,9 @@ def predictions(pipeline: Pipeline) -> dict[str, list[str]]:
         advice[name] = [*lines, *(f"! {warning}" for warning in rehearsed.warnings)]
     for node in pipeline.stages:
         if isinstance(node.stage, ExcitationDesign) and node.name not in made:
+            show = ["robid", "show", near(RunFolder.of(pipeline).path), node.name]
             advice[node.name] = [
-                f"not simulated: it needs what only a run finds out; robid show {node.name} tells afterwards"
+                f"not simulated: it needs what only a run finds out; {shlex.join(show)} tells afterwards"
             ]
     return advice
 

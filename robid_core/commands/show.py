@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,7 +45,7 @@ def command(
         typer.echo("\n".join(run_lines(folder, manifest)))
         return
     path = result_path(folder, manifest, stage)
-    typer.echo("\n".join(artifact_lines(read_artifact(path), path)))
+    typer.echo("\n".join([*artifact_lines(read_artifact(path), path), verification_line(path)]))
 
 
 def verification_line(path: Path) -> str:
@@ -98,7 +99,11 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     changed = changed_files(folder, manifest)
     if changed:
         lines += ["", *changed]
-    return [*lines, "", f"in {folder.path}; one of them: robid show {folder.path} STAGE"]
+    return [
+        *lines,
+        "",
+        f"in {folder.path}; one of them: {shlex.join(['robid', 'show', str(folder.path)])} STAGE",
+    ]
 
 
 def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:

@@ -15,10 +15,11 @@ from robid_core.errors import ConfigurationError, RobidError
 from robid_core.pipeline.checking import check
 from robid_core.pipeline.grammar import PipelineFile, RobotUse, mend
 from robid_core.pipeline.inputs import check_given, order_stages
+from robid_core.pipeline.line_check import check_lines
 from robid_core.pipeline.overrides import override
 from robid_core.pipeline.places import find_places
 from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
-from robid_core.pipeline.robot_check import check_against_robot
+from robid_core.pipeline.robot_check import check_against_robot, check_drives_against_robot
 from robid_core.pipeline.wiring import Source, feeding
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
 from robid_core.robot import Robot
@@ -215,6 +216,9 @@ class Pipeline:
         resolver = Resolver(plugins or registry(), find_places(file, data_root), problems)
         robot = _robot(root, resolver)
         drives = drives_or_executor(resolver, DRIVES, "drives", root)
+        drives_node = root.get("drives")
+        if drives and robot is not None and drives_node is not None and isinstance(drives[1], Drives):
+            check_drives_against_robot(drives[1], drives_node, robot.load, problems)
         executor = drives_or_executor(resolver, EXECUTORS, "executor", root)
         stages = _stages(root, resolver, robot)
         problems.raise_if_any()
@@ -279,6 +283,7 @@ def _stages(root: Node, resolver: Resolver, robot: RobotChoice | None) -> tuple[
             )
             problems.add(stage.node.keys["use"], ("stages", stage.name, "use"), message)
     order = order_stages(declared, problems)
+    check_lines(declared, dict(order), problems)
     if problems.problems:
         return ()
     nodes = []

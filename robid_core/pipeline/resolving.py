@@ -16,7 +16,7 @@ from robid_core.artifacts import Artifact
 from robid_core.errors import ConfigurationError, PluginError, RobidError
 from robid_core.pipeline.checking import check, settings_model
 from robid_core.pipeline.wiring import Source
-from robid_core.registry import STAGES, Plugin, Registry
+from robid_core.registry import EFFECTS, NOUNS, STAGES, Plugin, Registry
 from robid_core.settings_types import Places, SettingFile, StageRef
 from robid_core.stage import Input, Stage
 from robid_core.yaml_file.nodes import Node, mapping
@@ -59,6 +59,12 @@ class Resolver:
             return plugin, plugin.load()
         except (ConfigurationError, PluginError) as error:
             text = " ".join(str(error).split())
+            if group != EFFECTS and use.value in self.plugins.names(EFFECTS):
+                label = use.value.rpartition(".")[2]
+                text = (
+                    f"'{use.value}' is an effect, and no {NOUNS[group]}: it goes into a robot file, as "
+                    f"`effects: {{{label}: {{use: {use.value}, ...}}}}`; robid stages {use.value} tells the rest"
+                )
             hint = "; is the package that brings it installed?" if "; there are:" in text else ""
             self.problems.add(node.keys["use"], (*path, "use"), text + hint)
             return None
@@ -146,6 +152,8 @@ class Resolver:
         if use is None or not isinstance(use.value, str):
             return None
         name = use.value.rpartition(":")[2]
+        if name in self.plugins.names(EFFECTS):  # no stage was meant
+            return None
         names = self.plugins.names(STAGES)
         family = [other for other in names if other.partition(".")[0] == name.partition(".")[0]]
         for guess in filter(None, [nearest(name, names), *family]):

@@ -1,4 +1,4 @@
-"""Settings against the robot: patterns of parameters, names of axes, whatever only the robot knows.
+"""Settings of stages and drives against the robot: patterns of parameters, axes, whatever only the robot knows.
 
 What is checked is the nominal robot, also for a stage that is given another one when the pipeline runs.
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from robid_core.drives import Drives
 from robid_core.errors import RobidError
 from robid_core.pipeline.resolving import Declared
 from robid_core.robot import Robot
 from robid_core.stage import Stage
+from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.problems import Mark, ProblemList
 
 
@@ -40,6 +42,31 @@ def check_against_robot(
         return
     for entry in asking:
         _check(entry, robot, problems)
+
+
+def check_drives_against_robot(
+    drives: Drives, node: Node, load: Callable[[], Robot], problems: ProblemList
+) -> None:
+    """Ask drives what of their settings does not go with the robot, and tell it where the setting stands.
+
+    Parameters
+    ----------
+    drives
+        With their settings checked.
+    node
+        What the file says under `drives`.
+    load
+        Gives the nominal robot.
+    problems
+        Takes the mistakes.
+    """
+    try:
+        wrong = dict(drives.problems_with(load()))
+    except RobidError as error:
+        wrong = {(): " ".join(str(error).split())}
+    for place, message in wrong.items():
+        found, mark = node.at(("with", *place))
+        problems.add(mark if found else node.mark, ("drives", "with", *place), message)
 
 
 def _asks(stage: Stage) -> bool:

@@ -272,13 +272,25 @@ def _linearised(
 
 def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
     """Of all unknowns: formal, widened by what leaving out a configuration moves."""
-    formal: FloatArray = np.asarray(np.linalg.inv(about.whole), dtype=np.float64)
+    formal = symmetric_inverse(about.whole)
     if len(about.matrices) > 1:
         shifts = jackknife_shifts(
             about.whole, problem.gradients(problem.weighted(point, about.weights), about), about.matrices
         )
         formal = covariance_with_model_error(formal, shifts)
     return formal + _numerical(problem)
+
+
+def symmetric_inverse(matrix: FloatArray) -> FloatArray:
+    """Inverse of a symmetric positive definite matrix, symmetric itself however different its scales, shape (n, n).
+
+    With few configurations springs, bodies and friction are nearly seen together, and what rounding leaves of a
+    general inverse of such unequal numbers is no covariance any more.
+    """
+    scale = np.sqrt(np.diag(matrix))
+    scales = np.outer(scale, scale)
+    inverse: FloatArray = np.linalg.inv(0.5 * (matrix + matrix.T) / scales) / scales
+    return 0.5 * (inverse + inverse.T)
 
 
 def _numerical(problem: TorqueProblem) -> FloatArray:

@@ -8,8 +8,30 @@ from pathlib import Path
 from robid_core.errors import ConfigurationError
 from robid_core.pipeline import Pipeline
 from robid_core.store import failures_named
+from robid_core.yaml_file.characters import decode
+from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import ProblemList
 
 RUNS = "runs"
+
+
+def name_of(file: Path) -> str:
+    """Return the name in a pipeline file, for which its data, its robot and its plugins need not be there.
+
+    Raises
+    ------
+    RobidError
+        As `Pipeline.load` does, where the file is no mapping with a name.
+    """
+    problems = ProblemList(str(file))
+    with failures_named("read", file):
+        text = decode(file.read_bytes(), PIPELINE_FILE, problems)
+    root = read_nodes(text, PIPELINE_FILE, problems) if text is not None else None
+    name = root.get("name") if root is not None else None
+    if name is None or not isinstance(name.value, str):
+        return Pipeline.load(file).name
+    return name.value
 
 
 @dataclass(frozen=True)
@@ -31,7 +53,7 @@ class RunFolder:
             and where.is_file()
             and not (where.parent / "manifest.json").exists()
         ):
-            where = cls.of(Pipeline.load(where)).path
+            where = where.parent / RUNS / name_of(where)
         for candidate in (where, *where.parents[:2]):
             if (candidate / "manifest.json").is_file():
                 return cls(candidate)
@@ -39,6 +61,15 @@ class RunFolder:
         raise ConfigurationError(
             f"{where}: not a run, there is {lacking}; name a folder in '{RUNS}', or run the pipeline first"
         )
+
+    def others(self) -> tuple[Path, ...]:
+        """Return the folders of the runs beside this one, in the order of their names."""
+        beside = self.path.parent
+        if not beside.is_dir():
+            return ()
+        with failures_named("read", beside):
+            folders = sorted(path for path in beside.iterdir() if path != self.path)
+        return tuple(path for path in folders if (path / "store" / "index").is_dir())
 
     @property
     def manifest(self) -> Path:

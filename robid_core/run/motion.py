@@ -10,6 +10,7 @@ import datetime
 import json
 import os
 import socket
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -32,11 +33,16 @@ class MotionRecord:
 
 
 class MotionRecords:
-    """The motion records of a run; each change is on the disk before the call returns."""
+    """The motion records of a run; each change is on the disk before the call returns.
 
-    def __init__(self, store: Store, folder: Path) -> None:
+    `others` are the folders of the records of the runs beside it: a motion that one of them began or finished is not
+    made again here.
+    """
+
+    def __init__(self, store: Store, folder: Path, others: Sequence[Path] = ()) -> None:
         self._store = store
         self._folder = folder
+        self._others = tuple(others)
 
     def all(self) -> list[MotionRecord]:
         """Return every record; one that cannot be read counts as begun and not finished."""
@@ -55,8 +61,18 @@ class MotionRecords:
         return [motion for motion in self.all() if motion.state == STARTED]
 
     def finished(self, key: str) -> bool:
-        """Tell whether the motion of this key was carried out and its data stored."""
-        return any(motion.key == key and motion.state == DONE for motion in self.all())
+        """Tell whether the motion of this key was carried out and its data stored, by this run or one beside it."""
+        known = [*(motion for motion in self.all() if motion.key == key), *self._elsewhere(key)]
+        return any(motion.state == DONE for motion in known)
+
+    def unfinished_elsewhere(self, key: str) -> list[MotionRecord]:
+        """Return the motions of this key that runs beside this one began and did not finish."""
+        return [motion for motion in self._elsewhere(key) if motion.state == STARTED]
+
+    def _elsewhere(self, key: str) -> list[MotionRecord]:
+        paths = [folder / f"{key}.json" for folder in self._others]
+        with failures_named("read", self._folder):
+            return [self._read(path) for path in paths if path.is_file()]
 
     def begin(self, stage: str, key: str) -> None:
         """Note that a motion is about to begin."""

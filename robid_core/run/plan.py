@@ -82,10 +82,12 @@ def decide(
     ingredients = ingredients_of(node, inputs, shared)
     key = key_of(ingredients)
     found = store.lookup(key)
+    reasons: tuple[str, ...]
     if found.state is State.PRESENT and not forced:
-        return Decision(node.name, Action.KEEP, (), key, ingredients, found.entry)
+        reasons = (f"made by run '{found.owner}'",) if found.owner else ()
+        return Decision(node.name, Action.KEEP, reasons, key, ingredients, found.entry)
     if found.state is State.DAMAGED:
-        reasons: tuple[str, ...] = (f"damaged: {found.problem}",)
+        reasons = (f"damaged: {found.problem}",)
     elif forced:
         reasons = ("forced",)
     else:

@@ -46,9 +46,10 @@ def recording_decision(
                 f"stage {name}: its recording was made on hardware, and --force makes no robot move; nothing was "
                 "moved; to record it anew run with --at-the-robot --again"
             )
-        return replace(decision, action=Action.KEEP, reasons=())
+        kept = decision.reasons if decision.action is Action.KEEP else ()
+        return replace(decision, action=Action.KEEP, reasons=kept)
     if not again:
-        refuse_unfinished(name, motions.unfinished())
+        refuse_unfinished(name, [*motions.unfinished(), *motions.unfinished_elsewhere(decision.key)])
         if decision.damaged or motions.finished(decision.key):
             problem = (
                 " ".join(decision.reasons) if decision.damaged else "its recording is no longer in the store"

@@ -62,7 +62,7 @@ def run_pipeline(
         log_file(folder.log, title),
         executor(pipeline, options) as tasks,
     ):
-        return _Run(pipeline, options, listener, Store(folder.path, files), tasks).execute()
+        return _Run(pipeline, options, listener, Store(folder.path, files, folder.others()), tasks).execute()
 
 
 def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:
@@ -74,7 +74,14 @@ def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:
     if options.locked:
         refuse_damaged(damage)
         hold_to(previous, folder, new_manifest(shared, options), shared)
-    return preview(pipeline, chosen, options.forced(pipeline), shared, Store(folder.path), previous)
+    return preview(
+        pipeline,
+        chosen,
+        options.forced(pipeline),
+        shared,
+        Store(folder.path, None, folder.others()),
+        previous,
+    )
 
 
 class _Run:
@@ -91,7 +98,8 @@ class _Run:
             refuse_damaged(self.damage)
         self.manifest = new_manifest(self.shared, options)
         self.caller = Caller(self.shared, store, tasks, listener, options)
-        self.motions = MotionRecords(store, self.folder.motions)
+        others = [RunFolder(path).motions for path in store.others]
+        self.motions = MotionRecords(store, self.folder.motions, others)
         self.entries: dict[str, Entry] = {}
         self.outcomes: dict[str, str] = {}
         self.doubts: list[str] = []
@@ -161,6 +169,9 @@ class _Run:
             self._make(node, decision, index, moves)
 
     def _keep(self, node: StageNode, entry: Entry, decision: Decision) -> None:
+        for reason in decision.reasons:
+            self._log(node).info("%s", reason)
+        self.store.take_over(entry)
         if entry.recording:
             self.motions.finish(node.name, entry.key)
         record = self.previous.stages.get(node.name) if self.previous else None

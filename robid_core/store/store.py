@@ -5,6 +5,9 @@ sha256; `store/index/` says which key gave which bytes; `store/quarantine/` what
 `store/temporary/` what is being written. Data go first, index after, each by way of a temporary file, fsync,
 rename and fsync of the folder: whenever the power fails, an artifact is there whole or not at all. Reading
 verifies the hash. Nothing here is pickled, and no time stamp of a file decides anything.
+
+Runs that stand side by side are one store to whoever looks for a key: what another run made is found, verified, and
+taken over as a second name of the same bytes, so that each run stays whole when another is deleted.
 """
 
 from __future__ import annotations
@@ -16,8 +19,8 @@ import itertools
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,13 +52,18 @@ class Lookup:
     state: State
     entry: Entry | None = None
     problem: str = ""
+    owner: str = ""  # name of the run beside this one that has it, where this one does not
 
 
 class Store:
-    """Artifacts of one run folder; writers hold the run's lock, readers need none."""
+    """Artifacts of one run folder; writers hold the run's lock, readers need none.
 
-    def __init__(self, folder: Path, files: Files | None = None) -> None:
+    `others` are the folders of the runs beside it, whose artifacts are found here too.
+    """
+
+    def __init__(self, folder: Path, files: Files | None = None, others: Sequence[Path] = ()) -> None:
         self.folder = folder
+        self.others = tuple(others)
         self.files = files or Files()
         self.artifacts = folder / "artifacts"
         self.home = folder / "store"
@@ -77,7 +85,51 @@ class Store:
                 self.files.remove(self.temporary / name)
 
     def lookup(self, key: str) -> Lookup:
-        """Say whether the artifact made under `key` is there, every byte of it verified."""
+        """Say whether the artifact made under `key` is here or in a run beside, every byte of it verified."""
+        found = self._own(key)
+        if found.state is not State.ABSENT:
+            return found
+        owner = self._owner(key)
+        if owner is None:
+            return found
+        return replace(owner.lookup(key), owner=owner.folder.name)
+
+    def take_over(self, entry: Entry) -> None:
+        """Bring an artifact of a run beside this one into this store: bytes first, index after.
+
+        Nothing happens where it is here already.
+
+        Raises
+        ------
+        StoreError
+            If no run has it any more, or it cannot be written.
+        """
+        if self._own(entry.key).state is State.PRESENT:
+            return
+        owner = self._owner(entry.key)
+        if owner is None:
+            raise StoreError(f"{entry.stage}: the run that had it was changed or deleted; run again")
+        with failures_named("take over", self.artifacts / f"{_safe(entry.stage)}{entry.suffix}"):
+            if self._problem(entry):
+                draft = self._draft(entry.suffix)
+                try:
+                    self._second_name(owner.blobs / entry.blob_name, draft)
+                    self._settle(draft, self.blobs / entry.blob_name, read_only=True)
+                except BaseException:
+                    self._drop(draft)
+                    raise
+            self.write(self.index / f"{entry.key}.json", entry_to_bytes(entry))
+
+    def _owner(self, key: str) -> Store | None:
+        """Return the store of the first run beside this one that has an intact artifact under a key."""
+        for folder in self.others:
+            other = Store(folder, self.files)
+            with contextlib.suppress(StoreError):  # it cannot be read, or a newer robid wrote it
+                if other.lookup(key).state is State.PRESENT:
+                    return other
+        return None
+
+    def _own(self, key: str) -> Lookup:
         path = self.index / f"{key}.json"
         with failures_named("read", path):
             try:
@@ -133,17 +185,21 @@ class Store:
                 return path
             draft = self._draft(entry.suffix)
             try:
-                try:
-                    self.files.link(blob, draft)
-                except OSError:  # no second names on this file system: a copy then
-                    self.files.copy(blob, draft)
-                    self.files.sync(draft)
+                self._second_name(blob, draft)
                 self.files.replace(draft, path)
                 self.files.sync_folder(self.artifacts)
             except BaseException:
                 self._drop(draft)
                 raise
         return path
+
+    def _second_name(self, blob: Path, draft: Path) -> None:
+        """Give the same bytes another name; where the file system knows no second names, a copy."""
+        try:
+            self.files.link(blob, draft)
+        except OSError:
+            self.files.copy(blob, draft)
+            self.files.sync(draft)
 
     def read(self, entry: Entry, artifact: type[AnyArtifact]) -> AnyArtifact:
         """Read an artifact, verified; StoreError where its bytes are no longer what they were."""

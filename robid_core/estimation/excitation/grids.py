@@ -13,6 +13,8 @@ import numpy as np
 from robid_core.arrays import FloatArray, IntArray
 from robid_core.errors import ConfigurationError
 
+MOST_BINS = 10_000_000  # a day of 80 Hz has seven million; nobody measures as long
+
 
 def odd_bins(band_hz: tuple[float, float], period_s: float) -> IntArray:
     """All odd DFT bins of a period whose frequency lies in the band, both ends included."""
@@ -20,6 +22,11 @@ def odd_bins(band_hz: tuple[float, float], period_s: float) -> IntArray:
     # 4 Hz * 8 s must count as bin 32 although the product may come out an ulp away.
     first = int(np.ceil(low * period_s - 1e-9))
     last = int(np.floor(high * period_s + 1e-9))
+    if last - first > MOST_BINS:
+        raise ConfigurationError(
+            f"period_s: {period_s:g} s have {last - first:.3g} bins from {low:g} to {high:g} Hz, more than "
+            f"{MOST_BINS:.0e}; take a shorter period"
+        )
     return np.arange(first | 1, last + 1, 2, dtype=np.int64)
 
 

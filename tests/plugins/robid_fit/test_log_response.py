@@ -9,7 +9,7 @@ from robid_core import ConfigurationError, Context, FreeParameters, Frf, Robot, 
 from robid_core.stage import map_in_process
 from robid_fit.log_response import LogResponseFit
 from robid_fit.problem import LogResponseProblem
-from robid_fit.response_weights import log_covariance
+from robid_fit.response_weights import inverse_excess, log_covariance
 
 FREQUENCY = np.geomspace(4, 80, 40)
 
@@ -212,6 +212,36 @@ def test_log_covariance_is_first_order_error_propagation() -> None:
     expected = log_covariance(g, covariance, 0.0, 0.0)[0]
     size = np.sqrt(np.outer(np.diag(expected).real, np.diag(expected).real))
     assert (np.abs(scatter - expected) / size).max() < 5 / np.sqrt(20000) * 2
+
+
+@pytest.mark.parametrize(("n_out", "freedom"), [(1, 5), (2, 9)])
+def test_the_inverse_of_an_estimated_covariance_is_too_large_by_the_stated_factor(
+    n_out: int, freedom: int
+) -> None:
+    """40 000 scatter matrices of unit noise; the mean of their inverses within five sampling errors of the factor."""
+    rng = np.random.default_rng(7)
+    drawn = rng.standard_normal((40_000, n_out, freedom, 2)) @ np.array([1, 1j]) / np.sqrt(2)
+    inverse = np.linalg.inv(drawn @ drawn.conj().swapaxes(1, 2) / freedom)
+    traces = np.einsum("kii->k", inverse).real / n_out
+    factor = inverse_excess(np.array([float(freedom)]), n_out).item()
+    assert abs(traces.mean() - factor) < 5 * traces.std() / np.sqrt(len(traces))
+
+
+def test_a_right_model_has_a_misfit_of_one_though_its_covariance_was_estimated() -> None:
+    """One axis, 6000 values, each weighted by a scatter of five degrees of freedom of its own.
+
+    Power over scatter is F(2, 10), of variance 2.6 about 1.25: a standard error of 0.017 of the mean, and five of them.
+    """
+    robot = Robot.load("one_axis")
+    frf = measured(robot, np.linspace(-1, 1, 150)[:, None], 1e-2)
+    scatter = np.random.default_rng(5).gamma(5.0, 0.2, frf.response.shape)
+    assert frf.output_covariance is not None
+    frf = frf.replace(
+        output_covariance=frf.output_covariance * scatter,
+        degrees_of_freedom=np.full(frf.response.shape[:2], 5.0),
+    )
+    fit = LogResponseFit(starts=1, model_error=1e-6).run(frf, robot, context())
+    assert abs(fit.misfit - 1) < 5 * np.sqrt(2.6 / scatter.size) / 1.25
 
 
 def test_the_unknowns_are_springs_dampers_and_three_numbers_of_friction_per_axis(

@@ -183,5 +183,6 @@ def test_an_excitation_that_waits_for_a_measurement_is_not_simulated(tmp_path: P
     advice = predictions(pipeline)
     assert advice["excite"][0].startswith("predicted by")
     assert advice["again"] == [
-        "not simulated: it needs what only a run finds out; robid show again tells afterwards"
+        f"not simulated: it needs what only a run finds out; robid show {tmp_path}/runs/example again tells "
+        "afterwards"
     ]

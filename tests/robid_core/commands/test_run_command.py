@@ -351,6 +351,21 @@ def test_diff_of_a_run_with_itself_finds_nothing(robid: Robid) -> None:
     )
 
 
+def test_diff_takes_many_runs_and_writes_a_page(world: Any, robid: Robid) -> None:
+    robid("run", "--jobs", "1")
+    for name, rows in (("two", 2), ("three", 3)):
+        world.run(f"name={name}", f"stages.fit.with.rows={rows}")
+    done = robid("diff", "runs/strange", "runs/two", "runs/three", "--page", "beside.html")
+    assert done.code == 0, done.err
+    headings = [line for line in done.out.splitlines() if " -> runs/" in line or line.startswith("runs/")]
+    assert len([line for line in headings if "runs/two" in line or "runs/three" in line]) >= 2
+    page = (world.project / "beside.html").read_text()
+    assert all(f">{name}<" in page for name in ("strange", "two", "three"))
+    alone = robid("diff", "runs/strange")
+    assert alone.code == 2
+    assert "one run is no comparison" in alone.err
+
+
 def test_diff_tells_settings_versions_and_results(world: Any, robid: Robid) -> None:
     robid("run", "--jobs", "1")
     world.folder.rename(world.project / "before")

@@ -68,6 +68,44 @@ def test_an_artifact_is_whole_or_absent_in_every_crash_state(
     assert count > 50
 
 
+def test_what_is_taken_over_is_whole_or_absent_in_every_crash_state_and_its_owner_keeps_it(
+    tmp_path: Path, artifact: Configurations
+) -> None:
+    """Both runs are in the noted sequence; states are looked at from where the second takes over."""
+    files, root = NotingFiles(tmp_path), tmp_path / "noted"
+    files.root = root
+    for name in ("first", "run"):
+        (root / name).mkdir(parents=True)
+    files.done = [
+        (("make_folder", "first"), b""),
+        (("make_folder", "run"), b""),
+        (("sync_folder", ""), b""),
+    ]
+    put_and_publish(artifact)(Store(root / "first", files))
+    Store(root / "run", files).prepare()
+    begun = len(files.done)
+
+    def second_run(store: Store) -> None:
+        entry = store.lookup(KEY).entry
+        assert entry is not None
+        store.take_over(entry)
+        store.publish("where", entry)
+
+    second_run(Store(root / "run", files, [root / "first"]))
+    assert any(step[0] == "link" and "blobs" in step[1] for step, _ in files.done[begun:])
+    count = 0
+    for done, folders, contents in crash_states(files.done, first=begun):
+        place = tmp_path / f"state-{count}"
+        lay_out(place, folders, contents)
+        assert is_whole_or_absent(place / "run", done == len(files.done), artifact)
+        second_run(Store(place / "run", None, [place / "first"]))
+        assert is_whole_or_absent(place / "run", True, artifact)
+        assert is_whole_or_absent(place / "first", True, artifact)
+        shutil.rmtree(place)
+        count += 1
+    assert count > 20
+
+
 class _NoFileSync(NotingFiles):  # type: ignore[misc]
     def sync(self, path: Path) -> None:
         Files.sync(self, path)

@@ -1,0 +1,55 @@
+"""Records without excited lines at stages that cannot do without: told from the wiring, before anything is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from robid_core.artifacts import Excitation, Record
+from robid_core.pipeline.resolving import Declared
+from robid_core.pipeline.wiring import Wires, each
+from robid_core.stage import ExcitationDesign
+from robid_core.yaml_file.problems import ProblemList
+
+
+def check_lines(declared: Mapping[str, Declared], wires: Wires, problems: ProblemList) -> None:
+    """Tell which stages take a record whose excitation has no lines, where they need them.
+
+    Parameters
+    ----------
+    declared
+        The stages by name.
+    wires
+        What feeds each of them, by parameter.
+    problems
+        Takes the mistakes.
+    """
+    for name, stage in declared.items():
+        if stage.stage is None or not stage.stage.needs_lines:
+            continue
+        lacking = [
+            source
+            for source in excitations_behind(name, declared, wires)
+            if isinstance(made := declared[source].stage, ExcitationDesign) and not made.excites_lines
+        ]
+        if lacking:
+            first = declared[lacking[0]]
+            problems.add(
+                stage.node.keys["use"],
+                ("stages", name, "use"),
+                f"{stage.plugin} reads the lines of a periodic record, and {first.plugin} of stage '{first.name}' has "
+                "none; take a periodic excitation such as excitation.multisine, or frf.spectral",
+            )
+
+
+def excitations_behind(name: str, declared: Mapping[str, Declared], wires: Wires) -> Sequence[str]:
+    """Return the stages whose excitation is in the records that a stage takes, each once."""
+
+    def walk(consumer: str) -> Iterator[str]:
+        for source in (one for named in wires.get(consumer, {}).values() for one in each(named)):
+            output = declared[source].output
+            if output is not None and issubclass(output, Excitation):
+                yield source
+            elif output is not None and issubclass(output, Record):
+                yield from walk(source)
+
+    return list(dict.fromkeys(walk(name)))
