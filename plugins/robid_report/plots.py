@@ -17,14 +17,15 @@ LOW = 300  # of one in a row of several
 def response_plots(comparison: ResponseComparison, fitted: bool) -> dict[str, Any]:
     """Return the figures of each configuration: of all axes over their own torque, and of each entry of the matrix.
 
-    `data[configuration]` goes with the one `layout` of `diagonal`, `data[configuration][output][input]` with that of
-    `entries`, which are left out where there is one axis only.
+    `rows` are figures of all axes by the element that shows them: `data[configuration]` goes with one of `layouts`, by
+    the number of columns. `entries` has `data[configuration][output][input]`, left out where there is one axis only.
     """
     names, n_config = comparison.axis_names, len(comparison.measured)
     n = len(names)
     own = [(place, place, name) for place, name in enumerate(names)]
     alone = [(0, 0, "")]
-    columns = 1 if n == 1 else 2 if n <= 4 else 3
+    columns = range(1, 1 + (1 if n == 1 else 2 if n <= 4 else 3))
+    height = TALL if n == 1 else LOW
     single = [
         [[bode_data(comparison, c, [(out, into, "")], fitted) for into in range(n)] for out in range(n)]
         for c in range(n_config if n > 1 else 0)
@@ -32,11 +33,13 @@ def response_plots(comparison: ResponseComparison, fitted: bool) -> dict[str, An
     return {
         "axes": list(names),
         "fitted": fitted,
-        "diagonal": {
-            "data": [bode_data(comparison, c, own, fitted) for c in range(n_config)],
-            "layout": bode_layout(own, columns, TALL if n == 1 else LOW),
+        "rows": {
+            "response-axes": {
+                "data": [bode_data(comparison, c, own, fitted) for c in range(n_config)],
+                "layouts": {k: bode_layout(own, k, height) for k in columns},
+            },
         },
-        "entries": {"data": single, "layout": bode_layout(alone, 1, TALL)},
+        "entries": {"data": single, "layouts": {1: bode_layout(alone, 1, TALL)}},
     }
 
 

@@ -3,10 +3,11 @@
 from robid_core.plot.bode import Entry, bode_data, bode_layout, comparison_of
 from robid_core.plot.figures import friction, residuals, response, time
 from robid_core.plot.pool import pooled
-from robid_core.plot.style import Figure
+from robid_core.plot.style import DARK, Figure
 from robid_core.plot.traces import kept_samples, noun, traces
 
 __all__ = [
+    "DARK",
     "Entry",
     "Figure",
     "bode_data",

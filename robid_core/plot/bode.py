@@ -86,7 +86,7 @@ def bode_data(
 def bode_layout(entries: Sequence[Entry], columns: int, height: int) -> dict[str, Any]:
     """Return where each entry stands: so many columns, `height` pixels a row, magnitude above phase."""
     rows = -(-len(entries) // columns)
-    gap_x, gap_y = (0.055 if columns > 1 else 0.0), (0.13 if rows > 1 else 0.0)
+    gap_x, gap_y = (0.055 if columns > 1 else 0.0), (0.26 / rows if rows > 1 else 0.0)
     width, tall = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
     found = layout(height * rows, 46, 24, 36, annotations=[], hovermode="closest")
     for place, (_, _, heading) in enumerate(entries):
