@@ -34,6 +34,7 @@ from robid_core import (
 )
 from robid_core.plot import DARK, comparison_of, pooled
 from robid_report.beside import comparison, fit_with_response, other_fits
+from robid_report.body import body_data
 from robid_report.causes import cause_sections
 from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
@@ -106,6 +107,13 @@ def response_section(robot: Robot, frf: Frf | None, fit: Fit | None) -> dict[str
     return response_plots(comparison_of(frf, model), fitted=False)
 
 
+def body_section(robot: Robot, angle: FloatArray | None, frf: Frf | None) -> Markup | None:
+    """Data of the robot that can be turned, with its modes up to a quarter above the measured band."""
+    highest = 1.25 * float(frf.frequency_hz[-1]) if frf is not None else 200.0
+    found = body_data(robot, angle, highest) if angle is not None else None
+    return json_for_script(found) if found is not None else None
+
+
 def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict[str, Any] | None:
     """Chosen configurations as text and pictures, and the standard errors they promise."""
     if design is None:
@@ -174,9 +182,11 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     text = {
-        name: (files / name).read_text(encoding="utf-8") for name in ("page.html.j2", "page.css", "page.js")
+        name: (files / name).read_text(encoding="utf-8")
+        for name in ("page.html.j2", "page.css", "page.js", "body.js")
     }
-    allowed, library = [script_hash(text["page.js"])], ""
+    scripts = [text["page.js"], *([text["body.js"]] if content["body"] else [])]
+    allowed, library = [script_hash(script) for script in scripts], ""
     if data["response"] or data["time"]:
         library, own = packed_library()
         allowed.insert(0, own)
@@ -188,7 +198,7 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
         data=json_for_script(pooled({**data, "dark": DARK})),
         style=Markup(text["page.css"]),
         library=library,
-        script=Markup(text["page.js"]),
+        scripts=[Markup(script) for script in scripts],
         policy=" ".join(f"'{one}'" for one in allowed),
         versions=versions(),
     )
@@ -227,6 +237,7 @@ class HtmlReport(ReportStage):
         comparisons += (
             [(diagnosis.method.capitalize(), c) for c in diagnosis.time] if diagnosis is not None else []
         )
+        model = responding.model if responding is not None else None
         content = {
             "title": self.title or robot.name,
             "robot": robot.name,
@@ -255,6 +266,8 @@ class HtmlReport(ReportStage):
             "fitted": response is not None and response["fitted"],
             "configurations": angles_as_text(robot, angle) if angle is not None else [],
             "pictures": figures(robot, angle) if angle is not None else [],
+            "body": body_section(robot if model is None else Robot.of_model(model), angle, frf),
+            "body_is_fitted": model is not None,
             "time": [time_plots(comparison, title) for title, comparison in comparisons],
             "design": design_section(robot, design, responding),
             "steps": steps(excitation, record, frf, fit, design),

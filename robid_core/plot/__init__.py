@@ -3,6 +3,7 @@
 from robid_core.plot.bode import Entry, bode_data, bode_layout, comparison_of
 from robid_core.plot.figures import friction, residuals, response, time
 from robid_core.plot.pool import pooled
+from robid_core.plot.rounding import compact
 from robid_core.plot.style import DARK, Figure
 from robid_core.plot.traces import kept_samples, noun, traces
 
@@ -12,6 +13,7 @@ __all__ = [
     "Figure",
     "bode_data",
     "bode_layout",
+    "compact",
     "comparison_of",
     "friction",
     "kept_samples",

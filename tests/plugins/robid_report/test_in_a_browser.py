@@ -67,6 +67,14 @@ function look() {
     words, faint, errors,
     ground: getComputedStyle(document.body).backgroundColor, cut: cut.length,
     plots: plots.length, drawn: plots.filter((one) => one.querySelector(".main-svg")).length};
+  const body = document.getElementById("body-canvas");
+  if (body) {
+    const before = body.toDataURL();
+    document.querySelector("#body-modes button").click();
+    const rest = body.toDataURL();
+    body.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowLeft"}));
+    result.body = [before !== rest, rest !== body.toDataURL(), document.getElementById("body-modes").children.length];
+  }
   const cells = document.querySelectorAll("#response-matrix .cell");
   if (cells.length) {
     cells[cells.length - 1].focus();
@@ -165,6 +173,13 @@ def test_text_stands_out_from_its_ground(light: dict[int, dict[str, Any]], width
 def test_an_entry_is_chosen_by_the_keyboard_and_keeps_the_focus(light: dict[int, dict[str, Any]]) -> None:
     assert light[1400]["entry"] == "Acceleration of axis_6 over torque of axis_6"
     assert light[1400]["focus"] == "axis_6 over axis_6"
+
+
+def test_the_robot_swings_in_its_modes_and_is_turned_by_arrow_keys(light: dict[int, dict[str, Any]]) -> None:
+    swings, turns, n_button = light[1400]["body"]
+    assert swings
+    assert turns
+    assert n_button > 2
 
 
 def test_the_page_is_dark_where_the_reader_wants_it_and_paper_stays_white(page: str, tmp_path: Path) -> None:
