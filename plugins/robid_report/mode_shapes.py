@@ -52,7 +52,7 @@ def elastic_modes(robot: Robot, angle: FloatArray, highest_hz: float, most: int)
         model = robot.second_order(angle)
     except NotTrustworthy:
         return [[] for _ in angle]
-    result = []
+    result: list[list[ElasticMode]] = []
     for mass, spring in zip(model.mass, model.stiffness, strict=True):
         try:
             squares, shapes = eigh(spring, mass)

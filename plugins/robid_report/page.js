@@ -71,11 +71,11 @@
         for (const v of trace.y) if (v !== null && v > -200) { low = Math.min(low, v); high = Math.max(high, v); }
     high += 3; low = Math.max(low - 3, high - 90);
     const svg = element("svg", {viewBox: `0 0 ${LEFT + n * (W + GAP)} ${TOP + n * (H + GAP)}`});
-    const path = (values, dots) => {
+    const path = (trace, dots) => {
       let d = "", open = false;
-      values.forEach((v, k) => {
+      trace.y.forEach((v, k) => {
         if (v === null || v < low) { open = false; return; }
-        const x = (4 + (W - 8) * (f[k] - first) / span).toFixed(1), y = (4 + (H - 8) * (high - v) / (high - low)).toFixed(1);
+        const x = (4 + (W - 8) * (Math.log(trace.x[k]) - first) / span).toFixed(1), y = (4 + (H - 8) * (high - v) / (high - low)).toFixed(1);
         d += dots ? `M${x} ${y}h0` : (open ? "L" : "M") + x + " " + y;
         open = true;
       });
@@ -92,9 +92,9 @@
         transform: `translate(${LEFT + i * (W + GAP)} ${TOP + o * (H + GAP)})`}, svg);
       cell.setAttribute("aria-label", label);
       element("rect", {width: W, height: H, rx: 4}, cell);
-      element("path", {class: "s", d: path(magnitude(o, i, start).y, false)}, cell);
-      element("path", {class: "m", d: path(magnitude(o, i, "measured").y, true)}, cell);
-      if (response.fitted) element("path", {class: "f", d: path(magnitude(o, i, "fitted model").y, false)}, cell);
+      element("path", {class: "s", d: path(magnitude(o, i, start), false)}, cell);
+      element("path", {class: "m", d: path(magnitude(o, i, "measured"), true)}, cell);
+      if (response.fitted) element("path", {class: "f", d: path(magnitude(o, i, "fitted model"), false)}, cell);
       element("title", {}, cell).textContent = label;
       cell.addEventListener("click", () => choose(o, i));
       cell.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(o, i); } });

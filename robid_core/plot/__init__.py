@@ -2,6 +2,7 @@
 
 from robid_core.plot.bode import Entry, bode_data, bode_layout, comparison_of
 from robid_core.plot.figures import friction, residuals, response, time
+from robid_core.plot.panels import distortion_panels, panel_layout, residual_panels
 from robid_core.plot.pool import pooled
 from robid_core.plot.rounding import compact
 from robid_core.plot.style import DARK, Figure
@@ -15,10 +16,13 @@ __all__ = [
     "bode_layout",
     "compact",
     "comparison_of",
+    "distortion_panels",
     "friction",
     "kept_samples",
     "noun",
+    "panel_layout",
     "pooled",
+    "residual_panels",
     "residuals",
     "response",
     "time",

@@ -164,7 +164,16 @@ def test_the_page_has_every_section_and_its_numbers(full: str) -> None:
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
     assert {"parameters", "responses", "time", "design", "provenance", "time-0", "time-1"} <= set(ids)
-    numbers = ("55\u202f000", "± 600", "−1.79\u202f%", "−1.7", "12 of 20", "4 experiments", "97.0\u202f%")
+    numbers = (
+        "55\u202f000",
+        "± 600",
+        "−1.79\u202f%",
+        "−1.7",
+        "12 of 20",
+        "Measure here 4 times",
+        "Measure here twice",
+        "97.0\u202f%",
+    )
     sentences = ("The robot does what it should.", "logarithmic mean; uncertainty: two blocks")
     for text in ("gear_stiffness.axis_1", *numbers, *sentences):
         assert text in page.words, text
@@ -225,6 +234,31 @@ def test_only_the_pages_own_scripts_may_run_and_nothing_is_fetched(full: str) ->
     assert style
     assert "url(" not in style[1]
     assert "@import" not in style[1]
+
+
+def test_the_page_says_when_and_where_it_was_made_only_if_asked(robot: Robot, full: str) -> None:
+    import datetime
+    import platform
+
+    assert "made on" not in Page(full).words
+    page = Page(HtmlReport(date=True, host=True).run(robot, **everything(robot)).html)
+    found = re.search(r"made on (\d{4}-\d\d-\d\d) at (\d\d:\d\d) UTC on (\S+)", page.words)
+    assert found
+    assert found[3] == platform.node()
+    told = datetime.datetime.fromisoformat(f"{found[1]}T{found[2]}+00:00")
+    assert abs((datetime.datetime.now(datetime.UTC) - told).total_seconds()) < 120
+    assert platform.node() not in Page(HtmlReport(date=True).run(robot, **everything(robot)).html).words
+
+
+def test_no_folder_of_the_machine_stands_on_the_page(robot: Robot) -> None:
+    artifacts = everything(robot)
+    record = artifacts["record"].replace(source="recorded (/home/anna/robots/cell 3/run_1.csv)")
+    fit = artifacts["fit"].replace(status="see C:\\lab\\runs\\log.txt, N m/(rad/s) kept")
+    html = page_of(robot, **{**artifacts, "record": record, "fit": fit})
+    for part in ("/home", "anna", "lab\\"):
+        assert part not in html
+    for part in ("run_1.csv", "log.txt, N m/(rad/s) kept"):
+        assert part in Page(html).words
 
 
 def test_the_page_opens_with_its_policy_before_any_script(full: str) -> None:
@@ -412,8 +446,14 @@ def test_six_axes_fit_into_five_megabytes_and_are_drawn() -> None:
     figures = figures_of(html)["response"]
     entry = figures["entries"]["data"]
     shown = curve(entry[2][4][1], "robot file")
-    np.testing.assert_allclose(shown["y"], 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006)
-    np.testing.assert_allclose(shown["x"], frequency, atol=5.1e-5)  # six digits of the largest
+    drawn = np.array(shown["x"])
+    at_lines = np.abs(drawn[:, None] - frequency).argmin(axis=0)
+    np.testing.assert_allclose(drawn[at_lines], frequency, atol=5.1e-5)  # six digits of the largest
+    np.testing.assert_allclose(
+        np.array(shown["y"])[at_lines], 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006
+    )
+    between = robot.response(angle, drawn)  # the curve is the model between the lines, too
+    np.testing.assert_allclose(shown["y"], 20 * np.log10(np.abs(between[2, :, 4, 1])), atol=0.02)
     phase = curve(entry[0][0][0], "measured", phase=True)
     np.testing.assert_allclose(phase["y"], np.degrees(np.angle(response[0, :, 0, 0])), atol=0.006)
     # Unit covariances: one standard deviation is 1 (rad/s^2)/(N m), the band reaches two above; back from there.
