@@ -8,7 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import ComplexArray, DataRejected, FloatArray, Record, ResponseComparison, TimeComparison
+from robid_core import (
+    BoolArray,
+    ComplexArray,
+    DataRejected,
+    FloatArray,
+    Record,
+    ResponseComparison,
+    TimeComparison,
+)
 
 
 def spectra_of(record: Record | None, frequency_hz: FloatArray) -> tuple[ComplexArray, ComplexArray] | None:
@@ -34,7 +42,7 @@ def steady_state(
     u, y = (one[:, 0, :, :, 0] for one in spectra)
     if len(u) != len(comparison.modelled):
         return None
-    known = np.isfinite(y).all(axis=2) & np.isfinite(u).all(axis=2)
+    known: BoolArray = np.asarray(np.isfinite(y).all(axis=2) & np.isfinite(u).all(axis=2))
     rate = 2j * np.pi * comparison.frequency_hz[:, None]
     measured = np.where(known[..., None], y / rate, 0.0)
     modelled = np.where(known[..., None], np.einsum("cfoi,cfi->cfo", comparison.modelled, u) / rate, 0.0)

@@ -386,7 +386,7 @@ def test_every_doubt_about_a_fit_stands_in_the_banner_in_the_same_words_as_on_sc
 
 def test_remarks_and_doubts_stand_in_banners_of_their_own(robot: Robot) -> None:
     artifacts = everything(robot)
-    remark = Doubt("residual colour", "what is left has a memory", "errors count it", "remark")
+    remark = Doubt("residual colour", "the residual is correlated over time", "errors count it", "remark")
     diagnosis = artifacts["diagnosis"].replace(doubts=(remark,))
     fit = artifacts["fit"].replace(stated_doubts=(remark,))
     page = Page(page_of(robot, **{**artifacts, "fit": fit, "diagnosis": diagnosis}))
@@ -398,8 +398,8 @@ def test_remarks_and_doubts_stand_in_banners_of_their_own(robot: Robot) -> None:
     assert f"Diagnosis: {remark}." in page.words
     both = fit.replace(stated_doubts=(remark, Doubt("weather", "it rained", "wait")))
     words = Page(page_of(robot, **{**artifacts, "fit": both})).words
-    red, amber = words.index("Do not rely"), words.index("Mind")
-    assert red < words.index("it rained") < amber < words.index("what is left has a memory")
+    red, amber = words.index("Do not rely"), words.index("Note")
+    assert red < words.index("it rained") < amber < words.index("the residual is correlated over time")
 
 
 def test_a_misfit_that_was_tuned_is_not_shown_as_a_check(robot: Robot) -> None:

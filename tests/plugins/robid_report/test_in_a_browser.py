@@ -91,7 +91,7 @@ addEventListener("load", () => setTimeout(() => {
     dispatchEvent(new Event("beforeprint"));
   }
   setTimeout(look, 300);
-}, 1500));
+}, 800));
 """
 HOST = """<!DOCTYPE html><title>host</title><pre id="found"></pre>{frames}<script>
 const found = [];
@@ -118,7 +118,7 @@ def seen(folder: Path, page: str, views: dict[str, int], *options: str) -> dict[
         "--disable-gpu",
         f"--user-data-dir={folder / 'profile'}",
         "--window-size=1500,1000",
-        "--virtual-time-budget=9000",
+        "--virtual-time-budget=5000",
         *options,
         "--dump-dom",
         (folder / "host.html").as_uri(),
@@ -189,13 +189,15 @@ def test_the_page_is_dark_where_the_reader_wants_it_and_paper_stays_white(page: 
     assert found["faint"] == []
 
 
-def test_paper_is_a4(page: str, tmp_path: Path) -> None:
+def test_paper_is_a4(tmp_path: Path) -> None:
     """595 x 842 points."""
+    robot = Robot.load("six_axis")
+    page = HtmlReport().run(robot, design=example_design(robot)).html
     (tmp_path / "page.html").write_text(page, encoding="utf-8")
     target = tmp_path / "page.pdf"
     options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
     address = (tmp_path / "page.html").as_uri()
-    command = [str(CHROMIUM), *options, "--virtual-time-budget=4000", f"--print-to-pdf={target}", address]
+    command = [str(CHROMIUM), *options, f"--print-to-pdf={target}", address]
     subprocess.run(command, capture_output=True, timeout=60, check=True)
     boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", target.read_bytes())
     assert boxes
