@@ -102,7 +102,7 @@ def test_nothing_else_changes_by_asking(told: Robot, plant_of: Plants, measured:
     asked, not_asked = diagnosed(record, told), diagnosed(record, told, witness=())
     assert not_asked.witness is None
     assert set(asked.verdict.split("\n")) - set(not_asked.verdict.split("\n")) == {
-        line for line in asked.verdict.split("\n") if line.startswith("Witness")
+        line for line in asked.verdict.split("\n") if line.startswith("Check by frequency responses")
     }
     for one, other in zip(asked.errors, not_asked.errors, strict=True):
         assert (one.low.tobytes(), one.high.tobytes()) == (other.low.tobytes(), other.high.tobytes())
