@@ -124,8 +124,9 @@ class SimulationCompensation(Preprocessing):
     The model is the nominal robot, or with a fit the fitted one; its friction is replaced by the equivalent damping
     under the measured motion, as `compensate.friction` removes what friction distorts better than a model can:
     run that first. Each configuration is simulated with its own references and with others of the same amplitudes and
-    random phases, which tell the model's response to the reference. As much is taken off as the lines that were not
-    excited confirm: a model that is far off does no harm. What leans towards the model nevertheless is in no region.
+    random phases, from which the model's response to the reference is estimated. As much is taken off as the lines
+    that were not excited confirm: a model that is far off does no harm. Stated regions do not contain the remaining
+    bias towards the model.
 
         smooth: {use: compensate.friction}
         still:  {use: compensate.simulation, inputs: {record: smooth}}
@@ -133,8 +134,8 @@ class SimulationCompensation(Preprocessing):
     """
 
     realizations: PositiveInt = 24
-    """Drawn references tell the model's response to the reference: so many times as many as axes. Its own error is in
-    no residual; with six times as many as were measured it adds a sixth of what is removed."""
+    """Number of drawn references from which the model's response is estimated, as a multiple of the axes. Its own
+    error is in no residual; with six times as many as were measured it adds a sixth of what is removed."""
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """All that a simulated closed loop takes."""

@@ -55,7 +55,7 @@ class CrossValidation(DiagnosisStage):
     highest_hz: PositiveFloat = 100.0
     """Bins above are left out of the fits."""
     prior: dict[str, PositiveFloat] = {}
-    """Standard deviations of told parameters by pattern, in natural scales (0.01: one percent)."""
+    """Standard deviations of parameters of the robot file by pattern, in natural scales (0.01: one percent)."""
     model_error: PositiveFloat = 5e-4
     """Relative error of the model's torque per bin and axis, beside the noise."""
     passes: PositiveInt = 3

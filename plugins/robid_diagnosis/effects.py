@@ -96,7 +96,7 @@ class Effects(DiagnosisStage):
     highest_hz: PositiveFloat = 100.0
     """Bins above are left out."""
     prior: dict[str, PositiveFloat] = {}
-    """Standard deviations of told parameters by pattern, in natural scales (0.01: one percent)."""
+    """Standard deviations of parameters of the robot file by pattern, in natural scales (0.01: one percent)."""
     model_error: PositiveFloat = 5e-4
     """Relative error of the model's torque per bin and axis, beside the noise.
 
@@ -110,7 +110,7 @@ class Effects(DiagnosisStage):
     skip_s: NonNegativeFloat = 0.0
     """Left out at the beginning of each such experiment."""
     separate: bool = True
-    """Whether the experiment that tells tied causes apart is looked for, by simulation."""
+    """Whether to search, by simulation, for the experiment that distinguishes tied causes."""
     closed_loop: bool | None = None
     """Whether the robot as told, refitted and extended is simulated under the recorded references, with the controllers
     of its file; null: where references were recorded and the file tells the controllers."""

@@ -4,7 +4,7 @@ In open loop the motors move as recorded and the model says what torque that tak
 In closed loop the model moves by itself under the recorded reference: what a user of a simulation sees. Servos that set
 a voltage report no torque: then the angle in closed loop is what is compared. Each axis has its error in its unit and
 as a share of what was measured, with an interval; of two models, what the second gains. Runs that a fit was made from
-are predicted, too, and stand beside those that were put aside.
+are predicted, too, and stand beside those that were held out.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Prediction(DiagnosisStage):
     """
 
     highest_hz: PositiveFloat = 100.0
-    """Errors above are left out: there noise is larger than what a model can tell."""
+    """Errors above are left out: there noise is larger than what a model can predict."""
     skip_s: NonNegativeFloat = 0.5
     """Time at both ends of each experiment that is not compared."""
     block_s: PositiveFloat = 1.0

@@ -1,4 +1,4 @@
-"""Runs of records that are predicted: which were put aside for it, under which variant, and how far off each is."""
+"""Runs of records that are predicted: which were held out for it, under which variant, and how far off each is."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Piece:
     record: Record
     variant: str
     tested: bool
-    """Whether it is judged: put aside for that, or all that there is."""
+    """Whether it is judged: held out for that, or all that there is."""
     name: str
 
 

@@ -129,7 +129,7 @@ def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> Witnes
     ]
     if not rows:
         linear = " of a spring that is linear" if bent else ""
-        return _none(f"responses tell no stiffness{linear} to {100 * TELLING:.0f} %")
+        return _none(f"responses determine no stiffness{linear} to {100 * TELLING:.0f} %")
     names = tuple(table.names[i] for i in rows)
     by_torques, torques_error = np.array([final.estimate(name) for name in names]).T
     by_responses, responses_error = table.estimate[rows], error[rows]

@@ -26,7 +26,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
     """One line: where, what, how large, how sure."""
     if finding.kind == "unknown" and not finding.names:
         return (
-            f"{finding.on}: nothing in the catalogue explains what is left; {finding.effect} would "
+            f"{finding.on}: no effect of the catalogue explains the residual; {finding.effect} would "
             f"(gain {finding.gain:.3g} of twice the log-likelihood)."
         )
     what = {
@@ -43,9 +43,9 @@ def finding_line(finding: Finding, n_config: int) -> str:
     if np.isfinite(finding.by_configuration).all():
         seen = f"; seen in {finding.n_seen} of {n_config} configurations"
         if finding.by_configuration.sum() < RESIDUAL * finding.gain:
-            seen = "; without it told numbers would leave their tolerances"
+            seen = "; without it parameters of the robot file would leave their tolerances"
     chance = "p < 0.001" if finding.p_value < 1e-3 else f"p = {finding.p_value:.2g}"
-    ties = f"these data cannot tell it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
+    ties = f"these data cannot distinguish it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
     return f"{finding.where}: {what} ({sizes}){seen}; {chance} after the search; {ties}."
 
 
@@ -99,7 +99,7 @@ def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
     furthest = sorted(np.flatnonzero(apart), key=lambda i: -abs(np.log(abs(1 + relative[i]))))
     lines = [
         f"{values.names[i]} is {100 * abs(relative[i]):.3g} ± {100 * error[i]:.1g} % "
-        f"{'larger' if relative[i] > 0 else 'smaller'} than told"
+        f"{'larger' if relative[i] > 0 else 'smaller'} than in the robot file"
         for i in furthest[:SHOWN]
     ]
     more = f"; {len(furthest) - SHOWN} more" if len(furthest) > SHOWN else ""
@@ -109,7 +109,7 @@ def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
 def witness_line(witness: Witness) -> str:
     """Say whether frequency responses agree about the stiffnesses, or why there are none to ask."""
     if witness.reason:
-        return f"No witness by frequency responses: {witness.reason}."
+        return f"No check by frequency responses: {witness.reason}."
     n = len(witness.names)
     order = np.argsort(-np.abs(witness.z))
     apart = order[~witness.agree[order]].tolist()
@@ -117,12 +117,15 @@ def witness_line(witness: Witness) -> str:
         worst = int(order[0])
         which = f"all {n} stiffnesses; furthest apart" if n > 1 else "the stiffness"
         return (
-            f"Witness: frequency responses, fitted apart, agree about {which}: {witness.names[worst]}, "
+            f"Check by frequency responses, fitted separately: they agree about {which}: {witness.names[worst]}, "
             f"{_both(witness, worst)}."
         )
     told = "; ".join(f"{witness.names[i]}, {_both(witness, i)}" for i in apart[:SHOWN])
     more = f"; {len(apart) - SHOWN} more" if len(apart) > SHOWN else ""
-    return f"Witness: frequency responses, fitted apart, disagree about {len(apart)} of {n} stiffnesses: {told}{more}."
+    return (
+        f"Check by frequency responses, fitted separately: they disagree about {len(apart)} of {n} stiffnesses: "
+        f"{told}{more}."
+    )
 
 
 def _both(witness: Witness, i: int) -> str:
@@ -130,7 +133,7 @@ def _both(witness: Witness, i: int) -> str:
     return (
         f"{plain(witness.by_responses[i])} ± {witness.responses_error[i]:.2g} {witness.units[i]} by responses, "
         f"{plain(witness.by_torques[i])} ± {witness.torques_error[i]:.2g} by torques: {abs(witness.z[i]):.1f} standard "
-        f"errors, where {witness.limit:.1f} would be told"
+        f"errors, where {witness.limit:.1f} would count as a difference"
     )
 
 
@@ -143,11 +146,11 @@ def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful
         if findings:
             return "Of the axes none has an effect of its own."
         return (
-            "Nothing significant: the told model with fitted values explains these data; "
-            "what would have been seen: the table on the page."
+            "Nothing significant: the robot file with fitted values explains these data; "
+            "for detectable sizes see the table on the page."
         )
     return (
-        f"{', '.join(silent)}: nothing significant; what would have been seen: the table on the page."
+        f"{', '.join(silent)}: nothing significant; for detectable sizes see the table on the page."
         if silent
         else ""
     )
@@ -203,7 +206,7 @@ def _size(name: str, value: float, error: float, told: float, unit: str) -> str:
     """A number with its standard error, its unit, and what was told where it was."""
     text = f"{name} {plain(value)} ± {error:.2g}"
     text += f" {unit}" if unit not in ("", "1") else ""
-    return text + (f", told {plain(told)}" if np.isfinite(told) else "")
+    return text + (f", robot file {plain(told)}" if np.isfinite(told) else "")
 
 
 def plain(value: float) -> str:

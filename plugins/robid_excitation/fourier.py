@@ -122,7 +122,7 @@ def tightened(problem: TrajectoryProblem, coefficient: FloatArray, robot: Robot,
 
 
 class Fourier(ExcitationDesign):
-    """Sums of sines and cosines of a base frequency that tell inertia and friction best, within the robot's limits.
+    """Sums of sines and cosines, most informative about inertia and friction within the robot's limits.
 
     One trajectory for each configuration, about it and at rest at both ends; several complete one another. Limits of
     position, speed, acceleration and torque hold for the rigid robot and are checked on the simulated one. For

@@ -135,7 +135,7 @@ class FrictionFromPlateaus(Estimator):
             )
         silent = [axis for axis in robot.axis_names if axis not in seen]
         if silent:
-            context.log.warning("no plateau, friction stays as it was told: %s", ", ".join(silent))
+            context.log.warning("no plateau, friction is left as in the robot file: %s", ", ".join(silent))
         return _result(found_in, extended, results)
 
     def plateaus(
@@ -246,7 +246,7 @@ def _doubts(one: AxisResult, robot: Robot) -> list[Doubt]:
             Doubt(
                 "gravity",
                 f"{one.axis}: the torque over the joint's angle is up to {size:.3g} N m beside the robot's gravity",
-                "correct masses and centres of mass (fit.rigid); until then the offset and the load's share lean on it",
+                "correct masses and centres of mass (fit.rigid); until then offset and share of the load depend on it",
             )
         )
     held = [name for name in ("viscous", "offset") if name not in one.fit.names]

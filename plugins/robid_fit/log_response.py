@@ -221,6 +221,7 @@ def _damped(robot: Robot) -> Robot:
 def _comparison(problem: LogResponseProblem, point: FloatArray) -> ResponseComparison:
     frf = problem.frf
     deviation = np.sqrt(frf.variance()) if frf.has_covariance else np.full(frf.response.shape, np.nan)
+    between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
     return ResponseComparison(
         axis_names=frf.axis_names,
         frequency_hz=frf.frequency_hz,
@@ -228,6 +229,9 @@ def _comparison(problem: LogResponseProblem, point: FloatArray) -> ResponseCompa
         modelled=problem.model(point),
         start=problem.model(problem.start),
         deviation=deviation,
+        curve_frequency_hz=between,
+        curve=problem.between_lines(point, between),
+        curve_start=problem.between_lines(problem.start, between),
     )
 
 

@@ -63,7 +63,7 @@ class PreslidingFit(Estimator):
         found: dict[str, Bristles] = {}
         for axis, own in motions.items():
             if not own:
-                context.log.info("%s stands, or nearly so: nothing is told of it", axis)
+                context.log.info("%s hardly moves: nothing is estimated for it", axis)
                 continue
             coulomb = _level(robot, axis)
             share = slid_share(own, coulomb)

@@ -96,6 +96,29 @@ class LogResponseProblem:
         robot = self.robot_at(point)
         return self._as_measured(robot, point, self._plant(robot, point))
 
+    def between_lines(self, point: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+        """Response of the model at other frequencies of the band, shape (n_config, n_freq, n_axis, n_axis).
+
+        The robot is computed there. What is known at the lines only, friction's gain beyond a damping and the factor,
+        is interpolated: both are smooth over frequency.
+        """
+
+        def along(values: ComplexArray) -> ComplexArray:
+            lines, flat = self.frf.frequency_hz, np.moveaxis(values, 1, -1)
+            rows = flat.reshape(-1, len(lines))
+            found = np.stack([np.interp(frequency_hz, lines, row) for row in rows])
+            return np.moveaxis(found.reshape(*flat.shape[:-1], -1), -1, 1)
+
+        robot, omega = self.robot_at(point), 2 * np.pi * frequency_hz
+        angle, _, damping, hold = self._told(point)
+        plain = robot.response_with_gradient(angle, frequency_hz, damping, hold)
+        excess = along(self.friction.at(self.parts(point)[1])[0]) * (1j * omega[:, None])
+        result = with_motor_impedance(plain, excess, omega, self._hold).response
+        if robot.signals:
+            result = result * (robot.response(angle, frequency_hz, damping, hold) / plain.response)
+        scaled: ComplexArray = result * (along(self._factor) if isinstance(self._factor, np.ndarray) else 1.0)
+        return scaled
+
     def cost(self, point: FloatArray) -> float:
         """Sum of squared standardised residuals, (3.2) with W the inverse covariance, and what priors add."""
         return float((np.abs(self._residual(self.model(point))) ** 2).sum()) + self._prior_cost(point)

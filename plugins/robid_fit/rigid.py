@@ -68,8 +68,8 @@ class RigidBodyFit(Estimator):
     rotor_inertia.<axis>, friction.<axis>.coulomb, .viscous, .offset, effect.<label>.<parameter>. The data move what
     they show; the rest stays with the robot file's bodies, as near as their tolerances ask. Laws on motors and joints
     are run along the measured motion, those with a memory too, with the load that the robot predicts; payloads are
-    known. Ripple of a torque (drive.torque_ripple, drive.cogging) is found with size and phase at its told order.
-    `Fit.base` has the base parameters, which alone a motion can show, `Fit.essential` those that the record tells.
+    known. Ripple of a torque (drive.torque_ripple, drive.cogging) is found with size and phase at its stated order.
+    `Fit.base` has the base parameters, which alone a motion can show, `Fit.essential` those that the record determines.
 
         fit:
           use: fit.rigid

@@ -79,7 +79,9 @@ def _coloured(
     ]
     if not told:
         return
-    sentence = f"what is left has a memory: correlation of one sample with the next {_listed(told)}"
+    sentence = (
+        f"the residual is correlated over time: correlation of one sample with the next {_listed(told)}"
+    )
     if is_counted(residuals):
         counted, white = (
             np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", base, one, base), 0.0))
@@ -110,7 +112,7 @@ def _weak(solution: RigidSolution, base: FloatArray, names: Sequence[str]) -> It
     if weak:
         yield Doubt(
             "weakly seen",
-            f"{len(weak)} of {len(names)} base parameters are told by the robot file rather than by the data: "
+            f"{len(weak)} of {len(names)} base parameters are determined by the robot file rather than by the data: "
             f"{_listed(weak)}",
             "record motions that show them (excitation.fourier plans such), or predict like motions only",
         )

@@ -187,6 +187,7 @@ def tell_common_part(record: Record, context: Context, y: ComplexArray) -> str:
     listed = ", ".join(f"{n} {s:.2g} %" for n, s in zip(record.axis_names, share, strict=True))
     context.log.info("what does not depend on the phases is removed, of the motion at the lines: %s", listed)
     return (
-        "what does not depend on the phases was removed by the experiment that is left over; experiments of a block "
-        "share their phases, so that distortion differs from input to input and regions hold on average over entries"
+        "what does not depend on the phases was estimated from the surplus experiment and subtracted; experiments "
+        "of a block share their phases, so that distortion differs from input to input and regions hold on "
+        "average over entries"
     )

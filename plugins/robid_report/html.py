@@ -2,14 +2,18 @@
 
 Text of the user (names, units, errors) reaches the page through jinja2 with escaping, or as JSON data that the
 page's own script writes as text. The policy in the page's head allows those scripts by their hash and nothing
-from outside. No clock and fixed ids: equal inputs give equal bytes.
+from outside. No clock unless asked, and fixed ids: equal inputs give equal bytes.
 """
 
 from __future__ import annotations
 
 import base64
+import datetime
+import functools
+import gzip
 import hashlib
 import json
+import platform
 import sys
 from importlib import metadata, resources
 from typing import Any
@@ -27,19 +31,24 @@ from robid_core import (
     Record,
     Report,
     ReportStage,
+    ResponseComparison,
     Robot,
+    TimeComparison,
     Truth,
 )
-from robid_core.plot import comparison_of, pooled
+from robid_core.plot import DARK, comparison_of, pooled
 from robid_report.beside import comparison, fit_with_response, other_fits
+from robid_report.body import body_data
 from robid_report.causes import cause_sections
+from robid_report.correlation import correlation_of
 from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
-from robid_report.numbers import percent, significant
+from robid_report.numbers import percent, significant, times, without_folders
 from robid_report.parameters import essential_rows, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
 from robid_report.residuals import residual_sections
+from robid_report.steady_state import spectra_of, steady_state
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 from robid_report.visible import visible_table
 from robid_report.witness import witness_table
@@ -94,14 +103,34 @@ def figures(robot: Robot, angle: FloatArray) -> list[list[Markup]]:
     return [[draw(body, c, view) for view in VIEWS] for c in range(len(angle))]
 
 
-def response_section(robot: Robot, frf: Frf | None, fit: Fit | None) -> dict[str, Any] | None:
-    """Figures of the measured responses, beside the fitted model where there is one."""
-    if fit is not None and fit.response is not None:
-        return response_plots(fit.response, fitted=True)
-    if frf is None:
-        return None
-    model = robot.response(frf.angle, frf.frequency_hz, hold=frf.torque_hold)
-    return response_plots(comparison_of(frf, model), fitted=False)
+def response_section(
+    robot: Robot, frf: Frf | None, fit: Fit | None, record: Record | None
+) -> tuple[dict[str, Any] | None, list[tuple[str, TimeComparison]]]:
+    """Figures of the measured responses beside the model, and the model's steady state beside the record over time."""
+    comparison = fit.response if fit is not None else None
+    fitted = comparison is not None
+    if comparison is None:
+        if frf is None:
+            return None, []
+        between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
+        model, curve = (
+            robot.response(frf.angle, f, hold=frf.torque_hold) for f in (frf.frequency_hz, between)
+        )
+        comparison = comparison_of(frf, model, (between, curve))
+    spectra = spectra_of(record, comparison.frequency_hz)
+    steady = steady_state(record, spectra, comparison) if record is not None and spectra is not None else None
+    model_name = "fitted model" if fitted else "robot file"
+    over_time = (
+        [] if steady is None else [(f"Excited lines, configuration {steady[0] + 1}, {model_name}", steady[1])]
+    )
+    return response_plots(comparison, fitted, frf, spectra), over_time
+
+
+def body_section(robot: Robot, angle: FloatArray | None, frf: Frf | None) -> Markup | None:
+    """Data of the robot that can be turned, with its modes up to a quarter above the measured band."""
+    highest = 1.25 * float(frf.frequency_hz[-1]) if frf is not None else 200.0
+    found = body_data(robot, angle, highest) if angle is not None else None
+    return json_for_script(found) if found is not None else None
 
 
 def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict[str, Any] | None:
@@ -114,7 +143,9 @@ def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict
             "angles": angles,
             "weight": percent(float(design.weight[i])),
             "bar": round(100 * float(design.weight[i] / design.weight.max()), 1),
-            "experiments": int(design.experiments[i]),
+            "measure": f"Measure here {times(int(design.experiments[i]))}"
+            if design.experiments[i]
+            else "Do not measure here",
             "pictures": pictures[i] if pictures else [],
         }
         for i, angles in enumerate(angles_as_text(robot, design.angle))
@@ -156,29 +187,51 @@ def misfit_sections(fit: Fit | None, diagnosis: Diagnosis | None) -> list[dict[s
     return found
 
 
+@functools.cache
+def packed_library() -> tuple[str, str]:
+    """Plotly as base64 of gzip (2.0 MB of 4.8), and the hash under which the page's policy allows what comes out."""
+    from plotly.offline import get_plotlyjs
+
+    script = str(get_plotlyjs()).replace("\r\n", "\n")
+    packed = gzip.compress(script.encode(), compresslevel=9, mtime=0)
+    return base64.b64encode(packed).decode(), script_hash(script)
+
+
+def made(date: bool, host: bool) -> str:
+    """Say when and where the page is made, as far as it is asked: `made on 2026-05-04 at 10:30 UTC on bench-3`."""
+    parts = [f"on {datetime.datetime.now(datetime.UTC):%Y-%m-%d at %H:%M UTC}"] if date else []
+    parts += [f"on {platform.node()}"] if host else []
+    return " ".join(("made", *parts)) if parts else ""
+
+
 def render(content: dict[str, Any], data: dict[str, Any]) -> str:
     """Fill the template; `data` goes to the page's script, `content` into the text."""
     files = resources.files("robid_report")
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     text = {
-        name: (files / name).read_text(encoding="utf-8") for name in ("page.html.j2", "page.css", "page.js")
+        name: (files / name).read_text(encoding="utf-8")
+        for name in ("page.html.j2", "page.css", "page.js", "body.js")
     }
-    library = ""
+    scripts = [text["page.js"], *([text["body.js"]] if content["body"] else [])]
+    allowed, library = [script_hash(script) for script in scripts], ""
     if data["response"] or data["time"]:
-        from plotly.offline import get_plotlyjs
-
-        library = str(get_plotlyjs()).replace("\r\n", "\n")
-    scripts = [script for script in (library, text["page.js"]) if script]
+        library, own = packed_library()
+        allowed.insert(0, own)
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda part: without_folders(part) if type(part) is str else part,
     )
     page: str = environment.from_string(text["page.html.j2"]).render(
         **content,
-        data=json_for_script(pooled(data)),
+        data=json_for_script(pooled({**data, "dark": DARK})),
         style=Markup(text["page.css"]),
+        library=Markup(library),
         scripts=[Markup(script) for script in scripts],
-        policy=" ".join(f"'{script_hash(script)}'" for script in scripts),
+        policy=Markup(" ".join(f"'{one}'" for one in allowed)),
         versions=versions(),
     )
     return page
@@ -189,11 +242,15 @@ class HtmlReport(ReportStage):
 
     page:
       use: report.html
-      with: {title: Six-axis robot, spring}
+      with: {title: Six-axis robot, spring, date: true, host: true}
     """
 
     title: str = ""
     """Heading of the page; by default the robot's name."""
+    date: bool = False
+    """Whether the page says when it was made; then equal inputs give equal pages no more."""
+    host: bool = False
+    """Whether the page says on which computer it was made."""
 
     def run(
         self,
@@ -209,16 +266,19 @@ class HtmlReport(ReportStage):
     ) -> Report:
         """Collect what there is and write the page; of several `fits` the others stand beside `fit`."""
         others, responding = other_fits(fit, fits), fit_with_response(fit, fits)
-        response = response_section(robot, frf, responding)
+        response, steady = response_section(robot, frf, responding, record)
         angle = frf.angle if frf is not None else record.angle if record is not None else None
         table, limit = rows(fit.parameters, truth) if fit is not None else ([], 0.0)
         comparisons = [("Inverse model", c) for c in fit.time] if fit is not None else []
         comparisons += (
             [(diagnosis.method.capitalize(), c) for c in diagnosis.time] if diagnosis is not None else []
         )
+        comparisons += steady
+        model = responding.model if responding is not None else None
         content = {
             "title": self.title or robot.name,
             "robot": robot.name,
+            "made": made(self.date, self.host),
             "axes": robot.axis_names,
             "findings": findings(frf, fit, record, design, diagnosis, truth),
             "facts": facts(frf, fit, record, design, diagnosis, truth),
@@ -242,8 +302,13 @@ class HtmlReport(ReportStage):
             "witness": witness_table(diagnosis),
             "response": response is not None,
             "fitted": response is not None and response["fitted"],
+            "panels": list(response["rows"]) if response is not None else [],
+            "steady": bool(steady),
+            "correlation": correlation_of(fit),
             "configurations": angles_as_text(robot, angle) if angle is not None else [],
             "pictures": figures(robot, angle) if angle is not None else [],
+            "body": body_section(robot if model is None else Robot.of_model(model), angle, frf),
+            "body_is_fitted": model is not None,
             "time": [time_plots(comparison, title) for title, comparison in comparisons],
             "design": design_section(robot, design, responding),
             "steps": steps(excitation, record, frf, fit, design),

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 
+_FOLDERS = re.compile(
+    r"(?<![\w.)\]}/\\:])(?:file://)?(?:/|[A-Za-z]:[/\\])(?:[^\s/\\:;,'\"()<>]+[/\\])+(?=[^\s/\\])"
+)
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
@@ -32,3 +36,17 @@ def percent(share: float, signed: bool = False) -> str:
         decimals = 1 - math.floor(math.log10(abs(value)))
     text = f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
     return text.replace("-", "−") + "\u202f%"
+
+
+def times(count: int) -> str:
+    """Say how often: once, twice, 5 times."""
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def without_folders(text: str) -> str:
+    """Leave of each absolute path its last part: folders of a machine are nobody's business.
+
+    >>> without_folders("read from /home/anna/cell 3.csv, C:\\\\data\\\\run\\\\a.mat; 5 N m/rad, (rad/s)/(N m)")
+    'read from cell 3.csv, a.mat; 5 N m/rad, (rad/s)/(N m)'
+    """
+    return _FOLDERS.sub("", text)

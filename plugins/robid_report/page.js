@@ -1,6 +1,6 @@
 "use strict";
 // Draws the page's figures, which robid made, from #page-data. Text from there is only ever written as text.
-(() => {
+(async () => {
   const {pool, value} = JSON.parse(document.getElementById("page-data").textContent);
   const OPTIONS = {responsive: true, displaylogo: false, displayModeBar: "hover",
     modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
@@ -14,8 +14,44 @@
     return Object.fromEntries(Object.entries(part).map(([key, entry]) => [key, whole(entry)]));
   }
   const data = whole(value);
-  // Plotly writes into the layout that it is given.
-  const show = (target, traces, layout) => Plotly.react(target, traces, structuredClone(layout), OPTIONS);
+
+  // Plotly stands in the page compressed; the page's policy names what comes out of it by its hash.
+  async function unpackLibrary() {
+    const packed = document.getElementById("library");
+    if (!packed) return true;
+    if (!("DecompressionStream" in window)) return false;
+    const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
+    const script = document.createElement("script");
+    script.textContent = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+    document.head.append(script);
+    return "Plotly" in window;
+  }
+
+  const prefersDark = matchMedia("(prefers-color-scheme: dark)"), PAPER = 700;
+  const drawn = new Map();
+  let printing = false;
+  function coloured(part, key) {
+    if (Array.isArray(part)) return typeof part[0] === "object" ? part.map((entry) => coloured(entry, key)) : part;
+    if (part && typeof part === "object")
+      return Object.fromEntries(Object.entries(part).map(([name, entry]) => [name, coloured(entry, name)]));
+    return prefersDark.matches && !printing && /color$/.test(key) && part in data.dark ? data.dark[part] : part;
+  }
+  // `layouts`: by number of columns, the widest that fits is taken. Plotly writes into what it is given: copies.
+  function show(target, traces, layouts) {
+    drawn.set(target, [traces, layouts]);
+    const room = printing ? PAPER : document.getElementById(target).clientWidth;
+    const columns = room < 480 ? 1 : room < 680 ? 2 : 3;
+    const fitting = Object.keys(layouts).map(Number).filter((n) => n <= columns);
+    const layout = structuredClone(coloured(layouts[Math.max(...fitting)], ""));
+    if (printing) layout.width = PAPER;
+    Plotly.react(target, coloured(traces, ""), layout, OPTIONS);
+  }
+  const showAgain = () => { for (const [target, [traces, layouts]] of drawn) show(target, traces, layouts); };
+  prefersDark.addEventListener("change", showAgain);
+  addEventListener("beforeprint", () => { printing = true; showAgain(); });
+  addEventListener("afterprint", () => { printing = false; showAgain(); });
+  let width = innerWidth;
+  addEventListener("resize", () => { if (innerWidth !== width && !printing) { width = innerWidth; showAgain(); } });
 
   const SVG = "http://www.w3.org/2000/svg";
   function element(name, attributes, parent) {
@@ -35,11 +71,11 @@
         for (const v of trace.y) if (v !== null && v > -200) { low = Math.min(low, v); high = Math.max(high, v); }
     high += 3; low = Math.max(low - 3, high - 90);
     const svg = element("svg", {viewBox: `0 0 ${LEFT + n * (W + GAP)} ${TOP + n * (H + GAP)}`});
-    const path = (values, dots) => {
+    const path = (trace, dots) => {
       let d = "", open = false;
-      values.forEach((v, k) => {
+      trace.y.forEach((v, k) => {
         if (v === null || v < low) { open = false; return; }
-        const x = (4 + (W - 8) * (f[k] - first) / span).toFixed(1), y = (4 + (H - 8) * (high - v) / (high - low)).toFixed(1);
+        const x = (4 + (W - 8) * (Math.log(trace.x[k]) - first) / span).toFixed(1), y = (4 + (H - 8) * (high - v) / (high - low)).toFixed(1);
         d += dots ? `M${x} ${y}h0` : (open ? "L" : "M") + x + " " + y;
         open = true;
       });
@@ -56,9 +92,9 @@
         transform: `translate(${LEFT + i * (W + GAP)} ${TOP + o * (H + GAP)})`}, svg);
       cell.setAttribute("aria-label", label);
       element("rect", {width: W, height: H, rx: 4}, cell);
-      element("path", {class: "s", d: path(magnitude(o, i, start).y, false)}, cell);
-      element("path", {class: "m", d: path(magnitude(o, i, "measured").y, true)}, cell);
-      if (response.fitted) element("path", {class: "f", d: path(magnitude(o, i, "fitted model").y, false)}, cell);
+      element("path", {class: "s", d: path(magnitude(o, i, start), false)}, cell);
+      element("path", {class: "m", d: path(magnitude(o, i, "measured"), true)}, cell);
+      if (response.fitted) element("path", {class: "f", d: path(magnitude(o, i, "fitted model"), false)}, cell);
       element("title", {}, cell).textContent = label;
       cell.addEventListener("click", () => choose(o, i));
       cell.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(o, i); } });
@@ -66,16 +102,23 @@
     target.replaceChildren(svg);
   }
 
+  if (!await unpackLibrary()) {
+    document.getElementById("outdated").hidden = false;
+    return;
+  }
+
   if (data.response) {
     const axes = data.response.axes, buttons = Array.from(document.querySelectorAll("[data-configuration]"));
     let configuration = 0, chosen = [0, Math.min(1, axes.length - 1)];
-    const {diagonal, entries} = data.response;
-    const drawAxes = () => show("response-axes", diagonal.data[configuration], diagonal.layout);
+    const {rows, entries} = data.response;
+    const drawAxes = () => { for (const id in rows) show(id, rows[id].data[configuration], rows[id].layouts); };
     const drawEntry = () => {
       if (axes.length < 2) return;
+      const focused = document.activeElement && document.activeElement.closest("#response-matrix");
       matrix(document.getElementById("response-matrix"), configuration, chosen, (o, i) => { chosen = [o, i]; drawEntry(); });
+      if (focused) document.querySelector("#response-matrix .chosen").focus();
       document.getElementById("response-entry-title").textContent = "Acceleration of " + axes[chosen[0]] + " over torque of " + axes[chosen[1]];
-      show("response-entry", entries.data[configuration][chosen[0]][chosen[1]], entries.layout);
+      show("response-entry", entries.data[configuration][chosen[0]][chosen[1]], entries.layouts);
     };
     buttons.forEach((button) => button.addEventListener("click", () => {
       configuration = Number(button.dataset.configuration); press(buttons, button); drawAxes(); drawEntry();
@@ -87,7 +130,7 @@
     const buttons = Array.from(document.querySelectorAll(`[data-plot="${index}"]`));
     const draw = (a) => {
       const one = comparison.axes[a];
-      show("time-" + index, one.figure.data, one.figure.layout);
+      show("time-" + index, one.figure.data, {1: one.figure.layout});
       document.getElementById("time-note-" + index).textContent = one.name + ": " + one.note;
     };
     buttons.forEach((button) => button.addEventListener("click", () => { press(buttons, button); draw(Number(button.dataset.time)); }));

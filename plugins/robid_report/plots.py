@@ -6,38 +6,84 @@ from typing import Any
 
 import numpy as np
 
-from robid_core import ResponseComparison, TimeComparison
-from robid_core.plot import bode_data, bode_layout, kept_samples, noun, traces
+from robid_core import ComplexArray, FloatArray, Frf, ResponseComparison, TimeComparison
+from robid_core.plot import (
+    bode_data,
+    bode_layout,
+    distortion_panels,
+    kept_samples,
+    noun,
+    panel_layout,
+    residual_panels,
+    traces,
+)
 from robid_report.numbers import percent, significant
 
 TALL = 440  # pixels of a figure that stands alone
 LOW = 300  # of one in a row of several
+PANEL = 190  # of one without a phase
+DECADES = {"type": "log", "exponentformat": "power", "dtick": 1}
 
 
-def response_plots(comparison: ResponseComparison, fitted: bool) -> dict[str, Any]:
+def response_plots(
+    comparison: ResponseComparison,
+    fitted: bool,
+    frf: Frf | None = None,
+    spectra: tuple[ComplexArray, ComplexArray] | None = None,
+) -> dict[str, Any]:
     """Return the figures of each configuration: of all axes over their own torque, and of each entry of the matrix.
 
-    `data[configuration]` goes with the one `layout` of `diagonal`, `data[configuration][output][input]` with that of
-    `entries`, which are left out where there is one axis only.
+    `rows` are figures of all axes by the element that shows them: `data[configuration]` goes with one of `layouts`, by
+    the number of columns. Residuals are drawn beside a fit whose measurement has deviations, distortion where `frf`
+    has its levels (with the level of the response from `spectra` of torques and accelerations). `entries` has
+    `data[configuration][output][input]`, left out where there is one axis only.
     """
     names, n_config = comparison.axis_names, len(comparison.measured)
     n = len(names)
     own = [(place, place, name) for place, name in enumerate(names)]
     alone = [(0, 0, "")]
-    columns = 1 if n == 1 else 2 if n <= 4 else 3
+    columns = range(1, 1 + (1 if n == 1 else 2 if n <= 4 else 3))
+    height = TALL if n == 1 else LOW
     single = [
         [[bode_data(comparison, c, [(out, into, "")], fitted) for into in range(n)] for out in range(n)]
         for c in range(n_config if n > 1 else 0)
     ]
+    rows: dict[str, Any] = {
+        "response-axes": {
+            "data": [bode_data(comparison, c, own, fitted) for c in range(n_config)],
+            "layouts": {k: bode_layout(own, k, height) for k in columns},
+        }
+    }
+    if fitted and np.isfinite(np.einsum("cfii->cfi", comparison.deviation)).any():
+        rows["response-residuals"] = {
+            "data": [residual_panels(comparison, c) for c in range(n_config)],
+            "layouts": {
+                k: panel_layout(names, "std. errors", k, PANEL, {"rangemode": "tozero"}) for k in columns
+            },
+        }
+    if frf is not None and (frf.odd_distortion is not None or frf.even_distortion is not None):
+        level = _level_of_response(spectra, n_config)
+        rows["response-distortion"] = {
+            "data": [
+                distortion_panels(frf, c, None if level is None else level[c])
+                for c in range(len(frf.response))
+            ],
+            "layouts": {k: panel_layout(names, "rad/s²", k, PANEL, DECADES) for k in columns},
+        }
     return {
         "axes": list(names),
         "fitted": fitted,
-        "diagonal": {
-            "data": [bode_data(comparison, c, own, fitted) for c in range(n_config)],
-            "layout": bode_layout(own, columns, TALL if n == 1 else LOW),
-        },
-        "entries": {"data": single, "layout": bode_layout(alone, 1, TALL)},
+        "rows": rows,
+        "entries": {"data": single, "layouts": {1: bode_layout(alone, 1, TALL)}},
     }
+
+
+def _level_of_response(spectra: tuple[ComplexArray, ComplexArray] | None, n_config: int) -> FloatArray | None:
+    """Root mean square of the accelerations' coefficients over experiments, (n_config, n_freq, n_axis)."""
+    if spectra is None or len(spectra[1]) != n_config:
+        return None
+    level: FloatArray = np.sqrt((np.abs(spectra[1]) ** 2).mean(axis=(1, 4)))
+    return level
 
 
 def time_plots(comparison: TimeComparison, heading: str) -> dict[str, Any]:

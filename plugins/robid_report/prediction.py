@@ -83,7 +83,7 @@ def _curve(curve: PredictionCurve) -> Any:
         curve.abscissa,
         dots,
         {},
-        spoken=f"what the prediction leaves on {curve.axis} over {curve.variable}",
+        spoken=f"residual of the prediction on {curve.axis} over {curve.variable}",
         ordinate=f"residual{size}",
     )
 

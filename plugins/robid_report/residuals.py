@@ -39,8 +39,9 @@ def _told(curves: list[ResidualCurve]) -> str:
         )
         parts.append(f"{one.variable.partition(',')[0]} {percent(one.share)}{halves}")
     if not parts:
-        return "Of what the refitted robot leaves nothing is a function of any of these alone."
-    return f"Of what the refitted robot leaves, squared, a function would do: {'; '.join(parts)}."
+        return "No single variable explains the residual of the refitted robot."
+    shares = "; ".join(parts)
+    return f"Share of the squared residual of the refitted robot that a function of one variable explains: {shares}."
 
 
 def _picture(curve: ResidualCurve) -> Any:
@@ -54,6 +55,6 @@ def _picture(curve: ResidualCurve) -> Any:
         curve.abscissa,
         curve.refitted,
         lines,
-        spoken=f"what is left on {curve.axis} over {curve.variable}",
+        spoken=f"residual on {curve.axis} over {curve.variable}",
         logarithmic=(curve.variable.startswith("frequency"), curve.measured is not None),
     )

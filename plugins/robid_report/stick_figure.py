@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from robid_core import FloatArray, Robot
+from robid_core.mechanics import Chain
 from robid_core.mechanics.chain import rotation_by
 
 SIZE = 100.0
@@ -32,23 +33,45 @@ def skeleton(robot: Robot, angle: FloatArray) -> Skeleton:
     angle
         Motor angles seen through the gear, shape (n_config, n_axis); elastic coordinates stand at zero.
     """
-    chain, n_config = robot.chain, len(angle)
-    joint = np.zeros((n_config, chain.n_coordinate))
+    joint = np.zeros((len(angle), robot.chain.n_coordinate))
     joint[:, robot.mechanism.arm] = angle
-    tips = [j for j in range(chain.n_coordinate) if j not in chain.parent]
-    points = np.zeros((n_config, chain.n_coordinate + len(tips), 3))
-    for c in range(n_config):
-        turns: list[FloatArray] = []
-        for j in range(chain.n_coordinate):
+    return Skeleton(
+        frames(robot.chain, joint)[0], (*(int(p) for p in robot.chain.parent), *tips(robot.chain))
+    )
+
+
+def tips(chain: Chain) -> list[int]:
+    """Bodies on which none hangs."""
+    return [j for j in range(chain.n_coordinate) if j not in chain.parent]
+
+
+def frames(chain: Chain, joint: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Origins of all joints with the tips' centres of mass, and the axes of all bodies.
+
+    Parameters
+    ----------
+    chain
+        Its bodies.
+    joint
+        Joint coordinates, shape (n_config, n_joint).
+
+    Returns
+    -------
+    Points in the base frame, (n_config, n_joint + n_tip, 3), and rotations, (n_config, n_joint, 3, 3).
+    """
+    n, ends = chain.n_coordinate, tips(chain)
+    points, turns = np.zeros((len(joint), n + len(ends), 3)), np.zeros((len(joint), n, 3, 3))
+    for c in range(len(joint)):
+        for j in range(n):
             parent = int(chain.parent[j])
-            turn, origin = (turns[parent], points[c, parent]) if parent >= 0 else (np.eye(3), np.zeros(3))
+            turn, origin = (turns[c, parent], points[c, parent]) if parent >= 0 else (np.eye(3), np.zeros(3))
             placed = turn @ chain.rotation[j]
             points[c, j] = origin + turn @ chain.translation[j]
             points[c, j] += placed @ chain.sliding_axis[j] * joint[c, j]
-            turns.append(placed @ rotation_by(chain.turning_axis[j] * joint[c, j]))
-        for k, tip in enumerate(tips):
-            points[c, chain.n_coordinate + k] = points[c, tip] + turns[tip] @ chain.centre_of_mass[tip]
-    return Skeleton(points, (*(int(p) for p in chain.parent), *tips))
+            turns[c, j] = placed @ rotation_by(chain.turning_axis[j] * joint[c, j])
+        for k, tip in enumerate(ends):
+            points[c, n + k] = points[c, tip] + turns[c, tip] @ chain.centre_of_mass[tip]
+    return points, turns
 
 
 def is_worth_drawing(body: Skeleton) -> bool:

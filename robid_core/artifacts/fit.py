@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
@@ -17,6 +19,8 @@ from robid_core.artifacts.tables import Table, comparison_table, finding_table, 
 from robid_core.artifacts.timing import Timing
 from robid_core.artifacts.witness import Witness
 
+N_CURVE = 300  # over two decades a step of 1.5 %: a resonance of 1 % damping is 2 % wide
+NEAR = 1e-6  # a line and a frequency between lines are one
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
 
@@ -56,7 +60,11 @@ class ParameterTable(Artifact):
 
 @dataclass(frozen=True, eq=False)
 class ResponseComparison(Artifact):
-    """Measured and modelled frequency responses on the same lines; `deviation` is one standard deviation."""
+    """Measured and modelled frequency responses on the same lines; `deviation` is one standard deviation.
+
+    `curve` and `curve_start` are the same models at `curve_frequency_hz`, which lies close enough to draw a resonance
+    that stands between two lines; without them curves are drawn through the lines.
+    """
 
     axis_names: tuple[str, ...]
     frequency_hz: FloatArray = array("n_freq", "Hz", rising=True)
@@ -64,6 +72,16 @@ class ResponseComparison(Artifact):
     modelled: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)")
     start: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)")
     deviation: FloatArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False)
+    curve_frequency_hz: FloatArray | None = array("n_curve", "Hz", rising=True, optional=True)
+    curve: ComplexArray | None = array("n_config n_curve n_out n_in", "(rad/s^2)/(N m)", optional=True)
+    curve_start: ComplexArray | None = array("n_config n_curve n_out n_in", "(rad/s^2)/(N m)", optional=True)
+
+    @staticmethod
+    def frequencies_of_curves(frequency_hz: FloatArray) -> FloatArray:
+        """Return the lines and N_CURVE frequencies in equal ratios between them, each once, shape (n_curve,)."""
+        between = np.geomspace(frequency_hz[0], frequency_hz[-1], N_CURVE)
+        apart = np.abs(between[:, None] / frequency_hz - 1).min(axis=1) > NEAR
+        return np.sort(np.concatenate((frequency_hz, between[apart])))
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ class Record(Artifact):
     Position is sampled at an instant, torque is held from that instant to the next (zero-order hold).
     `damping_deviation` is what a compensation of friction may have done wrong without any residual to show it: standard
     deviation at the lines of the damping that it left in the torque of each motor. `model_based` tells that a model
-    of the robot had a part in the samples: what is estimated from them may lean towards it.
+    of the robot was used to compute the samples: what is estimated from them may be biased towards it.
 
     A robot with another payload or tool, or one that was changed between two runs, is another variant: `variants` has
     a name for each configuration, or none where all were measured alike. The same pose under two variants is two

@@ -19,7 +19,7 @@ from robid_core.commands.failures import guarded
 COMMANDS = {
     "run": "Run a pipeline: what is up to date is kept, the rest is made.",
     "plan": "Show who feeds whom, and how long the robot will move.",
-    "validate": "Check a pipeline file and tell all its mistakes.",
+    "validate": "Check a pipeline file and report all its mistakes.",
     "stages": "List the plugins, effects included, or explain one: settings, meaning, YAML to paste.",
     "diagnose": "Find what a robot's simulation gets wrong, from records of its motion.",
     "show": "Show a result readably.",

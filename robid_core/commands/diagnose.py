@@ -43,7 +43,7 @@ def command(
         typer.Argument(metavar="RECORD...", help="Records of the drives (.mcap), at least four experiments."),
     ],
     robot: Annotated[
-        str, typer.Option("--robot", help="The robot as it was told: a file, or a packaged one.")
+        str, typer.Option("--robot", help="The nominal robot: a robot file, or a packaged one.")
     ],
     only: Annotated[
         list[str] | None,
@@ -63,7 +63,7 @@ def command(
         typer.Option(
             "--variant",
             metavar="RECORD=ROBOT",
-            help="A record that was measured under another robot file: another payload, told as an effect.",
+            help="A record that was measured under another robot file: another payload, given as an effect.",
         ),
     ] = None,
     keep_apart: Annotated[

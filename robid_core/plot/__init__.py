@@ -2,20 +2,27 @@
 
 from robid_core.plot.bode import Entry, bode_data, bode_layout, comparison_of
 from robid_core.plot.figures import friction, residuals, response, time
+from robid_core.plot.panels import distortion_panels, panel_layout, residual_panels
 from robid_core.plot.pool import pooled
-from robid_core.plot.style import Figure
+from robid_core.plot.rounding import compact
+from robid_core.plot.style import DARK, Figure
 from robid_core.plot.traces import kept_samples, noun, traces
 
 __all__ = [
+    "DARK",
     "Entry",
     "Figure",
     "bode_data",
     "bode_layout",
+    "compact",
     "comparison_of",
+    "distortion_panels",
     "friction",
     "kept_samples",
     "noun",
+    "panel_layout",
     "pooled",
+    "residual_panels",
     "residuals",
     "response",
     "time",

@@ -27,8 +27,14 @@ Entry = tuple[int, int, str]
 """Output, input, heading."""
 
 
-def comparison_of(frf: Frf, model: ComplexArray) -> ResponseComparison:
-    """Return a measured response beside that of a robot to which nothing was fitted."""
+def comparison_of(
+    frf: Frf, model: ComplexArray, between: tuple[FloatArray, ComplexArray] | None = None
+) -> ResponseComparison:
+    """Return a measured response beside that of a robot to which nothing was fitted.
+
+    `between` are frequencies that lie closer than the lines and the robot's response there.
+    """
+    frequency, curve = between or (None, None)
     deviation = np.sqrt(frf.variance()) if frf.has_covariance else np.full(frf.response.shape, np.nan)
     measured = np.where(frf.valid_lines[:, :, None, None], frf.response, np.nan)
     return ResponseComparison(
@@ -38,6 +44,9 @@ def comparison_of(frf: Frf, model: ComplexArray) -> ResponseComparison:
         modelled=model,
         start=model,
         deviation=deviation,
+        curve_frequency_hz=frequency,
+        curve=curve,
+        curve_start=curve,
     )
 
 
@@ -58,11 +67,11 @@ def bode_data(
         Whether `modelled` is a fit; otherwise only `start` is drawn, as the robot file's.
     """
     f = np.asarray(rounded_to(comparison.frequency_hz, 6), dtype=np.float64)
+    fine, starts, models = _curves(comparison)
     traces = []
     for place, (out, into, _) in enumerate(entries):
         measured, start, model = (
-            part[configuration, :, out, into]
-            for part in (comparison.measured, comparison.start, comparison.modelled)
+            part[configuration, :, out, into] for part in (comparison.measured, starts, models)
         )
         deviation = comparison.deviation[configuration, :, out, into]
         number = "" if place == 0 else str(place + 1)
@@ -71,14 +80,14 @@ def bode_data(
         traces += _band(f, np.abs(measured), SPREAD * deviation, magnitude)
         told = "start" if fitted else "robot file"
         for where, shown in ((magnitude, _decibel), (phase, _degrees)):
-            line = _line(f, shown(start), told, where)
+            line = _line(fine, shown(start), told, where)
             traces.append({**line, "line": {"color": START, "width": 1.1, "dash": "4px,3px"}})
             marker = {"color": MEASURED, "size": 3.6}
             traces.append(
                 {**_trace(f, shown(measured), "measured", where), "mode": "markers", "marker": marker}
             )
             if fitted:
-                line = _line(f, shown(model), "fitted model", where)
+                line = _line(fine, shown(model), "fitted model", where)
                 traces.append({**line, "line": {"color": MODEL, "width": 1.6, "dash": "solid"}})
     return traces
 
@@ -86,7 +95,7 @@ def bode_data(
 def bode_layout(entries: Sequence[Entry], columns: int, height: int) -> dict[str, Any]:
     """Return where each entry stands: so many columns, `height` pixels a row, magnitude above phase."""
     rows = -(-len(entries) // columns)
-    gap_x, gap_y = (0.055 if columns > 1 else 0.0), (0.13 if rows > 1 else 0.0)
+    gap_x, gap_y = (0.055 if columns > 1 else 0.0), (0.26 / rows if rows > 1 else 0.0)
     width, tall = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
     found = layout(height * rows, 46, 24, 36, annotations=[], hovermode="closest")
     for place, (_, _, heading) in enumerate(entries):
@@ -140,6 +149,14 @@ def bode(
     """Return the figure of some entries in one configuration."""
     data = bode_data(comparison, configuration, entries, fitted)
     return {"data": data, "layout": bode_layout(entries, columns, height)}
+
+
+def _curves(comparison: ResponseComparison) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Return frequencies, start and model as they are drawn: between the lines where they are known there."""
+    f, start, model = comparison.curve_frequency_hz, comparison.curve_start, comparison.curve
+    if f is None or start is None or model is None:
+        f, start, model = comparison.frequency_hz, comparison.start, comparison.modelled
+    return np.asarray(rounded_to(f, 6), dtype=np.float64), start, model
 
 
 def _span(low: float, high: float) -> list[float]:

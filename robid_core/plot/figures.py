@@ -137,10 +137,15 @@ def shown(figure: Figure) -> Any:
 
 def _beside(frf: Frf, robot: Robot) -> ResponseComparison:
     """Return a response beside a robot's, friction as it damps under the motion that was measured."""
+    between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
     damping = None
     if frf.speed_rms is not None and frf.slow_sine_speed is not None:
         damping = robot.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed)
-    return comparison_of(frf, robot.response(frf.angle, frf.frequency_hz, damping, hold=frf.torque_hold))
+    return comparison_of(
+        frf,
+        robot.response(frf.angle, frf.frequency_hz, damping, hold=frf.torque_hold),
+        (between, robot.response(frf.angle, between, damping, hold=frf.torque_hold)),
+    )
 
 
 def _entries(names: tuple[str, ...], output: str | None, into: str | None) -> list[Entry]:

@@ -8,6 +8,18 @@ from typing import Any
 INK, SOFT, LINE, TICK = "#1d2733", "#5b6875", "#e6eaef", "#b9c3cd"
 MEASURED, BAND, MODEL = "#24476b", "rgba(36,71,107,0.16)", "#c8501e"
 START, RESIDUAL = "#9aa7b4", "#4f7f6a"
+DARK = {
+    INK: "#e6ebf0",
+    SOFT: "#a9b5c1",
+    LINE: "#2b3641",
+    TICK: "#4a5865",
+    MEASURED: "#8dbcec",
+    BAND: "rgba(141,188,236,0.2)",
+    MODEL: "#ff9364",
+    START: "#8593a1",
+    RESIDUAL: "#7fc4a4",
+}
+"""What stands for each colour on a dark ground."""
 FAMILY = 'ui-sans-serif, system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif'
 
 Figure = dict[str, Any]
@@ -34,7 +46,7 @@ def layout(height: int, left: int, top: int, bottom: int, **extra: Any) -> dict[
         "showlegend": False,
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": TICK, "activecolor": SOFT},
         "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "#fff",
+        "plot_bgcolor": "rgba(0,0,0,0)",
         **extra,
     }
 

@@ -53,7 +53,7 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
         )
     if run.n_period - discard < 2:
         raise DataRejected(
-            f"{run.n_period - discard} period is left; two are needed to tell the noise: measure "
+            f"{run.n_period - discard} period is left; two are needed to estimate the noise: measure "
             "more periods (acquisition: periods)"
         )
     return periodic_motion_of(position, torque, run.sample_time_s, record.line, highest_hz)

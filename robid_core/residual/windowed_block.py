@@ -49,7 +49,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         """
         if not (robot.drives.torque_noise > 0).all():
             raise DataRejected(
-                f"{robot.name}: what does not repeat shows no noise, and the robot file tells none; give "
+                f"{robot.name}: what does not repeat shows no noise, and the robot file states none; give "
                 "sensors: {torque_noise: ...} for every axis"
             )
         motion = replace(motion, angle_noise=angle_noise(robot))
@@ -138,7 +138,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     @property
     def noise_source(self) -> str:
         """In words."""
-        return "the noise of the sensors that the robot file tells"
+        return "the noise of the sensors that the robot file states"
 
     @property
     def noise_freedom(self) -> float:

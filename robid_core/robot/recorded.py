@@ -239,7 +239,7 @@ def state_in_motion(
     a recorded torque drives that do not integrate give what their control law says, and others are refused.
     """
     if lanes.position.shape[1] < 3:
-        raise DataRejected("an experiment has less than three samples: they do not tell a motion")
+        raise DataRejected("an experiment has less than three samples: too few to determine a motion")
     time, control = robot.sample_time_s, controller_of(robot)
     if motion is None:
         motion = tuple(one[:, 0] for one in local_motion(lanes.position, [0], 2, time))

@@ -125,7 +125,7 @@ def _channel_line(channel: Guess, taken: set[str], file: str) -> str:
         entry += f", file: {scalar(file)}"
     why = list(channel.reasons)
     if not channel.side and channel.quantity in ("position", "speed", "torque"):
-        why.append("side of the gear not told")
+        why.append("side of the gear not stated")
     if channel.n_missing:
         why.append(f"{channel.n_missing} values missing")
     if channel.constant:

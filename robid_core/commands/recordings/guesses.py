@@ -251,14 +251,14 @@ def _by_range(families: tuple[Family, ...], guesses: list[Guess]) -> None:
             continue
         unit, reason = (
             DEFAULT_UNITS[guess.quantity],
-            f"unit not told, {DEFAULT_UNITS[guess.quantity]} is usual",
+            f"unit not stated, {DEFAULT_UNITS[guess.quantity]} is usual",
         )
         if guess.quantity == "position":
             unit, reason = _unit_of_position(guess, families[index].samples)
         elif guess.quantity == "speed" and any(
             one.quantity == "position" and one.unit == "deg" and one.n_axis == guess.n_axis for one in guesses
         ):
-            unit, reason = "deg/s", "unit not told, positions are in degrees"
+            unit, reason = "deg/s", "unit not stated, positions are in degrees"
         guesses[index] = replace(guess, unit=unit, reasons=(*guess.reasons, reason))
 
 
@@ -267,10 +267,10 @@ def _unit_of_position(guess: Guess, samples: FloatArray) -> tuple[str, str]:
     if reach > COUNTS and np.all(np.mod(samples[np.isfinite(samples)], 1) == 0):
         return "count", "whole numbers: counts of an encoder, put 2 pi over the counts of a turn as scale"
     if reach <= TURN:
-        return "rad", "unit not told, within a turn if rad"
+        return "rad", "unit not stated, within a turn if rad"
     if guess.side == "motor":
-        return "rad", f"unit not told, reaches {reach:.3g}: rad of a motor behind a gear, or deg"
-    return "deg", f"unit not told, reaches {reach:.3g}, more than a turn in rad"
+        return "rad", f"unit not stated, reaches {reach:.3g}: rad of a motor behind a gear, or deg"
+    return "deg", f"unit not stated, reaches {reach:.3g}, more than a turn in rad"
 
 
 def _of_time(guess: Guess, clocks: list[tuple[int, Clock]]) -> Guess:

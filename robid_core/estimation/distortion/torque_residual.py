@@ -103,8 +103,8 @@ def motion_basis(
     n_exp, _, n_axis = motion.shape
     if n_exp < n_axis:
         raise PoorExcitation(
-            f"{n_exp} experiments in a configuration cannot tell how torque depends on the motion of {n_axis} axes; "
-            f"measure at least {n_axis}"
+            f"{n_exp} experiments in a configuration cannot determine how torque depends on the motion of {n_axis} "
+            f"axes; measure at least {n_axis}"
         )
     excited: BoolArray = np.isin(bins, line)
     candidates = np.flatnonzero(excited)

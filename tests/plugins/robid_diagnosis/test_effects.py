@@ -168,7 +168,7 @@ def test_a_wrong_torque_constant_is_no_wrong_rotor_and_body(
     (finding,) = diagnosis.findings
     assert (finding.kind, finding.effect) == ("cause", "drive.torque_constant")
     assert abs(finding.value[0] - 0.08) < 4 * finding.standard_error[0] < 0.04
-    assert "without it told numbers would leave their tolerances" in diagnosis.verdict
+    assert "without it parameters of the robot file would leave their tolerances" in diagnosis.verdict
 
 
 def test_a_cause_that_the_catalogue_lacks_is_unknown(

@@ -92,7 +92,7 @@ def test_a_gear_that_is_stiffer_for_fast_motion_is_told(
     assert (finding.kind, finding.on) == ("unknown", "axis_1")
     assert finding.effect == f"responses and torques disagree about {SPRING}"
     assert finding.p_value < 1e-3
-    assert "Witness: frequency responses, fitted apart, disagree about 1 of 1" in diagnosis.verdict
+    assert "Check by frequency responses, fitted separately: they disagree about 1 of 1" in diagnosis.verdict
     assert "Nothing significant" not in diagnosis.verdict
 
 
@@ -102,7 +102,7 @@ def test_nothing_else_changes_by_asking(told: Robot, plant_of: Plants, measured:
     asked, not_asked = diagnosed(record, told), diagnosed(record, told, witness=())
     assert not_asked.witness is None
     assert set(asked.verdict.split("\n")) - set(not_asked.verdict.split("\n")) == {
-        line for line in asked.verdict.split("\n") if line.startswith("Witness")
+        line for line in asked.verdict.split("\n") if line.startswith("Check by frequency responses")
     }
     for one, other in zip(asked.errors, not_asked.errors, strict=True):
         assert (one.low.tobytes(), one.high.tobytes()) == (other.low.tobytes(), other.high.tobytes())
@@ -120,7 +120,7 @@ def test_where_there_is_none_the_verdict_says_why(told: Robot, plant_of: Plants,
         ),
     ):
         assert why in witness_in(diagnosis).reason
-        assert f"No witness by frequency responses: {why}" in diagnosis.verdict
+        assert f"No check by frequency responses: {why}" in diagnosis.verdict
         assert diagnosis.findings == ()
 
 

@@ -20,8 +20,8 @@ def test_values_that_are_surely_and_clearly_off_are_read_out_the_furthest_first(
     """A half is further than a third more; an error of a percent, or one that the data do not tell, is not read out."""
     line = values_line(table([130.0, 50.0, 101.0, 140.0], [0.2, 0.1, 0.1, 20.0]))
     assert line == (
-        "Values: gear_stiffness.axis_2 is 50 ± 0.1 % smaller than told; "
-        "gear_stiffness.axis_1 is 30 ± 0.2 % larger than told."
+        "Values: gear_stiffness.axis_2 is 50 ± 0.1 % smaller than in the robot file; "
+        "gear_stiffness.axis_1 is 30 ± 0.2 % larger than in the robot file."
     )
 
 
@@ -49,7 +49,7 @@ def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
     spread = Finding(**one, gain=60.0, by_configuration=np.full(8, 7.5))
     assert "seen in 1 of 8 configurations" in finding_line(spread, 8)
     pulled = Finding(**one, gain=60.0, by_configuration=np.full(8, 0.1))
-    assert "without it told numbers would leave their tolerances" in finding_line(pulled, 8)
+    assert "without it parameters of the robot file would leave their tolerances" in finding_line(pulled, 8)
 
 
 def witness(*z: float) -> Witness:
@@ -62,9 +62,9 @@ def witness(*z: float) -> Witness:
 
 def test_a_witness_that_agrees_is_told_by_what_is_furthest_apart() -> None:
     assert witness_line(witness(0.1, -2.0, 1.0)) == (
-        "Witness: frequency responses, fitted apart, agree about all 3 stiffnesses; furthest apart: "
+        "Check by frequency responses, fitted separately: they agree about all 3 stiffnesses; furthest apart: "
         "gear_stiffness.axis_2, 98 ± 0.8 N m/rad by responses, 100 ± 0.6 by torques: 2.0 standard errors, where 3.5 "
-        "would be told."
+        "would count as a difference."
     )
 
 

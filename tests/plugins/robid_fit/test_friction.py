@@ -204,7 +204,7 @@ def test_two_axes_have_laws_of_their_own_and_one_that_stands_keeps_its_friction(
     moving = np.stack([angle, np.zeros(len(angle))], axis=1), np.stack([torque, weight], axis=1)
     with caplog.at_level(logging.INFO):
         fit = FrictionFromPlateaus(others_at_rest=True).run(record_of(robot, [moving]), robot, context())
-    assert "no plateau, friction stays as it was told: second" in caplog.text
+    assert "no plateau, friction is left as in the robot file: second" in caplog.text
     assert not any("second" in name for name in fit.parameters.names)
     assert Robot.of_model(fit.model).parameter("friction.second.coulomb") == 0.3  # type: ignore[arg-type]
     assert_within(fit, {"friction.first.coulomb": 0.4, "effect.stribeck_first.breakaway": 0.2})

@@ -90,6 +90,32 @@ def test_the_gradient_is_the_central_difference_of_the_cost() -> None:
         assert gradient[i] == pytest.approx(difference, abs=3e-3 * np.abs(gradient / scale).max() * scale[i])
 
 
+def test_between_the_lines_the_model_is_that_of_more_lines() -> None:
+    """At the lines the same numbers; between them those of the problem that has lines there.
+
+    The two grids put the knee of friction's gain, the median of their lines, up to 5 % apart: 2 % of the response.
+    """
+    robot = Robot.load("six_axis")
+    fine = measured(robot, np.array([[0.3, -0.4, 0.5, 0.2, 0.6, -0.1]]), 1e-2)
+    fine = fine.select("n_freq", slice(0, 2 * (len(fine.frequency_hz) // 2) - 1))
+    coarse = fine.select("n_freq", slice(None, None, 2))
+    free = FreeParameters.of_robot(robot, ["gear_stiffness.axis_2"])
+    problems = [
+        LogResponseProblem(
+            free, frf, np.broadcast_to(np.eye(36) + 0j, (1, n, 36, 36)), np.ones((1, n), dtype=bool)
+        )
+        for frf in (coarse, fine)
+        for n in (len(frf.frequency_hz),)
+    ]
+    point = problems[0].start + 0.3 * problems[0].prior
+    np.testing.assert_allclose(
+        problems[0].between_lines(point, coarse.frequency_hz), problems[0].model(point), rtol=1e-9
+    )
+    assert np.median(coarse.frequency_hz) == pytest.approx(np.median(fine.frequency_hz), rel=0.05)
+    found, wanted = problems[0].between_lines(point, fine.frequency_hz), problems[1].model(point)
+    assert np.abs(found / wanted - 1).max() < 0.02
+
+
 def test_stated_errors_cover_the_scatter_over_noise() -> None:
     """One axis, model right, noise known: 60 fits, squared standardised errors have mean 1 (5 sampling errors)."""
     nominal = Robot.load("one_axis")

@@ -264,7 +264,7 @@ def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: R
         ({"free": ("controller.*",)}, ConfigurationError, "the torque residual does not depend on it"),
         ({"free": ("friction.*",)}, ConfigurationError, "free functions of speed stand in its place"),
         ({"prior": {"torque_limit.*": 0.1}}, ConfigurationError, "held fixed"),
-        ({"discard": 1}, DataRejected, "two are needed to tell the noise"),
+        ({"discard": 1}, DataRejected, "two are needed to estimate the noise"),
         ({"highest_hz": 2000.0}, DataRejected, "a band up to 2000 Hz"),
     ],
 )

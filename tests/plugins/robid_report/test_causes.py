@@ -38,5 +38,5 @@ def test_the_next_experiment_stands_below_the_ties(ratio: float) -> None:
         for one in (finding, finding.replace(separation=experiment))
     )
     assert f"The next experiment: {experiment.sentence}." in told
-    assert "cannot tell it from friction.lugre at axis_1 (motor)" in without
+    assert "cannot distinguish it from friction.lugre at axis_1 (motor)" in without
     assert "next experiment" not in without

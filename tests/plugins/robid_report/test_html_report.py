@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import gzip
 import hashlib
 import json
 import re
@@ -163,7 +164,16 @@ def test_the_page_has_every_section_and_its_numbers(full: str) -> None:
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
     assert {"parameters", "responses", "time", "design", "provenance", "time-0", "time-1"} <= set(ids)
-    numbers = ("55\u202f000", "± 600", "−1.79\u202f%", "−1.7", "12 of 20", "4 experiments", "97.0\u202f%")
+    numbers = (
+        "55\u202f000",
+        "± 600",
+        "−1.79\u202f%",
+        "−1.7",
+        "12 of 20",
+        "Measure here 4 times",
+        "Measure here twice",
+        "97.0\u202f%",
+    )
     sentences = ("The robot does what it should.", "logarithmic mean; uncertainty: two blocks")
     for text in ("gear_stiffness.axis_1", *numbers, *sentences):
         assert text in page.words, text
@@ -209,7 +219,9 @@ def test_only_the_pages_own_scripts_may_run_and_nothing_is_fetched(full: str) ->
     directives = dict(part.strip().split(" ", 1) for part in policy.split(";"))
     assert directives["default-src"] == "'none'"
     assert "unsafe" not in directives["script-src"]
-    runnable = [text for attributes, text in page.scripts if attributes.get("type") != "application/json"]
+    runnable = [text for attributes, text in page.scripts if "type" not in attributes]
+    (packed,) = [text for attributes, text in page.scripts if attributes.get("id") == "library"]
+    runnable.append(gzip.decompress(base64.b64decode(packed)).decode())
     allowed = set(directives["script-src"].split())
     assert {
         f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in runnable
@@ -222,6 +234,31 @@ def test_only_the_pages_own_scripts_may_run_and_nothing_is_fetched(full: str) ->
     assert style
     assert "url(" not in style[1]
     assert "@import" not in style[1]
+
+
+def test_the_page_says_when_and_where_it_was_made_only_if_asked(robot: Robot, full: str) -> None:
+    import datetime
+    import platform
+
+    assert "made on" not in Page(full).words
+    page = Page(HtmlReport(date=True, host=True).run(robot, **everything(robot)).html)
+    found = re.search(r"made on (\d{4}-\d\d-\d\d) at (\d\d:\d\d) UTC on (\S+)", page.words)
+    assert found
+    assert found[3] == platform.node()
+    told = datetime.datetime.fromisoformat(f"{found[1]}T{found[2]}+00:00")
+    assert abs((datetime.datetime.now(datetime.UTC) - told).total_seconds()) < 120
+    assert platform.node() not in Page(HtmlReport(date=True).run(robot, **everything(robot)).html).words
+
+
+def test_no_folder_of_the_machine_stands_on_the_page(robot: Robot) -> None:
+    artifacts = everything(robot)
+    record = artifacts["record"].replace(source="recorded (/home/anna/robots/cell 3/run_1.csv)")
+    fit = artifacts["fit"].replace(status="see C:\\lab\\runs\\log.txt, N m/(rad/s) kept")
+    html = page_of(robot, **{**artifacts, "record": record, "fit": fit})
+    for part in ("/home", "anna", "lab\\"):
+        assert part not in html
+    for part in ("run_1.csv", "log.txt, N m/(rad/s) kept"):
+        assert part in Page(html).words
 
 
 def test_the_page_opens_with_its_policy_before_any_script(full: str) -> None:
@@ -349,7 +386,7 @@ def test_every_doubt_about_a_fit_stands_in_the_banner_in_the_same_words_as_on_sc
 
 def test_remarks_and_doubts_stand_in_banners_of_their_own(robot: Robot) -> None:
     artifacts = everything(robot)
-    remark = Doubt("residual colour", "what is left has a memory", "errors count it", "remark")
+    remark = Doubt("residual colour", "the residual is correlated over time", "errors count it", "remark")
     diagnosis = artifacts["diagnosis"].replace(doubts=(remark,))
     fit = artifacts["fit"].replace(stated_doubts=(remark,))
     page = Page(page_of(robot, **{**artifacts, "fit": fit, "diagnosis": diagnosis}))
@@ -361,8 +398,8 @@ def test_remarks_and_doubts_stand_in_banners_of_their_own(robot: Robot) -> None:
     assert f"Diagnosis: {remark}." in page.words
     both = fit.replace(stated_doubts=(remark, Doubt("weather", "it rained", "wait")))
     words = Page(page_of(robot, **{**artifacts, "fit": both})).words
-    red, amber = words.index("Do not rely"), words.index("Mind")
-    assert red < words.index("it rained") < amber < words.index("what is left has a memory")
+    red, amber = words.index("Do not rely"), words.index("Note")
+    assert red < words.index("it rained") < amber < words.index("the residual is correlated over time")
 
 
 def test_a_misfit_that_was_tuned_is_not_shown_as_a_check(robot: Robot) -> None:
@@ -391,7 +428,7 @@ def test_an_estimate_far_from_the_truth_is_told(robot: Robot) -> None:
     )
 
 
-def test_six_axes_fit_into_eight_megabytes_and_are_drawn() -> None:
+def test_six_axes_fit_into_five_megabytes_and_are_drawn() -> None:
     robot = Robot.load("six_axis")
     draw = np.random.default_rng(0)
     angle, frequency = draw.uniform(-1, 1, (4, 6)), np.geomspace(4, 80, 100)
@@ -403,14 +440,20 @@ def test_six_axes_fit_into_eight_megabytes_and_are_drawn() -> None:
         output_covariance=np.broadcast_to(np.eye(6) + 0j, response.shape).copy(),
     )  # fmt: skip
     html = page_of(robot, frf=frf)
-    assert len(html.encode()) < 8e6
+    assert len(html.encode()) < 5e6
     page = Page(html)
     assert sum("stick" in attributes.get("class", "") for _, attributes in page.elements) == 8
     figures = figures_of(html)["response"]
     entry = figures["entries"]["data"]
     shown = curve(entry[2][4][1], "robot file")
-    np.testing.assert_allclose(shown["y"], 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006)
-    np.testing.assert_allclose(shown["x"], frequency, atol=5.1e-5)  # six digits of the largest
+    drawn = np.array(shown["x"])
+    at_lines = np.abs(drawn[:, None] - frequency).argmin(axis=0)
+    np.testing.assert_allclose(drawn[at_lines], frequency, atol=5.1e-5)  # six digits of the largest
+    np.testing.assert_allclose(
+        np.array(shown["y"])[at_lines], 20 * np.log10(np.abs(response[2, :, 4, 1])), atol=0.006
+    )
+    between = robot.response(angle, drawn)  # the curve is the model between the lines, too
+    np.testing.assert_allclose(shown["y"], 20 * np.log10(np.abs(between[2, :, 4, 1])), atol=0.02)
     phase = curve(entry[0][0][0], "measured", phase=True)
     np.testing.assert_allclose(phase["y"], np.degrees(np.angle(response[0, :, 0, 0])), atol=0.006)
     # Unit covariances: one standard deviation is 1 (rad/s^2)/(N m), the band reaches two above; back from there.
@@ -418,7 +461,9 @@ def test_six_axes_fit_into_eight_megabytes_and_are_drawn() -> None:
     np.testing.assert_allclose(high, 20 * np.log10(np.abs(response[1, :, 3, 3]) + 2), atol=0.006)
     # The row of all axes shows the same curves as the entries.
     own = [
-        one for one in figures["diagonal"]["data"][1] if one["name"] == "measured" and one["yaxis"] == "y4"
+        one
+        for one in figures["rows"]["response-axes"]["data"][1]
+        if one["name"] == "measured" and one["yaxis"] == "y4"
     ]
     assert own[0]["y"] == curve(entry[1][3][3], "measured")["y"]
 
@@ -439,7 +484,9 @@ def test_lines_that_were_not_estimated_are_not_drawn(robot: Robot) -> None:
     frf = everything(robot)["frf"]
     valid = np.ones((N_CONFIG, N_FREQ), dtype=bool)
     valid[0, 3] = False
-    figures = figures_of(page_of(robot, frf=frf.replace(valid=valid)))["response"]["diagonal"]["data"]
+    figures = figures_of(page_of(robot, frf=frf.replace(valid=valid)))["response"]["rows"]["response-axes"][
+        "data"
+    ]
     assert curve(figures[0], "measured")["y"][3] is None
     assert curve(figures[1], "measured")["y"][3] is not None
 

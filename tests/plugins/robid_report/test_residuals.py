@@ -34,7 +34,7 @@ def test_the_sentence_tells_the_largest_shares_first_with_their_symmetry() -> No
         ": friction over size of the load 62.0\u202f%; motor speed 30.0\u202f% (odd 25.0\u202f%, even 5.00\u202f%)."
     )
     (nothing,) = residual_sections(Diagnosis("effects", "", residuals=(curve("joint angle, rad", 0.0),)))
-    assert "nothing is a function" in nothing["told"]
+    assert "No single variable explains" in nothing["told"]
 
 
 def test_dots_stand_where_their_numbers_are_on_straight_and_on_logarithmic_scales() -> None:
@@ -64,6 +64,6 @@ def test_the_page_has_the_pictures_and_says_what_they_are() -> None:
         )
         .html
     )
-    assert "What is left, over everything that it may be a function of" in page
+    assert "Residual torque over each variable" in page
     assert "a &lt; b, rad" in page
     assert "a < b, rad" not in page

@@ -55,7 +55,8 @@ def test_a_response_is_drawn_beside_the_robots_own(robot: Robot, frf: Frf) -> No
     assert frf.speed_rms is not None
     assert frf.slow_sine_speed is not None
     damping = robot.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed)
-    own = robot.response(frf.angle, frf.frequency_hz, damping)
+    assert len(model.x) > 2 * len(frf.frequency_hz)  # between the lines, too
+    own = robot.response(frf.angle, np.array(model.x), damping)
     np.testing.assert_allclose(model.y, 20 * np.log10(np.abs(own[1, :, 1, 0])), atol=0.0051)
     assert figure.layout.annotations[0].text == "acceleration of axis_2 over torque of axis_1"
 

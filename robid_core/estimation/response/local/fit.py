@@ -110,7 +110,7 @@ def local_rational(
         gram, covariance = fit.factors(freedom, valid, found.left, found.right)
         scatter = jackknife_variance(task, model, windows, iterations, n_block, condition_limit)
         if scatter is None:
-            words = (*words, "what differs from block to block as a whole is not in the total")
+            words = (*words, "the variation from block to block is not in the total uncertainty")
         else:
             stated = (
                 np.einsum("fii->fi", covariance).real[..., None] * np.einsum("fjj->fj", gram).real[:, None]

@@ -1,0 +1,123 @@
+"use strict";
+// Draws the robot of #body-data as capsules, turns it by pointer and arrow keys, and swings it in its elastic modes.
+(() => {
+  const source = document.getElementById("body-data");
+  if (!source) return;
+  const body = JSON.parse(source.textContent), canvas = document.getElementById("body-canvas");
+  const words = document.getElementById("body-words"), play = document.getElementById("body-play");
+  const modeButtons = document.getElementById("body-modes");
+  const poses = Array.from(document.querySelectorAll("[data-body]"));
+  const reduced = matchMedia("(prefers-reduced-motion: reduce)");
+  const n = body.parent.length;
+  let configuration = 0, mode = -1, yaw = -0.6, pitch = 0.35, phase = 1, running = false, last = 0;
+
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const press = (buttons, chosen) => buttons.forEach((b) => b.setAttribute("aria-pressed", String(b === chosen)));
+  const pose = () => body.configurations[configuration];
+  const swinging = () => mode >= 0 ? pose().modes[mode] : null;
+
+  function centre() {
+    const every = body.configurations.flatMap((one) => one.points.slice(0, n)).concat([[0, 0, 0]]);
+    return [0, 1, 2].map((k) => (Math.min(...every.map((p) => p[k])) + Math.max(...every.map((p) => p[k]))) / 2);
+  }
+  const middle = centre();
+  // Orthographic: x to the right, y up, depth away from the reader.
+  function project(p) {
+    const x = p[0] - middle[0], y = p[1] - middle[1], z = p[2] - middle[2];
+    const cy = Math.cos(yaw), sy = Math.sin(yaw), cp = Math.cos(pitch), sp = Math.sin(pitch);
+    const across = cy * x + sy * y, away = -sy * x + cy * y;
+    return [across, cp * z + sp * away, cp * away - sp * z];
+  }
+  function draw() {
+    const box = canvas.getBoundingClientRect(), density = window.devicePixelRatio || 1;
+    if (!box.width) return;
+    canvas.width = Math.round(box.width * density); canvas.height = Math.round(box.height * density);
+    const pen = canvas.getContext("2d"), scale = 0.62 * Math.min(canvas.width, canvas.height) / body.size;
+    const own = swinging(), amount = Math.sin(phase);
+    const at = (p) => { const [x, y, depth] = project(p); return [canvas.width / 2 + scale * x, canvas.height / 2 - scale * y, depth]; };
+    const still = pose().points.map(at);
+    const moved = own ? pose().points.map((p, k) => at(p.map((v, axis) => v + amount * own.moved[k][axis]))) : still;
+    const origin = at([0, 0, 0]);
+    const line = (a, b, width, style, alpha) => {
+      pen.globalAlpha = alpha; pen.strokeStyle = style; pen.lineWidth = width; pen.lineCap = "round";
+      pen.beginPath(); pen.moveTo(a[0], a[1]); pen.lineTo(b[0], b[1]); pen.stroke(); pen.globalAlpha = 1;
+    };
+    // The floor: a square about the base.
+    const half = 0.22 * body.size, corners = [[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]].map(at);
+    pen.fillStyle = colour("--line"); pen.beginPath();
+    corners.forEach((c, k) => k ? pen.lineTo(c[0], c[1]) : pen.moveTo(c[0], c[1])); pen.fill();
+    const from = (points, k) => body.parent[k] >= 0 ? points[body.parent[k]] : origin;
+    if (own) for (let k = 0; k < n; k++) if (body.radius[k])
+      line(from(still, k), still[k], Math.max(2 * scale * body.radius[k], 2), colour("--edge"), 0.45);
+    const parts = [];
+    for (let k = 0; k < n; k++) if (body.radius[k]) {
+      const a = from(moved, k), b = moved[k], width = Math.max(2 * scale * body.radius[k], 2 * density);
+      parts.push([(a[2] + b[2]) / 2, () => {
+        line(a, b, width + 2.5 * density, colour("--ground"), 1);
+        line(a, b, width, colour("--body"), 1);
+        line(a, b, 0.45 * width, colour("--body-light"), 0.8);
+      }]);
+    }
+    body.fins.forEach((j, k) => parts.push([moved[j][2] - 0.01 * body.size,
+      () => line(moved[j], moved[n + k], 3 * density, colour("--start"), 1)]));
+    // Where a spring bends: a disc, as large as its share of the strain energy.
+    if (own) own.share.forEach((share, j) => { if (share > 0.03) parts.push([moved[j][2] - 0.2 * body.size, () => {
+      pen.globalAlpha = 0.85; pen.fillStyle = colour("--model"); pen.beginPath();
+      pen.arc(moved[j][0], moved[j][1], (3 + 13 * Math.sqrt(share)) * density, 0, 2 * Math.PI); pen.fill(); pen.globalAlpha = 1;
+    }]); });
+    parts.sort((a, b) => b[0] - a[0]).forEach((part) => part[1]());
+  }
+  function step(now) {
+    if (!running) return;
+    phase += 2 * Math.PI * 0.8 * Math.min((now - last) / 1000, 0.1); last = now;
+    draw();
+    requestAnimationFrame(step);
+  }
+  function run(wanted) {
+    const starts = wanted && !running && mode >= 0;
+    running = wanted && mode >= 0;
+    play.hidden = mode < 0;
+    play.textContent = running ? "Pause" : "Play";
+    if (starts) { last = performance.now(); requestAnimationFrame(step); }
+    if (!running) draw();
+  }
+  function choose(k, wanted) {
+    mode = k; phase = Math.PI / 2;
+    press(Array.from(modeButtons.children), modeButtons.children[k + 1]);
+    const own = swinging();
+    words.textContent = own ? `${own.name}: what bends, by strain energy: ${own.words}.`
+      : pose().modes.length ? "At rest. Choose a resonance to see what bends there." : "No resonance of this robot lies in the band.";
+    run(wanted);
+  }
+  function fill() {
+    const names = ["at rest", ...pose().modes.map((one) => one.name)];
+    modeButtons.replaceChildren(...names.map((name, k) => {
+      const button = document.createElement("button");
+      button.type = "button"; button.textContent = name;
+      button.addEventListener("click", () => choose(k - 1, !reduced.matches));
+      return button;
+    }));
+    choose(pose().modes.length ? 0 : -1, !reduced.matches);
+  }
+  poses.forEach((button) => button.addEventListener("click", () => {
+    configuration = Number(button.dataset.body); press(poses, button); running = false; fill();
+  }));
+  play.addEventListener("click", () => run(!running));
+  const turn = (across, up) => { yaw += across; pitch = Math.max(-1.5, Math.min(1.5, pitch + up)); if (!running) draw(); };
+  let held = null;
+  canvas.addEventListener("pointerdown", (event) => { held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!held) return;
+    turn((event.clientX - held[0]) * 0.01, (event.clientY - held[1]) * 0.01);
+    held = [event.clientX, event.clientY];
+  });
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
+  const KEYS = {ArrowLeft: [-0.15, 0], ArrowRight: [0.15, 0], ArrowUp: [0, -0.15], ArrowDown: [0, 0.15]};
+  canvas.addEventListener("keydown", (event) => {
+    if (!(event.key in KEYS)) return;
+    event.preventDefault(); turn(...KEYS[event.key]);
+  });
+  for (const event of ["resize", "beforeprint", "afterprint"]) addEventListener(event, draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  fill();
+})();

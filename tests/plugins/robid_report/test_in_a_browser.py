@@ -1,0 +1,206 @@
+"""The page in a real browser: no script error, nothing wider than the window, words whole, text readable, keyboard."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robid_core import Robot, TimeComparison
+from robid_core.testing import example_design, example_fit, example_frf
+from robid_report.html import HtmlReport
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on the PATH")
+
+A4_TEXT_PX = 703  # 210 mm less two margins of 12 mm, at 96 px in 25.4 mm
+PROBE = r"""
+"use strict";
+const errors = [];
+addEventListener("error", (event) => errors.push(event.message));
+addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
+addEventListener("securitypolicyviolation", (event) => errors.push("policy: " + event.violatedDirective));
+const paper = location.hash === "#paper";
+function luminance(colour) {
+  const [r, g, b] = colour.map((v) => v / 255).map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
+const numbers = (text) => (text.match(/[\d.]+/g) || [0, 0, 0, 0]).map(Number);
+function ground(node) {
+  for (; node; node = node.parentElement) {
+    const found = numbers(getComputedStyle(node).backgroundColor);
+    if (found.length === 3 || found[3] > 0.99) return found.slice(0, 3);
+  }
+  return [255, 255, 255];
+}
+function look() {
+  const words = [], faint = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+    const parent = node.parentElement;
+    if (!node.data.trim() || parent.closest("script,style,noscript") || !parent.getClientRects().length) continue;
+    const style = getComputedStyle(parent), inside = parent.closest("svg");
+    const ink = luminance(numbers(inside ? style.fill : style.color)), back = luminance(ground(parent));
+    const contrast = (Math.max(ink, back) + 0.05) / (Math.min(ink, back) + 0.05);
+    if (contrast < 4.5) faint.push(node.data.trim() + " " + contrast.toFixed(2));
+    if (!parent.closest("tbody th") || parent.closest("details:not([open])")) continue;
+    for (const match of node.data.matchAll(/\S+/g)) {
+      const range = document.createRange();
+      range.setStart(node, match.index); range.setEnd(node, match.index + match[0].length);
+      if (range.getClientRects().length > 1) words.push(match[0]);
+    }
+  }
+  const plots = Array.from(document.querySelectorAll(".plot"));
+  const cut = Array.from(document.querySelectorAll(".scroll")).filter((one) => one.scrollWidth > one.clientWidth + 1);
+  const beyond = Array.from(document.body.querySelectorAll("*")).filter((one) => !one.closest(".scroll,svg")
+    && one.getBoundingClientRect().right > innerWidth + 1).map((one) => `${one.tagName}#${one.id}.${one.className}`);
+  const result = {beyond: beyond.slice(0, 5), width: innerWidth, wide: document.documentElement.scrollWidth,
+    words, faint, errors,
+    ground: getComputedStyle(document.body).backgroundColor, cut: cut.length,
+    plots: plots.length, drawn: plots.filter((one) => one.querySelector(".main-svg")).length};
+  const body = document.getElementById("body-canvas");
+  if (body) {
+    const before = body.toDataURL();
+    document.querySelector("#body-modes button").click();
+    const rest = body.toDataURL();
+    body.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowLeft"}));
+    result.body = [before !== rest, rest !== body.toDataURL(), document.getElementById("body-modes").children.length];
+  }
+  const cells = document.querySelectorAll("#response-matrix .cell");
+  if (cells.length) {
+    cells[cells.length - 1].focus();
+    cells[cells.length - 1].dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
+    result.entry = document.getElementById("response-entry-title").textContent;
+    result.focus = document.activeElement.getAttribute("aria-label");
+  }
+  parent.postMessage(result, "*");
+}
+addEventListener("load", () => setTimeout(() => {
+  if (paper) {
+    for (const sheet of document.styleSheets) for (const rule of sheet.cssRules)
+      if (rule.media && rule.media.mediaText === "print") rule.media.mediaText = "all";
+    dispatchEvent(new Event("beforeprint"));
+  }
+  setTimeout(look, 300);
+}, 800));
+"""
+HOST = """<!DOCTYPE html><title>host</title><pre id="found"></pre>{frames}<script>
+const found = [];
+addEventListener("message", (event) => {{ found.push(event.data);
+  document.getElementById("found").textContent = JSON.stringify(found); }});
+</script>"""
+
+
+def seen(folder: Path, page: str, views: dict[str, int], *options: str) -> dict[int, dict[str, Any]]:
+    """What the probe finds in frames of such widths, by their width; `views` by what follows # in the address."""
+    digest = base64.b64encode(hashlib.sha256(PROBE.encode()).digest()).decode()
+    probed = page.replace("script-src ", f"script-src 'sha256-{digest}' ", 1)
+    probed = probed.replace('<meta name="viewport"', f'<script>{PROBE}</script><meta name="viewport"', 1)
+    (folder / "page.html").write_text(probed, encoding="utf-8")
+    frames = "".join(
+        f'<iframe src="page.html#{view}" width="{width}" height="900" style="border:0"></iframe>'
+        for view, width in views.items()
+    )
+    (folder / "host.html").write_text(HOST.format(frames=frames), encoding="utf-8")
+    command = [
+        str(CHROMIUM),
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={folder / 'profile'}",
+        "--window-size=1500,1000",
+        "--virtual-time-budget=5000",
+        *options,
+        "--dump-dom",
+        (folder / "host.html").as_uri(),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
+    assert found, done.stderr[-500:]
+    results = json.loads(html.unescape(found[1]) or "[]")
+    assert len(results) == len(views), results
+    return {result["width"]: result for result in results}
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    """Six axes with long names of parameters, responses, a comparison over time and a design."""
+    robot = Robot.load("six_axis")
+    time = np.arange(400) * 1e-3
+    wave = np.sin(40 * time)[:, None] * np.ones(6)
+    trace = TimeComparison(robot.axis_names, "motor_torque", "N m", 0.05, time, wave, 0.95 * wave)
+    fit = example_fit(robot).replace(time=(trace,))
+    return HtmlReport().run(robot, frf=example_frf(robot), fit=fit, design=example_design(robot)).html
+
+
+@pytest.fixture(scope="module")
+def light(page: str, tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, Any]]:
+    views = {"phone": 390, "screen": 1400, "paper": A4_TEXT_PX}
+    return seen(tmp_path_factory.mktemp("light"), page, views, "--blink-settings=preferredColorScheme=1")
+
+
+@pytest.mark.parametrize("width", [390, 1400, A4_TEXT_PX])
+def test_no_script_fails_and_every_plot_is_drawn(light: dict[int, dict[str, Any]], width: int) -> None:
+    found = light[width]
+    assert found["errors"] == []
+    assert found["drawn"] == found["plots"] >= 3
+
+
+@pytest.mark.parametrize("width", [390, 1400, A4_TEXT_PX])
+def test_nothing_is_wider_than_the_window_and_no_name_is_broken(
+    light: dict[int, dict[str, Any]], width: int
+) -> None:
+    assert light[width]["wide"] <= width, light[width]["beyond"]
+    assert light[width]["words"] == []
+    assert light[width]["cut"] == 0 or width == 390  # a phone's tables are moved sideways, paper's cannot be
+
+
+@pytest.mark.parametrize("width", [390, 1400, A4_TEXT_PX])
+def test_text_stands_out_from_its_ground(light: dict[int, dict[str, Any]], width: int) -> None:
+    """4.5 to 1, as WCAG 2.2 asks of text at level AA."""
+    assert light[width]["faint"] == []
+
+
+def test_an_entry_is_chosen_by_the_keyboard_and_keeps_the_focus(light: dict[int, dict[str, Any]]) -> None:
+    assert light[1400]["entry"] == "Acceleration of axis_6 over torque of axis_6"
+    assert light[1400]["focus"] == "axis_6 over axis_6"
+
+
+def test_the_robot_swings_in_its_modes_and_is_turned_by_arrow_keys(light: dict[int, dict[str, Any]]) -> None:
+    swings, turns, n_button = light[1400]["body"]
+    assert swings
+    assert turns
+    assert n_button > 2
+
+
+def test_the_page_is_dark_where_the_reader_wants_it_and_paper_stays_white(page: str, tmp_path: Path) -> None:
+    found = seen(tmp_path, page, {"screen": 1400}, "--blink-settings=preferredColorScheme=0")[1400]
+    assert found["errors"] == []
+    assert sum(int(part) for part in re.findall(r"\d+", found["ground"])) < 150
+    assert found["faint"] == []
+
+
+def test_paper_is_a4(tmp_path: Path) -> None:
+    """595 x 842 points."""
+    robot = Robot.load("six_axis")
+    page = HtmlReport().run(robot, design=example_design(robot)).html
+    (tmp_path / "page.html").write_text(page, encoding="utf-8")
+    target = tmp_path / "page.pdf"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    address = (tmp_path / "page.html").as_uri()
+    command = [str(CHROMIUM), *options, f"--print-to-pdf={target}", address]
+    subprocess.run(command, capture_output=True, timeout=60, check=True)
+    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", target.read_bytes())
+    assert boxes
+    for width, height in boxes:
+        assert float(width) == pytest.approx(595.3, abs=1)
+        assert float(height) == pytest.approx(841.9, abs=1)
