@@ -67,6 +67,12 @@ def command(
     memory: Annotated[
         int | None, typer.Option(metavar="MB", min=256, help="End a stage that takes more memory.")
     ] = None,
+    trust_plugins: Annotated[
+        bool,
+        typer.Option(
+            "--trust-plugins", help="Give stages of third parties no process of their own: quicker."
+        ),
+    ] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="End with exit code 6 where a result is doubted for any reason.")
     ] = False,
@@ -94,6 +100,7 @@ def command(
         check=check,
         deadline_s=deadline,
         memory_mb=memory,
+        trust_plugins=trust_plugins,
         strict=strict,
     )
     if dry_run:
