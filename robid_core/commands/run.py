@@ -116,7 +116,9 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     from robid_core.commands.last_screen import headline, last_page, last_screen, verdict_lines
     from robid_core.commands.run_screen import listening
     from robid_core.run import run_pipeline
+    from robid_core.standard_streams import never_failing
 
+    never_failing("stdout")  # what it shows comes after the results are stored
     try:
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)

@@ -28,6 +28,7 @@ from robid_core.run.arguments import arguments_of
 from robid_core.run.guard import checked_result
 from robid_core.run.log import NAME
 from robid_core.stage import Stage
+from robid_core.standard_streams import never_failing
 from robid_core.store import Files, failures_named
 
 
@@ -92,6 +93,8 @@ def run_job(job: Job, memory_mb: int | None, pipe: Connection) -> None:
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    never_failing("stdout")
+    never_failing("stderr")
     line = _Line(pipe)
     with signals_as_interrupt(), crash_file(job).open("w", encoding="utf-8") as crash:
         faulthandler.enable(crash, all_threads=False)

@@ -28,7 +28,7 @@ from robid_core.run.manifest import StageRecord, ending_told, readable_manifest,
 from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
-from robid_core.run.progress import Listener, Silence
+from robid_core.run.progress import Listener, Shielded, Silence
 from robid_core.run.recording import recording_decision
 from robid_core.run.robot_files import drop_robot, keep_robot, refuse_own_robot
 from robid_core.run.verification import raw_logs
@@ -51,7 +51,7 @@ def run_pipeline(
     KeyboardInterrupt
         On Ctrl-C, SIGTERM and SIGHUP, once the stage has stopped what it moves.
     """
-    options, listener = options or RunOptions(), listener or Silence()
+    options, listener = options or RunOptions(), Shielded(listener or Silence())
     folder = RunFolder.of(pipeline)
     folder.make()
     title = f"run of {pipeline.path} by process {os.getpid()}"

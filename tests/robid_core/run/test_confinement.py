@@ -1,4 +1,4 @@
-"""Stages of third parties have a process of their own: its end is told, its state ends with it, all else is the same."""
+"""A third party's stage has a process of its own: its end is told, its state ends with it, nothing else changes."""
 
 from __future__ import annotations
 
