@@ -19,6 +19,7 @@ from robid_core.errors import PluginError, RobidError, said_by
 from robid_core.executors.task import StandIn
 from robid_core.pipeline import StageNode
 from robid_core.stage import Stage
+from robid_core.store import OF_THE_MACHINE, failures_named
 
 
 @contextlib.contextmanager
@@ -33,6 +34,11 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
                 error.args = (f"stage {node.name}: {said_by(error)}",)
             raise
         log.error("stage %s: %s failed", node.name, node.plugin, exc_info=True)
+        if isinstance(error, OSError) and error.errno in OF_THE_MACHINE:
+            with failures_named(
+                f"run stage {node.name}, {node.plugin}, with", Path(error.filename or log_path)
+            ):
+                raise
         raise PluginError(
             f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"
             f"  {_where(error, node.plugin.target.partition(':')[0].partition('.')[0])}\n"

@@ -29,6 +29,7 @@ from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
 from robid_core.run.progress import Listener, Shielded, Silence
+from robid_core.run.read_only import kept_without_writing
 from robid_core.run.recording import recording_decision
 from robid_core.run.robot_files import drop_robot, keep_robot, refuse_own_robot
 from robid_core.run.verification import raw_logs
@@ -53,7 +54,13 @@ def run_pipeline(
     """
     options, listener = options or RunOptions(), Shielded(listener or Silence())
     folder = RunFolder.of(pipeline)
-    folder.make()
+    try:
+        folder.make()
+        folder.require_writable()
+    except StoreError:
+        if (result := kept_without_writing(pipeline, options)) is not None:
+            return result
+        raise
     title = f"run of {pipeline.path} by process {os.getpid()}"
     with (
         signals_as_interrupt(),
