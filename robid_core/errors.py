@@ -78,3 +78,11 @@ class PluginError(RobidError):
 
 class ExtraMissing(PluginError):
     """A plugin belongs to an optional extra whose packages are not installed; the message says how to."""
+
+
+def said_by(error: BaseException) -> str:
+    """Return the text of an exception, also of one whose `__str__` fails."""
+    try:
+        return str(error)
+    except Exception as second:
+        return f"(its text cannot be told: {type(second).__name__})"

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 
 from robid_core.interruption import no_longer, requested, settled, signals_as_interrupt
+from robid_core.standard_streams import never_failing, open_closed_streams
 
 INTERRUPTED = 130
 MOTION_ABORTED = 4  # says more than that the run was interrupted
@@ -18,6 +19,9 @@ MOTION_ABORTED = 4  # says more than that the run was interrupted
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
+    if arguments is None:
+        open_closed_streams()
+        never_failing("stderr")
     with signals_as_interrupt():
         code = _exit_code(arguments)
         if arguments is None:  # what comes now comes too late

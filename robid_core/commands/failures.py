@@ -16,7 +16,7 @@ import typer
 
 from robid_core import __version__
 from robid_core.commands import INTERRUPTED
-from robid_core.errors import ConfigurationError, RobidError, StopNotConfirmed
+from robid_core.errors import ConfigurationError, RobidError, StopNotConfirmed, said_by
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -35,7 +35,7 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
             if debug:
                 traceback.print_exc()
             else:
-                _say(str(error))
+                _say(said_by(error))
             if isinstance(error, StopNotConfirmed) and sys.stderr.isatty():
                 _say("\a" * 3)  # a person at the robot may look elsewhere
             raise SystemExit(error.exit_code) from error
@@ -70,7 +70,7 @@ def _meant_for_typer(error: Exception) -> bool:
 
 
 def _bug_message(error: Exception) -> str:
-    first = f"robid failed, and this is not your mistake: {type(error).__name__}: {error}"
+    first = f"robid failed, and this is not your mistake: {type(error).__name__}: {said_by(error)}"
     try:
         place = f"a report is in {_save_report()}"
     except OSError as refused:

@@ -67,6 +67,12 @@ def command(
     memory: Annotated[
         int | None, typer.Option(metavar="MB", min=256, help="End a stage that takes more memory.")
     ] = None,
+    trust_plugins: Annotated[
+        bool,
+        typer.Option(
+            "--trust-plugins", help="Give stages of third parties no process of their own: quicker."
+        ),
+    ] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="End with exit code 6 where a result is doubted for any reason.")
     ] = False,
@@ -94,6 +100,7 @@ def command(
         check=check,
         deadline_s=deadline,
         memory_mb=memory,
+        trust_plugins=trust_plugins,
         strict=strict,
     )
     if dry_run:
@@ -109,7 +116,9 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     from robid_core.commands.last_screen import headline, last_page, last_screen, verdict_lines
     from robid_core.commands.run_screen import listening
     from robid_core.run import run_pipeline
+    from robid_core.standard_streams import never_failing
 
+    never_failing("stdout")  # what it shows comes after the results are stored
     try:
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)

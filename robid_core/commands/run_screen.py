@@ -164,7 +164,4 @@ def _log_on_stderr() -> Iterator[None]:
 
 
 def _say(text: str) -> None:
-    with contextlib.suppress(
-        BrokenPipeError
-    ):  # nobody reads any more: no reason to stop, least of all a motion
-        typer.echo(text, err=True)
+    typer.echo(text, err=True)

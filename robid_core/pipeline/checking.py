@@ -77,6 +77,12 @@ def check(
     except ValidationError as error:
         _tell(error, model, node, path, problems)
         return None
+    except (ArithmeticError, MemoryError) as error:  # in a validator of the model's author
+        words = (
+            f"these numbers are too large or too small to be computed with ({type(error).__name__}: {error})"
+        )
+        problems.add(node.at(())[1], path, words)
+        return None
 
 
 def _tell(

@@ -19,7 +19,8 @@ from robid_core.robot import Robot
 from robid_core.run.arguments import arguments_of
 from robid_core.run.beginning import executor_choice
 from robid_core.run.compilation import compile_ahead
-from robid_core.run.confine import Job, run_confined
+from robid_core.run.confine import run_confined
+from robid_core.run.confined_stage import Job
 from robid_core.run.folder import RunFolder
 from robid_core.run.guard import checked_result
 from robid_core.run.identity import Surroundings, child_generator
@@ -31,9 +32,12 @@ from robid_core.run.lent_robot import (
 )
 from robid_core.run.log import NAME
 from robid_core.run.options import RunOptions
+from robid_core.run.process_state import state_taken_back
 from robid_core.run.progress import Listener
 from robid_core.stage import Context, MapTasks, Progress
 from robid_core.store import Entry, Store, failures_named
+
+OWN = "robid"  # the distribution whose stages are no third party's
 
 
 class Caller:
@@ -52,9 +56,8 @@ class Caller:
         Inputs come from the store, verified, never as another stage left them in memory: a run that was
         killed and resumed computes with the same bytes as one that was not.
         """
-        limited = self._options.deadline_s is not None or self._options.memory_mb is not None
-        if limited and not self._shared.moves_hardware(node.stage):
-            return checked_result(node, self._confined(node, entries))
+        if self._is_confined(node):
+            return self._checked(node, self._confined(node, entries))
         artifacts = {
             parameter: [self._store.read(entry, kind) for kind, entry in found]
             for parameter, found in self._inputs(node, entries).items()
@@ -72,8 +75,19 @@ class Caller:
                     self._raw_folder(node),
                 )
         self._compile_ahead(node)
-        with compilation_told(lambda kernel: self._tell_compilation(node, kernel)):
-            return checked_result(node, node.stage.run(**arguments))
+        with state_taken_back(log), compilation_told(lambda kernel: self._tell_compilation(node, kernel)):
+            return self._checked(node, node.stage.run(**arguments))
+
+    def _is_confined(self, node: StageNode) -> bool:
+        """Tell whether a stage gets a process of its own: under a limit, or where code of a third party is in it."""
+        limited = self._options.deadline_s is not None or self._options.memory_mb is not None
+        foreign = any(plugin.distribution != OWN for plugin in (node.plugin, *node.references))
+        wanted = limited or (foreign and not self._options.trust_plugins)
+        return wanted and not self._shared.moves_hardware(node.stage)
+
+    @staticmethod
+    def _checked(node: StageNode, result: Any) -> Artifact:
+        return checked_result(node.name, node.plugin, node.stage, result)
 
     def _raw_folder(self, node: StageNode) -> Path:
         """Return the folder for logs that are no artifacts; each motion of hardware gets one of its own."""
@@ -141,13 +155,18 @@ class Caller:
         with self._store.draft(node.stage.output.suffix) as result:
             job = Job(
                 name=node.name,
+                plugin=str(node.plugin),
                 stage=node.stage,
                 artifacts={
                     parameter: [(kind, self._store.verified_path(entry)) for kind, entry in found]
                     for parameter, found in self._inputs(node, entries).items()
                 },
                 lent=self._lent(node, entries),
-                context=(context[0], pipeline.seed, pipeline.data_root) if context else None,
+                context=(
+                    (context[0], pipeline.seed, pipeline.data_root, self._raw_folder(node))
+                    if context
+                    else None
+                ),
                 executor=(
                     (process_executor, {"jobs": 1})
                     if _has_drives(node)
@@ -156,8 +175,21 @@ class Caller:
                 result=result,
                 has_drives=_has_drives(node),
             )
-            run_confined(job, self._options.deadline_s, self._options.memory_mb, self._progress(node))
+            self._compile_ahead(node)
+            run_confined(job, self._options.deadline_s, self._options.memory_mb, self._hear(node))
             return node.stage.output.read(result)
+
+    def _hear(self, node: StageNode) -> Callable[..., None]:
+        """Return what is called with what a stage in another process tells."""
+        progress = self._progress(node)
+
+        def hear(what: str, *told: Any) -> None:
+            if what == "progress":
+                progress(*told)
+            elif what == "compiling":
+                self._tell_compilation(node, *told)
+
+        return hear
 
     def _progress(self, node: StageNode) -> Callable[..., None]:
         def progress(done: float, total: float, note: str = "") -> None:

@@ -1,7 +1,12 @@
-"""The folder of a run: `runs/<pipeline name>/` beside the pipeline file, and what stands where in it."""
+"""The folder of a run: `runs/<pipeline name>/` beside the pipeline file, and what stands where in it.
+
+`runs` may be a link to a folder elsewhere, as on a larger disk.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,5 +116,17 @@ class RunFolder:
 
     def make(self) -> None:
         """Make what must be there before the lock can be taken."""
+        runs = self.path.parent
+        if runs.is_symlink() and not runs.is_dir():
+            raise ConfigurationError(
+                f"{runs}: a link to {runs.readlink()}, which is no folder; make that folder, or remove the link"
+            )
         with failures_named("make", self.path):
             self.lock.parent.mkdir(parents=True, exist_ok=True)
+
+    def require_writable(self) -> None:
+        """Raise StoreError where the lock could not be taken because nothing may be written here."""
+        with failures_named("lock", self.lock):
+            descriptor = os.open(self.lock, os.O_RDWR | os.O_CREAT, 0o644)
+        with contextlib.suppress(OSError):
+            os.close(descriptor)

@@ -15,8 +15,11 @@ from typing import Any
 
 from robid_core.artifacts import Artifact
 from robid_core.artifacts.soundness import unsound
-from robid_core.errors import PluginError, RobidError
+from robid_core.errors import PluginError, RobidError, said_by
+from robid_core.executors.task import StandIn
 from robid_core.pipeline import StageNode
+from robid_core.stage import Stage
+from robid_core.store import OF_THE_MACHINE, failures_named
 
 
 @contextlib.contextmanager
@@ -24,13 +27,18 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
     """Let an error say which stage and plugin it comes from."""
     try:
         yield
-    except RobidError as error:
-        log.error("stage %s: %s", node.name, error, exc_info=True)
-        if not str(error).startswith((f"{node.name}:", f"stage {node.name}:")):
-            error.args = (f"stage {node.name}: {error}",)
-        raise
     except (Exception, SystemExit) as error:
+        if isinstance(error, RobidError) and not isinstance(error, StandIn):
+            log.error("stage %s: %s", node.name, said_by(error), exc_info=True)
+            if not said_by(error).startswith((f"{node.name}:", f"stage {node.name}:")):
+                error.args = (f"stage {node.name}: {said_by(error)}",)
+            raise
         log.error("stage %s: %s failed", node.name, node.plugin, exc_info=True)
+        if isinstance(error, OSError) and error.errno in OF_THE_MACHINE:
+            with failures_named(
+                f"run stage {node.name}, {node.plugin}, with", Path(error.filename or log_path)
+            ):
+                raise
         raise PluginError(
             f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"
             f"  {_where(error, node.plugin.target.partition(':')[0].partition('.')[0])}\n"
@@ -39,7 +47,9 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
 
 
 def _first_line(error: BaseException) -> str:
-    what = "not enough memory" if isinstance(error, MemoryError) else str(error).partition("\n")[0]
+    what = "not enough memory" if isinstance(error, MemoryError) else said_by(error).partition("\n")[0]
+    if isinstance(error, StandIn):
+        return what
     return f"{type(error).__name__}: {what}" if what else type(error).__name__
 
 
@@ -53,18 +63,18 @@ def _where(error: BaseException, package: str) -> str:
     return f"{last.filename}:{last.lineno}, in {last.name}: {last.line or ''}".rstrip(": ")
 
 
-def checked_result(node: StageNode, result: Any) -> Artifact:
+def checked_result(name: str, plugin: object, stage: Stage, result: Any) -> Artifact:
     """Return a stage's result; PluginError where it is not of the type its kind promises, or unsound (R12)."""
-    promised = node.stage.output
+    promised = stage.output
     if not isinstance(result, promised):
         raise PluginError(
-            f"stage {node.name}: R12: {node.plugin} returned {_a(type(result).__name__)}, but its kind "
-            f"'{node.stage.kind}' promises {_a(promised.__name__)}; nothing was stored"
+            f"stage {name}: R12: {plugin} returned {_a(type(result).__name__)}, but its kind "
+            f"'{stage.kind}' promises {_a(promised.__name__)}; nothing was stored"
         )
     problem = next(unsound(result), "")
     if problem:
         raise PluginError(
-            f"stage {node.name}: R12: {node.plugin} gave a result that cannot be: {problem}; nothing was stored"
+            f"stage {name}: R12: {plugin} gave a result that cannot be: {problem}; nothing was stored"
         )
     return result
 

@@ -63,7 +63,8 @@ def run_lock(path: Path, wait: bool, waiting: Callable[[str], None]) -> Iterator
             with contextlib.suppress(OSError):  # the text is for people; the lock itself is let go by closing
                 os.ftruncate(descriptor, 0)
     finally:
-        os.close(descriptor)
+        with contextlib.suppress(OSError):  # the lock is let go whatever closing says
+            os.close(descriptor)
 
 
 def _try(descriptor: int) -> bool:

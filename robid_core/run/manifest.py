@@ -66,6 +66,8 @@ class Manifest:
     jobs: int
     started: str
     finished: str = ""
+    making: str = ""  # the stage that is, or was when the run ended, being made
+    ending: str = ""  # why it failed
     stages: dict[str, StageRecord] = field(default_factory=dict)
 
     def write(self, store: Store, folder: RunFolder) -> None:
@@ -97,6 +99,24 @@ class Manifest:
             return cls(**content, stages=stages)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise DamagedManifest(folder, f"{type(error).__name__}: {error}") from error
+
+
+def ending_told(manifest: Manifest) -> str:
+    """Return in words how a run ended that nobody saw to its end; empty where it was done."""
+    where = f" while stage {manifest.making} was made" if manifest.making else ""
+    kept = "what it finished is kept"
+    if manifest.status == "running":
+        return (
+            f"the run before, begun {manifest.started}, was cut off{where}: its process was killed, crashed or ended "
+            f"itself; {kept}"
+        )
+    if manifest.status == "interrupted":
+        return f"the run before was interrupted{where}; {kept}"
+    return (
+        f"the run before failed: {manifest.ending or 'for no reason known'}"
+        if manifest.status == "failed"
+        else ""
+    )
 
 
 def with_hash(content: Mapping[str, Any]) -> dict[str, Any]:

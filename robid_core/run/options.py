@@ -37,6 +37,8 @@ class RunOptions:
     """--deadline: longest time for one stage, after which its processes are killed; not for hardware."""
     memory_mb: int | None = None
     """--memory: most memory that one stage may take; not for hardware."""
+    trust_plugins: bool = False
+    """--trust-plugins: run stages of third parties in the run's own process, not each in one of its own."""
     strict: bool = False
     """--strict: any doubt about a result is one too many; remarks are none."""
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
 from typing import Protocol
+
+LOG = logging.getLogger("robid.display")
 
 
 class Listener(Protocol):
@@ -42,3 +45,37 @@ class Silence:
 
     def end(self, stage: str, outcome: str, seconds: float) -> None:
         """Say nothing."""
+
+
+class Shielded:
+    """A listener whose failures end no run, least of all a motion: they are logged, and the rest goes on."""
+
+    def __init__(self, listener: Listener) -> None:
+        self._listener = listener
+
+    def waiting(self, holder: str) -> None:
+        """Pass it on."""
+        self._tell(lambda: self._listener.waiting(holder))
+
+    def note(self, text: str) -> None:
+        """Pass it on."""
+        self._tell(lambda: self._listener.note(text))
+
+    def begin(self, stage: str, index: int, total: int, reasons: Sequence[str]) -> None:
+        """Pass it on."""
+        self._tell(lambda: self._listener.begin(stage, index, total, reasons))
+
+    def progress(self, stage: str, done: float, total: float, note: str) -> None:
+        """Pass it on."""
+        self._tell(lambda: self._listener.progress(stage, done, total, note))
+
+    def end(self, stage: str, outcome: str, seconds: float) -> None:
+        """Pass it on."""
+        self._tell(lambda: self._listener.end(stage, outcome, seconds))
+
+    @staticmethod
+    def _tell(call: Callable[[], None]) -> None:
+        try:
+            call()
+        except Exception:
+            LOG.warning("the run could not be shown", exc_info=True)

@@ -97,7 +97,10 @@ def _make(
     log.addHandler(heard)
     try:
         with named_errors(node, log, LOG):
-            return Rehearsed(checked_result(node, node.stage.run(**arguments)), tuple(heard.warnings))
+            return Rehearsed(
+                checked_result(node.name, node.plugin, node.stage, node.stage.run(**arguments)),
+                tuple(heard.warnings),
+            )
     finally:
         log.removeHandler(heard)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from robid_core.artifacts import Diagnosis, Doubt, Fit
 from robid_core.artifacts.doubts import NOT_CONVERGED
-from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError
+from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError, said_by
 from robid_core.executors import one_thread
 from robid_core.interruption import heed, signals_as_interrupt
 from robid_core.pipeline import Pipeline, StageNode
@@ -24,11 +24,12 @@ from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file
-from robid_core.run.manifest import StageRecord, readable_manifest, refuse_damaged
+from robid_core.run.manifest import StageRecord, ending_told, readable_manifest, refuse_damaged
 from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
-from robid_core.run.progress import Listener, Silence
+from robid_core.run.progress import Listener, Shielded, Silence
+from robid_core.run.read_only import kept_without_writing
 from robid_core.run.recording import recording_decision
 from robid_core.run.robot_files import drop_robot, keep_robot, refuse_own_robot
 from robid_core.run.verification import raw_logs
@@ -51,9 +52,15 @@ def run_pipeline(
     KeyboardInterrupt
         On Ctrl-C, SIGTERM and SIGHUP, once the stage has stopped what it moves.
     """
-    options, listener = options or RunOptions(), listener or Silence()
+    options, listener = options or RunOptions(), Shielded(listener or Silence())
     folder = RunFolder.of(pipeline)
-    folder.make()
+    try:
+        folder.make()
+        folder.require_writable()
+    except StoreError:
+        if (result := kept_without_writing(pipeline, options)) is not None:
+            return result
+        raise
     title = f"run of {pipeline.path} by process {os.getpid()}"
     with (
         signals_as_interrupt(),
@@ -117,14 +124,18 @@ class _Run:
         if self.damage:
             place = self.store.set_aside_file(self.folder.manifest)
             self._note(f"{self.damage}; it was set aside as {place}")
+        if self.previous is not None and (ending := ending_told(self.previous)):
+            self._note(ending)
         self.store.write(self.folder.pipeline, self.pipeline.text.encode())
         try:
             for index, node in enumerate(self.pipeline.stages, start=1):
                 heed()
                 self._stage(node, index, node.name in chosen, node.name in forced)
+                self.manifest.making = ""
                 self.manifest.write(self.store, self.folder)
         except BaseException as error:
             stopped = isinstance(error, KeyboardInterrupt)
+            self.manifest.ending = said_by(error).partition("\n")[0]
             self._end("interrupted" if stopped else "failed")
             raise
         self._end("done")
@@ -183,6 +194,8 @@ class _Run:
         self._log(node).info("begins: %s", "; ".join(decision.reasons))
         if decision.damaged:
             self._set_aside(node, decision)
+        self.manifest.making = node.name
+        self.manifest.write(self.store, self.folder)  # a process that ends here leaves a trace
         began = time.perf_counter()
         try:
             with named_errors(node, self._log(node), self.folder.log):

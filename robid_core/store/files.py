@@ -15,7 +15,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from robid_core.errors import StoreError
+from robid_core.errors import StoreError, said_by
 
 CHUNK = 1 << 20  # bytes hashed at a time
 
@@ -28,6 +28,7 @@ ADVICE = {
     errno.EPERM: "give yourself the right to write there and run again",
     errno.EMFILE: "raise the limit of open files (ulimit -n) and run again",
     errno.ENFILE: "the machine has too many files open; close some programs and run again",
+    errno.EFBIG: "a limit on the size of files is set (ulimit -f), or the file system has one; raise it and run again",
     errno.EIO: "the disk reports an error; check it before you run again",
 }
 
@@ -121,7 +122,7 @@ def failures_named(doing: str, path: Path, needed: int = 0) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
+        why = os.strerror(error.errno) if error.errno else said_by(error).partition("\n")[0]
         room = _room(path, needed) if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
         advice = ADVICE.get(error.errno or 0, "check the disk and run again")
         raise StoreError(
@@ -129,9 +130,17 @@ def failures_named(doing: str, path: Path, needed: int = 0) -> Iterator[None]:
         ) from error
 
 
+# Failures of the machine, whoever's code they meet.
+OF_THE_MACHINE = frozenset(ADVICE) - {errno.EACCES, errno.EPERM}
+
+
 def _room(path: Path, needed: int) -> str:
+    """Say what a full disk lacks: room, or files that it may still hold (inodes)."""
     for folder in path.parents:
         with contextlib.suppress(OSError):
-            free = shutil.disk_usage(folder).free / 1e6
+            system = os.statvfs(folder)
+            if system.f_files and not system.f_favail:
+                return f" (all {system.f_files} files that this disk can hold are there; remove some)"
+            free = system.f_bavail * system.f_frsize / 1e6
             return f" (about {max(needed / 1e6, 0.1):.1f} MB needed, {free:.1f} MB free)"
     return ""

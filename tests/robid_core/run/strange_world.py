@@ -117,7 +117,11 @@ class World:
         self, *overrides: str, listener: Listener | None = None, files: Files | None = None, **options: Any
     ) -> RunResult:
         """Run in this process."""
-        options = {"jobs": 1, **options}
+        options = {
+            "jobs": 1,
+            "trust_plugins": True,
+            **options,
+        }  # quicker, and tests may reach into the stages
         return run_pipeline(self.pipeline(*overrides), RunOptions(**options), listener, files)
 
     @property
@@ -132,7 +136,12 @@ class World:
 
     def command(self, **options: Any) -> list[str]:
         """Return the command line of a run in another process."""
-        return [sys.executable, str(self.driver), str(self.file), repr({"jobs": 1, **options})]
+        return [
+            sys.executable,
+            str(self.driver),
+            str(self.file),
+            repr({"jobs": 1, "trust_plugins": True, **options}),
+        ]
 
     def elsewhere(self, **options: Any) -> subprocess.CompletedProcess[str]:
         """Run in another process."""
