@@ -31,6 +31,9 @@ class Said(NamedTuple):
 Robid = Callable[..., Said]
 
 
+QUICK = ("--jobs", "1", "--trust-plugins")  # no process for each stage
+
+
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     if NAME not in sys.modules:
@@ -67,7 +70,7 @@ def robid(world: Any, capsys: pytest.CaptureFixture[str]) -> Robid:
 
 
 def test_the_last_screen_has_the_table_the_page_and_the_way_to_run_it_again(world: Any, robid: Robid) -> None:
-    said = robid("run", "--jobs", "1")
+    said = robid("run", *QUICK)
     assert said.code == 0
     lines = said.out.splitlines()
     assert len(lines) <= 25
@@ -84,14 +87,14 @@ def test_the_last_screen_has_the_table_the_page_and_the_way_to_run_it_again(worl
 
 
 def test_nothing_to_do_is_said(robid: Robid) -> None:
-    robid("run", "--jobs", "1")
-    said = robid("run", "--jobs", "1")
+    robid("run", *QUICK)
+    said = robid("run", *QUICK)
     assert said.code == 0
     assert said.out.startswith("strange: nothing to do, all 6 stages are up to date\n")
 
 
 def test_settings_of_the_command_line_are_used_and_repeated(world: Any, robid: Robid) -> None:
-    said = robid("run", "pipeline.yaml", "--set", "stages.page.with.title=a b", "--jobs", "1")
+    said = robid("run", "pipeline.yaml", "--set", "stages.page.with.title=a b", *QUICK)
     assert said.code == 0
     assert (
         said.out.splitlines()[-1] == "run again  robid run pipeline.yaml --set 'stages.page.with.title=a b'"
@@ -106,7 +109,7 @@ def test_on_a_terminal_the_progress_leaves_the_last_screen_alone(
 
     monkeypatch.setattr(run_screen, "on_terminal", lambda: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
-    said = robid("run", "--jobs", "1")
+    said = robid("run", *QUICK)
     assert said.code == 0
     assert len(said.out.splitlines()) == 9
     assert "[2/6] acquire" in said.err
@@ -123,19 +126,19 @@ def test_a_reader_that_went_away_does_not_end_a_run(
             raise BrokenPipeError
 
     monkeypatch.setattr(typer, "echo", closed)
-    assert robid("run", "--jobs", "1").code == 0
+    assert robid("run", *QUICK).code == 0
     assert world.ran()[-1] == "page"
 
 
 def test_quiet_prints_one_line(robid: Robid) -> None:
-    said = robid("run", "-q", "--jobs", "1")
+    said = robid("run", "-q", *QUICK)
     assert len(said.out.splitlines()) == 1
     assert said.out.rstrip().endswith("page.html")
     assert said.err == ""
 
 
 def test_verbose_prints_the_log(robid: Robid) -> None:
-    assert "robid.fit: fitting converged" in robid("run", "-v", "--jobs", "1").err
+    assert "robid.fit: fitting converged" in robid("run", "-v", *QUICK).err
 
 
 def test_a_dry_run_gives_a_reason_for_every_stage(world: Any, robid: Robid) -> None:
@@ -150,7 +153,7 @@ def test_a_dry_run_gives_a_reason_for_every_stage(world: Any, robid: Robid) -> N
         "page",
     ]
     assert not world.folder.exists()
-    robid("run", "--jobs", "1")
+    robid("run", *QUICK)
     lines = robid("run", "--dry-run", "--set", "stages.fit.with.hold=1.0").out.splitlines()
     assert lines[0].split() == ["where", "cached"]
     assert re.fullmatch(r"fit +run +setting hold: 0\.0 -> 1\.0", lines[3])
@@ -163,16 +166,16 @@ def test_a_dry_run_gives_a_reason_for_every_stage(world: Any, robid: Robid) -> N
     "words", [("--force", "fit"), ("pipeline.yaml", "--force", "fit"), ("--force", "fit", "pipeline.yaml")]
 )
 def test_force_takes_stages(world: Any, robid: Robid, words: tuple[str, ...]) -> None:
-    robid("run", "--jobs", "1")
+    robid("run", *QUICK)
     world.ran()
-    assert robid("run", "--jobs", "1", *words).code == 0
+    assert robid("run", *QUICK, *words).code == 0
     assert world.ran() == ["fit"]
 
 
 def test_force_alone_takes_all_and_until_fewer(world: Any, robid: Robid) -> None:
-    robid("run", "--jobs", "1")
+    robid("run", *QUICK)
     world.ran()
-    robid("run", "--jobs", "1", "--force", "--until", "acquire")
+    robid("run", *QUICK, "--force", "--until", "acquire")
     assert world.ran() == ["where", "acquire"]
 
 
@@ -193,14 +196,14 @@ def test_force_alone_takes_all_and_until_fewer(world: Any, robid: Robid) -> None
 def test_mistakes_are_told_with_their_exit_code_and_no_traceback(
     robid: Robid, words: tuple[str, ...], code: int, message: str
 ) -> None:
-    said = robid("run", *(() if "--jobs" in words else ("--jobs", "1")), *words)
+    said = robid("run", *(() if "--jobs" in words else QUICK), *words)
     assert said.code == code
     assert message in said.err
     assert "Traceback" not in said.err + said.out
 
 
 def test_a_fit_that_did_not_converge_is_shown_and_ends_with_6(robid: Robid) -> None:
-    said = robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=not converged")
+    said = robid("run", *QUICK, "--set", "stages.fit.with.outcome=not converged")
     assert said.code == 6
     assert (
         "! stage fit: the fit did not converge: the budget of 3 steps is spent; its numbers must" in said.out
@@ -208,7 +211,7 @@ def test_a_fit_that_did_not_converge_is_shown_and_ends_with_6(robid: Robid) -> N
     assert "page.html" in said.out
 
 
-DOUBTED = ("run", "--jobs", "1", "--set", "stages.fit.with.outcome=doubted")
+DOUBTED = ("run", *QUICK, "--set", "stages.fit.with.outcome=doubted")
 SENTENCES = (
     "misfit 1.5 against the stated uncertainty, more than 1.08; the data show what the model lacks; add or free what "
     "acts there",
@@ -232,7 +235,7 @@ def test_doubts_about_a_fit_are_told_whole_in_a_pipe_and_end_a_strict_run_with_6
     quiet = robid(*DOUBTED, "--strict", "-q")
     assert quiet.code == 6
     assert quiet.err.splitlines() == [f"stage fit: {sentence}" for sentence in SENTENCES]
-    assert robid("run", "--jobs", "1", "--strict").code == 0
+    assert robid("run", *QUICK, "--strict").code == 0
 
 
 def test_on_a_terminal_doubts_are_broken_at_its_edge_and_nothing_of_them_is_lost(
@@ -251,7 +254,7 @@ def test_on_a_terminal_doubts_are_broken_at_its_edge_and_nothing_of_them_is_lost
 
 def test_a_remark_is_told_everywhere_and_says_nowhere_not_to_rely_on_it(robid: Robid) -> None:
     told = "it rained, and the errors count it; wait for the sun"
-    said = robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=remarked", "--strict")
+    said = robid("run", *QUICK, "--set", "stages.fit.with.outcome=remarked", "--strict")
     assert said.code == 0
     assert f"- stage fit: {told}" in said.out.splitlines()
     assert f"- stage fit: {told}" in robid("show").out.splitlines()
@@ -301,7 +304,7 @@ def test_a_long_table_is_cut_to_the_screen(world: Any, robid: Robid) -> None:
 
 
 def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -> None:
-    robid("run", "--jobs", "1")
+    robid("run", *QUICK)
     listed = robid("show").out
     assert re.search(r"^fit +Fit +yes +artifacts/fit\.h5 +[0-9a-f]{12}$", listed, re.MULTILINE)
     fit = robid("show", "fit").out
@@ -336,7 +339,7 @@ def test_what_is_no_run_is_refused(robid: Robid, words: tuple[str, ...], message
 
 
 def test_show_names_the_stages_there_are(robid: Robid) -> None:
-    robid("run", "--jobs", "1", "--set", "stages.fit.with.outcome=refused")
+    robid("run", *QUICK, "--set", "stages.fit.with.outcome=refused")
     said = robid("show", "fitt")
     assert said.code == 2
     assert "stage 'fitt' is not in this run; there are: where, acquire, frf" in said.err
@@ -344,7 +347,7 @@ def test_show_names_the_stages_there_are(robid: Robid) -> None:
 
 
 def test_diff_of_a_run_with_itself_finds_nothing(robid: Robid) -> None:
-    robid("run", "--jobs", "1")
+    robid("run", *QUICK)
     assert (
         robid("diff", "runs/strange", "pipeline.yaml").out
         == "no difference: the same settings, versions and results\n"
@@ -367,10 +370,10 @@ def test_diff_takes_many_runs_and_writes_a_page(world: Any, robid: Robid) -> Non
 
 
 def test_diff_tells_settings_versions_and_results(world: Any, robid: Robid) -> None:
-    robid("run", "--jobs", "1")
+    robid("run", *QUICK)
     world.folder.rename(world.project / "before")
     world.say("seed: 7", "seed: 8")
-    robid("run", "--jobs", "1", "--set", "stages.acquire.with.noise=0.2")
+    robid("run", *QUICK, "--set", "stages.acquire.with.noise=0.2")
     path = world.project / "before" / "manifest.json"
     content = json.loads(path.read_text())
     content["environment"]["versions"]["numpy"] = "1.0"
