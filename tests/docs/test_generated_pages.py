@@ -43,7 +43,8 @@ def parts(kind: type[Part]) -> set[type[Part]]:
 
 def test_every_part_of_a_robot_file_stands_in_the_reference() -> None:
     shown = {model for _, _, model in robot_file.PARTS}
-    assert parts(Part) - {Part} == shown
+    written = {one for one in parts(Part) if one.__module__.endswith(".schema")}  # the same keys, for editors
+    assert parts(Part) - {Part} - written == shown
     text = robot_file.pages()["robot_file.rst"]
     for model in shown:
         for name, info in model.model_fields.items():

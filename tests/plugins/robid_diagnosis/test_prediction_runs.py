@@ -141,8 +141,8 @@ def test_the_page_begins_with_the_table_and_has_runs_in_two_colours(robot: Robot
     whole = with_test(record(robot, lane(0.05, 0.7), lane(0.1, 1.2)), False, True)
     fit, found = diagnosed(robot, whole)
     page = HtmlReport().run(robot, fit=fit, record=whole, diagnosis=found).html
-    table, runs = page.index("How well it predicts"), page.index("Run by run")
-    assert table < runs < page.index("What the prediction leaves") < page.index("<h2>Parameters")
+    table, runs = page.index("Prediction errors: "), page.index("Run by run")
+    assert table < runs < page.index("Residuals of the prediction") < page.index("<h2>Parameters")
     assert "of the limit" in page
     assert page.count('<tr class="trained">') == page.count('<tr class="tested">') == 1
     assert page.count('class="dots trained"') == page.count('class="dots tested"') == 4

@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from robid_core import ConfigurationError, Fit, Frf, ParameterTable, Robot
+from robid_core.testing import check_stage
 from robid_report.comparison_figures import overlaid, shared_configurations
 from robid_report.comparison_page import ComparisonPage
 from robid_report.comparison_rows import cells_of, compared_rows
@@ -91,3 +92,7 @@ def test_without_a_shared_configuration_there_is_no_figure_and_no_script() -> No
 def test_labels_are_one_for_each() -> None:
     with pytest.raises(ConfigurationError, match="labels: same, same are not a name of its own"):
         ComparisonPage(labels=("same", "same")).run((fit(("k",), [1.0], [0.1]),) * 2)
+
+
+def test_the_stage_keeps_the_contract() -> None:
+    check_stage(ComparisonPage, for_axes=(1, 2))

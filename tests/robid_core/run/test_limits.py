@@ -80,11 +80,12 @@ def children_of(pid: int) -> list[int]:
 
 
 def stage_processes() -> list[int]:
-    """Return this process's living children but for multiprocessing's resource tracker."""
+    """Return this process's living children, but the resource tracker and the process that reads files."""
     own = []
     for pid in children_of(os.getpid()):
         with contextlib.suppress(OSError):
-            if b"resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_bytes():
+            command = Path(f"/proc/{pid}/cmdline").read_bytes()
+            if b"resource_tracker" not in command and b"robid_core.foreign" not in command:
                 own.append(pid)
     return own
 

@@ -62,6 +62,7 @@ ELSEWHERE = {
     "frf.two_stage": "robid_frf/test_closed_loop_estimators.py",
     "fit.friction": "robid_fit/test_friction.py",
     "fit.presliding": "robid_fit/test_presliding.py",
+    "report.comparison": "robid_report/test_comparison_page.py",
     "report.html": "robid_report/test_html_report.py",
 }
 

@@ -155,7 +155,7 @@ def test_stages_that_need_more_say_so_before_anything_runs(tmp_path: Path) -> No
     (tmp_path / "pipeline.yaml").write_text(PIPELINE)
     with pytest.raises(FileProblems) as refused:
         Pipeline.load(tmp_path / "pipeline.yaml")
-    lines = str(refused.value).splitlines()
+    lines = [line for line in str(refused.value).splitlines() if "needs more of the robot" in line]
     assert len(lines) == len(NEEDS)
     for line, (stage, needed) in zip(lines, NEEDS.items(), strict=True):
         told = rf": stages\.{stage}: '\S+' \(robid .*\) needs more of the robot: the robot file of bare lacks {needed}"

@@ -53,7 +53,9 @@ def test_mistakes_do_not_fit(change: dict[str, Any]) -> None:
         jsonschema.validate(data, SCHEMA)
 
 
-def test_the_robot_file_of_the_readme_fits() -> None:
-    blocks = (ROOT / "README.md").read_text(encoding="utf-8").split("```yaml\n")
-    (text,) = [block.partition("```")[0] for block in blocks if "robid_robot" in block and "\nlock:" in block]
-    jsonschema.validate(YAML(typ="safe", pure=True).load(text), SCHEMA)
+def test_the_robot_files_of_the_documentation_fit() -> None:
+    blocks = (ROOT / "docs" / "your_own_robot.md").read_text(encoding="utf-8").split("```yaml\n")[1:]
+    texts = [block.partition("```")[0] for block in blocks]
+    assert len(texts) >= 5
+    for text in texts:
+        jsonschema.validate(YAML(typ="safe", pure=True).load(text), SCHEMA)
