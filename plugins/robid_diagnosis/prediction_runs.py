@@ -1,4 +1,4 @@
-"""Runs of records that are predicted: which were held out for it, under which variant, and how far off each is."""
+"""Training and held-out runs of the records that are predicted, their variants, and the error of each."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ from robid_core.estimation.rigid.coloured import (
     bandwidth,
     inflation,
     sandwich,
-    scaled_inverse,
     score_covariance,
 )
+from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_fit.rigid_equations import RigidEquations
 from robid_fit.rigid_unknowns import RigidUnknowns
 

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from robid_core.arrays import FloatArray
-from robid_core.estimation.rigid.coloured import scaled_inverse
+from robid_core.estimation.scaled_inverse import scaled_inverse
 
 UNSEEN = 1e-9  # of a variance: an experiment that says less of a number cannot disagree on it
 

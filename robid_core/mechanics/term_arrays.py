@@ -80,9 +80,8 @@ def term_arrays(
             ends.append(len(column))
         acts_where_it_sees = int(all(np.array_equal(term.direction, term.coordinate) for term in terms))
         gear = int(gears.get(tuple(first.direction.tolist()), -1))
-        rows["force"].append(
-            [*head, acts_where_it_sees, gear, *ends, _motor(first.direction, models[0].mechanism)]
-        )
+        motor = first.braked_motor(models[0].mechanism.n_axis)
+        rows["force"].append([*head, acts_where_it_sees, gear, *ends, motor])
     nothing = np.zeros(len(models))
     return TermArrays(
         np.array(rows["force"], dtype=np.int64).reshape(-1, 11),
@@ -99,13 +98,6 @@ def _gears(mechanism: Mechanism) -> dict[tuple[float, ...], int]:
     """Axis of each elastic gear by its direction."""
     directions = map(tuple, mechanism.spring_directions.tolist())
     return dict(zip(directions, np.flatnonzero(mechanism.elastic_gear).tolist(), strict=False))
-
-
-def _motor(direction: FloatArray, mechanism: Mechanism) -> int:
-    """Axis of the motor that a law acts on before the gear, or -1."""
-    (there,) = np.nonzero(direction)
-    alone = len(there) == 1 and there[0] < mechanism.n_axis and direction[there[0]] == 1.0
-    return int(there[0]) if alone else -1
 
 
 def _weights(model: MechanicalModel, weight: FloatArray, implicit_step: float) -> FloatArray:

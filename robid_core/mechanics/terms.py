@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from robid_core.arrays import FloatArray
 from robid_core.compiled.laws import Law
 
@@ -37,6 +39,12 @@ class ForceTerm:
     """Length of the law's own state."""
     label: str
     """How messages call it."""
+
+    def braked_motor(self, n_axis: int) -> int:
+        """Axis of the motor that the law brakes before the gear, which passes none of it; -1 where it brakes none."""
+        (there,) = np.nonzero(self.direction)
+        alone = len(there) == 1 and there[0] < n_axis and self.direction[there[0]] == 1.0
+        return int(there[0]) if alone else -1
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import Frf, ResponseComparison
 from robid_core.plot.rounding import compact, rounded_to
-from robid_core.plot.style import BAND, INK, MEASURED, MODEL, START, Figure, axis, layout, plain, title
+from robid_core.plot.style import BAND, MEASURED, MODEL, START, Figure, axis, heading_over, layout, title
 
 FLOOR = 1e-12  # (rad/s^2)/(N m); an entry that is zero by symmetry would be at minus infinity dB
 SPREAD = 2.0  # standard deviations on either side
@@ -122,19 +122,7 @@ def bode_layout(entries: Sequence[Entry], columns: int, height: int) -> dict[str
             **({"title": title("deg", 2)} if first else {}),
         )
         if heading:
-            found["annotations"].append(
-                {
-                    "text": plain(heading),
-                    "x": round(left, 4),
-                    "y": round(bottom + tall, 4),
-                    "xref": "paper",
-                    "yref": "paper",
-                    "xanchor": "left",
-                    "yanchor": "bottom",
-                    "showarrow": False,
-                    "font": {"size": 13, "color": INK},
-                }
-            )
+            found["annotations"].append(heading_over(heading, round(left, 4), round(bottom + tall, 4)))
     return found
 
 

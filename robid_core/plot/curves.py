@@ -9,7 +9,7 @@ import numpy as np
 from robid_core.arrays import FloatArray
 from robid_core.artifacts import FrictionCurve, ResidualCurve
 from robid_core.plot.rounding import rounded_to
-from robid_core.plot.style import INK, MEASURED, MODEL, START, Figure, axis, layout, plain, title
+from robid_core.plot.style import MEASURED, MODEL, START, Figure, axis, heading_over, layout, title
 
 Curve = tuple[str, str, str, FloatArray, FloatArray, Mapping[str, FloatArray]]
 """Heading, variable, unit, abscissa, dots, lines by name."""
@@ -81,17 +81,5 @@ def side_by_side(curves: Sequence[Curve], columns: int = 2, height: int = 260) -
             anchor=f"x{number}",
             title=title(unit),
         )
-        figure["layout"]["annotations"].append(
-            {
-                "text": plain(heading),
-                "x": span[0],
-                "y": round(bottom + tall, 4),
-                "xref": "paper",
-                "yref": "paper",
-                "xanchor": "left",
-                "yanchor": "bottom",
-                "showarrow": False,
-                "font": {"size": 13, "color": INK},
-            }
-        )
+        figure["layout"]["annotations"].append(heading_over(heading, span[0], round(bottom + tall, 4)))
     return figure

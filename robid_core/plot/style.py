@@ -37,6 +37,21 @@ def title(text: str, standoff: int = 4) -> dict[str, Any]:
     return {"text": plain(text), "standoff": standoff}
 
 
+def heading_over(text: str, left: float, bottom: float) -> dict[str, Any]:
+    """Return a heading as an annotation of a figure, above a place in shares of its width and height."""
+    return {
+        "text": plain(text),
+        "x": left,
+        "y": bottom,
+        "xref": "paper",
+        "yref": "paper",
+        "xanchor": "left",
+        "yanchor": "bottom",
+        "showarrow": False,
+        "font": {"size": 13, "color": INK},
+    }
+
+
 def layout(height: int, left: int, top: int, bottom: int, **extra: Any) -> dict[str, Any]:
     """Return a layout without a legend, with margins in pixels."""
     return {

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import FloatArray
 from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
+from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.weights import covariance_apart, whitener
 from robid_core.residual.acceleration import History
 from robid_core.residual.linear_fit import best_start
@@ -272,25 +273,13 @@ def _linearised(
 
 def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
     """Of all unknowns: formal, widened by what leaving out a configuration moves."""
-    formal = symmetric_inverse(about.whole)
+    formal = scaled_inverse(about.whole)
     if len(about.matrices) > 1:
         shifts = jackknife_shifts(
             about.whole, problem.gradients(problem.weighted(point, about.weights), about), about.matrices
         )
         formal = covariance_with_model_error(formal, shifts)
     return formal + _numerical(problem)
-
-
-def symmetric_inverse(matrix: FloatArray) -> FloatArray:
-    """Inverse of a symmetric positive definite matrix, symmetric itself however different its scales, shape (n, n).
-
-    With few configurations springs, bodies and friction are nearly seen together, and what rounding leaves of a
-    general inverse of such unequal numbers is no covariance any more.
-    """
-    scale = np.sqrt(np.diag(matrix))
-    scales = np.outer(scale, scale)
-    inverse: FloatArray = np.linalg.inv(0.5 * (matrix + matrix.T) / scales) / scales
-    return 0.5 * (inverse + inverse.T)
 
 
 def _numerical(problem: TorqueProblem) -> FloatArray:

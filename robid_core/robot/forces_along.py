@@ -148,7 +148,8 @@ def _transmitted(robot: Robot, motion: RobotMotion, gears: IntArray, of_springs:
         return load_of(np.full((*motion.position.shape[:2], n_axis), np.nan))
     acceleration = np.gradient(motion.speed[..., :n_axis], motion.step, axis=1)
     shaft = motion.torque - robot.drives.rotor_inertia * acceleration
-    brakes = [(term, a) for term in robot.forces for a in rigid.tolist() if _brakes(term, a)]
+    braked = [(term, term.braked_motor(n_axis)) for term in robot.forces]
+    brakes = [(term, axis) for term, axis in braked if axis in rigid]
     steady = [pair for pair in brakes if not pair[0].load.any()]
     shaft -= _taken(motion, steady, load_of(shaft))
     loaded = [pair for pair in brakes if pair[0].load.any()]
@@ -158,11 +159,6 @@ def _transmitted(robot: Robot, motion: RobotMotion, gears: IntArray, of_springs:
         if np.abs(left - before).max() <= EXACT * np.abs(left).max():
             break
     return load_of(left)
-
-
-def _brakes(term: ForceTerm, axis: int) -> bool:
-    """Whether a law acts on a motor, before the gear."""
-    return bool(term.direction[axis] == 1.0 and np.count_nonzero(term.direction) == 1)
 
 
 def _taken(motion: RobotMotion, brakes: Sequence[tuple[ForceTerm, int]], load: FloatArray) -> FloatArray:

@@ -133,7 +133,7 @@ def readable_manifest(folder: RunFolder, files: Files | None = None) -> tuple[Ma
         return None, error.damage
 
 
-def refuse_damaged(damage: str) -> None:
+def refuse_damaged_manifest(damage: str) -> None:
     """Raise StoreError where a run is to be held to a manifest that is damaged (in words; empty: it is not)."""
     if damage:
         raise StoreError(f"{damage}, so there is nothing to hold this run to; run without --locked")

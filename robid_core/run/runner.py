@@ -24,7 +24,7 @@ from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file
-from robid_core.run.manifest import StageRecord, ending_told, readable_manifest, refuse_damaged
+from robid_core.run.manifest import StageRecord, ending_told, readable_manifest, refuse_damaged_manifest
 from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
@@ -79,7 +79,7 @@ def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:
     shared = Surroundings(pipeline, pipeline.robot.load())
     previous, damage = readable_manifest(folder)
     if options.locked:
-        refuse_damaged(damage)
+        refuse_damaged_manifest(damage)
         hold_to(previous, folder, new_manifest(shared, options), shared)
     return preview(
         pipeline,
@@ -102,7 +102,7 @@ class _Run:
         self.shared = Surroundings(pipeline, pipeline.robot.load())
         self.previous, self.damage = readable_manifest(self.folder, store.files)
         if options.locked:
-            refuse_damaged(self.damage)
+            refuse_damaged_manifest(self.damage)
         self.manifest = new_manifest(self.shared, options)
         self.caller = Caller(self.shared, store, tasks, listener, options)
         others = [RunFolder(path).motions for path in store.others]

@@ -7,19 +7,16 @@ at its first motor that rises as it slows down, several times what it has.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from robid_core.artifacts import Artifact, Diagnosis, Record
-from robid_core.errors import RobidError
 from robid_core.robot import Robot
-from robid_core.run.arguments import arguments_of
-from robid_core.stage import Context, DiagnosisStage
+from robid_core.stage import DiagnosisStage
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.fits import Data
 from robid_core.testing.inputs import example_of, example_record
-from robid_core.testing.lending import example_context
+from robid_core.testing.known_plant import made_of
 
 CAUSE = "friction.stribeck"
 BREAKAWAY = 3.0  # of the motor's Coulomb level
@@ -95,16 +92,4 @@ def _diagnosed(stage: DiagnosisStage, robot: Robot, data: Mapping[type[Artifact]
         for entry in stage.inputs()
         if entry.artifact in data or not entry.optional
     }
-    arguments: dict[str, Any] = {**arguments_of(stage, needed, example_context().log)}
-    for name, kind in stage.lends().items():
-        arguments[name] = example_context() if kind is Context else robot
-    try:
-        found = stage.run(**arguments)
-    except RobidError as error:
-        raise ContractBroken(
-            f"{type(stage).__name__}: it refuses the measurement of a known plant ({error}); give `artifacts` that it "
-            "can use, or leave known plants out by `recovery=False`"
-        ) from error
-    if not isinstance(found, Diagnosis):
-        raise ContractBroken(f"{type(stage).__name__}: run gives a {type(found).__name__}, not a Diagnosis")
-    return found
+    return made_of(stage, robot, needed, Diagnosis)

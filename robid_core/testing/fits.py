@@ -9,18 +9,16 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from robid_core.artifacts import Artifact, Fit, Frf, Record
 from robid_core.errors import RobidError
 from robid_core.robot import Robot
-from robid_core.run.arguments import arguments_of
-from robid_core.stage import Context, Estimator
+from robid_core.stage import Estimator
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.inputs import example_frf, example_record
-from robid_core.testing.lending import example_context
+from robid_core.testing.known_plant import made_of
 
 Data = Callable[[Robot, int], Mapping[type[Artifact], Artifact]]
 """What a plant gives, with noise of a seed."""
@@ -43,11 +41,6 @@ class KnownPlant:
     told: Robot
     measured: Robot
     names: tuple[str, ...]
-
-
-def plant_data(plant: Robot, seed: int) -> Mapping[type[Artifact], Artifact]:
-    """Return the examples of what can be measured of a plant."""
-    return {Record: example_record(plant, seed=seed), Frf: example_frf(plant, seed=seed)}
 
 
 def check_recovers_parameters(
@@ -113,19 +106,7 @@ def fitted(stage: Estimator, robot: Robot, data: Mapping[type[Artifact], Artifac
         for entry in stage.inputs()
         if entry.artifact in data and not (entry.optional and entry.artifact is not Record)
     }
-    arguments: dict[str, Any] = {**arguments_of(stage, needed, example_context().log)}
-    for name, kind in stage.lends().items():
-        arguments[name] = example_context() if kind is Context else robot
-    try:
-        found = stage.run(**arguments)
-    except RobidError as error:
-        raise ContractBroken(
-            f"{type(stage).__name__}: it refuses the measurement of a known plant ({error}); give `artifacts` that it "
-            "can use, or leave known plants out by `recovery=False`"
-        ) from error
-    if not isinstance(found, Fit):
-        raise ContractBroken(f"{type(stage).__name__}: run gives a {type(found).__name__}, not a Fit")
-    return found
+    return made_of(stage, robot, needed, Fit)
 
 
 def _needed_data(stage: Estimator, plant: Robot, seed: int) -> Mapping[type[Artifact], Artifact]:

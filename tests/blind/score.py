@@ -67,10 +67,13 @@ def main() -> None:
 
 
 def _write(table: Path, rows: list[Row]) -> None:
-    with table.open("w", newline="", encoding="utf-8") as file:
+    """Replace the table at once: who is killed meanwhile leaves the one of before."""
+    whole = table.with_suffix(".part")
+    with whole.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, FIELDS)
         writer.writeheader()
         writer.writerows(rows)
+    whole.replace(table)
 
 
 if __name__ == "__main__":

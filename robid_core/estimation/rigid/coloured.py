@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from robid_core.arrays import FloatArray
+from robid_core.estimation.scaled_inverse import scaled_inverse
 
 LARGEST_CORRELATION = 0.99  # from sample to sample: beyond, a record is too short to tell it
 SHORTEST = 8  # bandwidths in a record, at least
@@ -118,10 +118,3 @@ def sandwich(hessian: FloatArray, scores: FloatArray, precision: FloatArray, fre
     lost = min(freedom / max(freedom - fitted, freedom / MOST_FOR_FREEDOM), MOST_FOR_FREEDOM)
     result: FloatArray = inverse @ (lost * scores + np.diag(precision)) @ inverse
     return (result + result.T) / 2
-
-
-def scaled_inverse(matrix: FloatArray) -> FloatArray:
-    """Inverse of a positive matrix, its rows and columns scaled alike; pseudo-inverse where it is singular."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse: FloatArray = scipy.linalg.pinvh(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-    return inverse

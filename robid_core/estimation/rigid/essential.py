@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from robid_core.arrays import FloatArray, IntArray
-from robid_core.estimation.rigid.coloured import scaled_inverse
+from robid_core.estimation.scaled_inverse import scaled_inverse
 
 LEVEL = 0.05  # probability by chance below which an increase is one
 

@@ -1,4 +1,4 @@
-"""Predictions of several runs: those of the fit beside those put aside, extrapolation, residuals, servos."""
+"""Prediction of several runs: training and held-out runs, extrapolation, residuals, servos."""
 
 from __future__ import annotations
 

@@ -193,20 +193,25 @@ def test_relative_paths_mean_what_they_mean_here(strange: Path, monkeypatch: pyt
         guarded_reader("npz").read(Path("c.npz"))
 
 
-def test_the_process_ends_with_the_one_that_asked(strange: Path) -> None:
-    script = (
-        "from pathlib import Path; from robid_core.foreign.process import read_apart; import sys; "
-        "print(int(read_apart(Path(sys.argv[1]), 'strange_readers:good', '', 'x')['process']), flush=True); "
-        "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script, str(strange)],
+def asked_elsewhere(script: str, path: Path) -> subprocess.CompletedProcess[str]:
+    """Run a script in a Python of its own, on a path."""
+    return subprocess.run(
+        [sys.executable, "-c", script, str(path)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
         check=False,
         timeout=60,
     )
+
+
+def test_the_process_ends_with_the_one_that_asked(strange: Path) -> None:
+    script = (
+        "from pathlib import Path; from robid_core.foreign.process import read_apart; import sys; "
+        "print(int(read_apart(Path(sys.argv[1]), 'strange_readers:good', '', 'x')['process']), flush=True); "
+        "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = asked_elsewhere(script, strange)
     reader, latest = int(done.stdout), time.monotonic() + 10
     while Path(f"/proc/{reader}/cmdline").exists() and Path(f"/proc/{reader}/cmdline").read_bytes():
         assert time.monotonic() < latest
@@ -240,14 +245,7 @@ def test_a_process_that_is_limited_itself_reads_within_its_limit(strange: Path) 
         "resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)); "
         "print(read_apart(Path(sys.argv[1]), 'strange_readers:good', '', 'x')['q'].tolist())"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script, str(strange)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    done = asked_elsewhere(script, strange)
     assert done.stdout == "[0.0, 1.0, 2.0]\n", done.stderr
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robid_core.residual.passes import symmetric_inverse
+from robid_core.estimation.scaled_inverse import scaled_inverse
 
 
 def test_the_inverse_of_unequal_scales_is_that_of_the_closed_form() -> None:
@@ -11,7 +11,7 @@ def test_the_inverse_of_unequal_scales_is_that_of_the_closed_form() -> None:
     scale = np.logspace(-6, 6, n)
     matrix = ((1 - r) * np.eye(n) + r) * np.outer(scale, scale)
     expected = (np.eye(n) - r / (1 - r + n * r)) / (1 - r) / np.outer(scale, scale)
-    found = symmetric_inverse(matrix)
+    found = scaled_inverse(matrix)
     np.testing.assert_array_equal(found, found.T)
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     # Rounding of the matrix alone moves the inverse by its condition number times epsilon.
