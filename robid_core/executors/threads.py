@@ -27,10 +27,11 @@ def set_variables() -> None:
     """Tell libraries that are still to be loaded to use one thread."""
     for name in VARIABLES:
         os.environ[name] = str(THREADS)
-    if "numba" in sys.modules:
-        sys.modules["numba"].set_num_threads(THREADS)
-    else:  # once numba runs threads it refuses another value, so this one is never taken back
-        os.environ["NUMBA_NUM_THREADS"] = str(THREADS)
+    numba = sys.modules.get("numba")
+    if numba is None or numba.config.NUMBA_NUM_THREADS == THREADS:
+        os.environ["NUMBA_NUM_THREADS"] = str(THREADS)  # numba refuses another value later: never taken back
+    else:
+        numba.set_num_threads(THREADS)
 
 
 @contextlib.contextmanager

@@ -6,8 +6,8 @@ from the same files, and leaves its result in a file; what it tells and logs com
 (`confined_stage.py` is the other end). Whatever it does to its process - settings of numpy, umask, folder, locale,
 threads - ends with it. This is no sandbox: files and network are as open to it as to the run.
 
-A process costs 1.1 s of processor time a stage, the start of Python and the import of robid
-(`python tests/bench/confinement.py`: 1105 ms, 1.7 s on the clock of two busy cores); `--trust-plugins` saves that.
+A process costs 0.25 s of processor time a stage, and 0.9 s the first, which starts the server that forks them
+(`warm_start.py`; `python tests/bench/confinement.py`); `--trust-plugins` saves that.
 Effects of third parties are no stages: they are compiled into the simulator, in the run's process.
 
 The stage's process hears SIGTERM as a run hears Ctrl-C. One that has drives is asked to end first, so that they are
@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import multiprocessing
 import os
 import signal
 import time
@@ -29,6 +28,7 @@ from typing import Any
 from robid_core.errors import MotionAborted, PluginError
 from robid_core.interruption import SIGNALS, heed, held
 from robid_core.run.confined_stage import Job, crash_file, last_frame, run_job
+from robid_core.run.warm_start import process_context
 
 LOG = logging.getLogger("robid.confine")
 LOOK_S = 0.05  # how often deadline and interruption are looked at
@@ -62,18 +62,17 @@ class _Confined:
     """The other process, seen from here."""
 
     def __init__(self, job: Job, memory_mb: int | None) -> None:
-        spawn = multiprocessing.get_context("spawn")
+        context = process_context()
         self._job, self._memory_mb, self._begun = job, memory_mb, False
-        self._here, self._there = spawn.Pipe(duplex=False)
-        self._process = spawn.Process(
-            target=run_job, args=(job, memory_mb, self._there), name=f"robid {job.name}"
-        )
+        self._here, self._there = context.Pipe(duplex=False)
+        arguments = (job, memory_mb, dict(os.environ), self._there)
+        self._process = context.Process(target=run_job, args=arguments, name=f"robid {job.name}")
 
     def start(self) -> None:
         """Start it deaf to signals until it has a process group of its own."""
         with held():
             resource_tracker.ensure_running()  # which would let signals through again
-            with _blocked_signals():
+            with _blocked_signals():  # in the server too, where this is the first
                 self._process.start()
             self._there.close()
 

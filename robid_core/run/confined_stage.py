@@ -86,9 +86,11 @@ class _Log(logging.handlers.QueueHandler):
         self._line.send("log", record)
 
 
-def run_job(job: Job, memory_mb: int | None, pipe: Connection) -> None:
+def run_job(job: Job, memory_mb: int | None, environment: Mapping[str, str], pipe: Connection) -> None:
     """Run a stage in this process, which was started for it, and tell how it went."""
     os.setsid()  # a process group of its own, which ends as a whole
+    os.environ.clear()  # that of the run as it is now; the server's is that of its first stage
+    os.environ.update(environment)
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()

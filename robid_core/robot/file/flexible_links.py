@@ -128,10 +128,11 @@ def with_flexible_links(chain: Chain, bodies: tuple[Body, ...], last: dict[str, 
     last
         Name of the coordinate that carries the body of each joint: the joint, or its last elastic coordinate.
     """
-    from robid_core.mechanics.flexible import attach_flexible
+    flexible = [body for body in bodies if body.flexible is not None]
+    if flexible:
+        from robid_core.mechanics.flexible import attach_flexible  # dear to import, and few robots have one
 
-    for body in bodies:
-        if body.flexible is not None:
+        for body in flexible:
             chain = attach_flexible(chain, last[body.joint], body.joint, body_of(body))
     return chain
 

@@ -53,7 +53,8 @@ def test_R16_a_confined_stage_gives_the_same_bytes_and_has_all_that_a_context_le
     world.run()
     before = world.hashes()
     lent = (
-        '        Path(os.environ["STRANGE_CALLS"]).write_text(f"{context.scratch.name} {os.getppid()}\\n")\n'
+        "        import multiprocessing; run = multiprocessing.parent_process().pid\n"
+        '        Path(os.environ["STRANGE_CALLS"]).write_text(f"{context.scratch.name} {run}\\n")\n'
     )
     world.edit('        called("frf")\n', '        context.progress(1, 3, "far")\n' + lent)
     ear = Ear()

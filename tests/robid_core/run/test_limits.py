@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import time
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -80,14 +81,13 @@ def children_of(pid: int) -> list[int]:
 
 
 def stage_processes() -> list[int]:
-    """Return this process's living children, but the resource tracker and the process that reads files."""
-    own = []
+    """Return the living processes of stages: children of the server that starts them."""
+    found = []
     for pid in children_of(os.getpid()):
         with contextlib.suppress(OSError):
-            command = Path(f"/proc/{pid}/cmdline").read_bytes()
-            if b"resource_tracker" not in command and b"robid_core.foreign" not in command:
-                own.append(pid)
-    return own
+            if b"multiprocessing.forkserver" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                found += children_of(pid)
+    return found
 
 
 def test_a_deadline_that_passes_while_the_process_still_starts_ends_it(world: Any) -> None:
@@ -106,10 +106,8 @@ def test_a_process_that_cannot_be_collected_is_not_waited_for(
 ) -> None:
     monkeypatch.setattr(confine, "GONE_S", 0.2)
     spared: list[int] = []
-    kill, killpg = confine.multiprocessing.process.BaseProcess.kill, os.killpg
-    monkeypatch.setattr(
-        confine.multiprocessing.process.BaseProcess, "kill", lambda self: spared.append(self.pid)
-    )
+    kill, killpg = BaseProcess.kill, os.killpg
+    monkeypatch.setattr(BaseProcess, "kill", lambda self: spared.append(self.pid))
     monkeypatch.setattr(confine.os, "killpg", lambda pid, number: None)
     world.run(last="frf")
     began = time.monotonic()
@@ -121,7 +119,7 @@ def test_a_process_that_cannot_be_collected_is_not_waited_for(
     with contextlib.suppress(ProcessLookupError):
         killpg(spared[0], signal.SIGKILL)
     os.kill(spared[0], signal.SIGKILL)
-    assert kill is confine.multiprocessing.process.BaseProcess.kill
+    assert kill is BaseProcess.kill
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.5])
@@ -132,7 +130,7 @@ def test_D18_signals_end_a_run_with_a_deadline_whenever_they_come(world: Any, de
         world.command(deadline_s=900.0), env=world.environment, stderr=subprocess.PIPE, preexec_fn=heard
     )
     limit = time.monotonic() + 60
-    while len(children_of(process.pid)) < 2:  # the resource tracker, and the stage's own process
+    while len(children_of(process.pid)) < 2:  # the resource tracker, and the server of processes
         assert time.monotonic() < limit
         time.sleep(0.002)
     time.sleep(delay_s)
@@ -146,11 +144,11 @@ def test_D18_signals_end_a_run_with_a_deadline_whenever_they_come(world: Any, de
 
 
 STOPPING = """\
-        import signal
+        import multiprocessing, signal
         from robid_core import StopNotConfirmed
 
         try:
-            os.kill(os.getppid(), signal.SIGTERM)  # the run is told to stop
+            os.kill(multiprocessing.parent_process().pid, signal.SIGTERM)  # the run is told to stop
             time.sleep(1000.0)
         except KeyboardInterrupt:
             called("stopped")
