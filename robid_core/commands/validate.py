@@ -19,8 +19,8 @@ def command(
     """Check a pipeline file and tell all its mistakes, as file:line:column: setting: what is wrong; what to do.
 
     Plugins are imported, settings, wiring, the robot, what settings say of it, and named files checked; nothing is run
-    or written. Numbers of a robot with drives that are hard to believe are remarked, and so are springs that no data tell
-    apart by structure.
+    or written. Numbers of a robot with drives that are hard to believe are remarked, and so are springs that no data
+    tell apart by structure.
     """
     from robid_core.robot.file.coaxial import coaxial_springs
     from robid_core.robot.plausibility import remarks_on

@@ -98,8 +98,8 @@ class VoltageServo(Part):
     def _within_numbers(self) -> VoltageServo:
         if self.duty_gain * self.supply_voltage > LARGEST or self.supply_voltage / self.resistance > LARGEST:
             raise refusal(
-                f"duty_gain {self.duty_gain:g} 1/rad at {self.supply_voltage:g} V and {self.resistance:g} ohm is beyond "
-                "all servos; give duty cycle per rad, volts and ohms"
+                f"duty_gain {self.duty_gain:g} 1/rad at {self.supply_voltage:g} V and {self.resistance:g} ohm is "
+                "beyond all servos; give duty cycle per rad, volts and ohms"
             )
         return self
 
