@@ -141,7 +141,11 @@ def with_checksum(content: bytes) -> bytes:
 @fault(
     "A02",
     sees="exit 5: a checksum of the bag does not fit; copy the bag again",
-    mutant=("adapters/robid_rosbag/records.py", "    _check_chunks(path)\n", "    pass\n"),
+    mutant=(
+        "adapters/robid_rosbag/records.py",
+        "    unchecked = _check_chunks(path)\n",
+        "    unchecked = []\n",
+    ),
 )
 def test_a_checksum_that_does_not_fit_is_told(tmp_path: Path) -> None:
     path = written(tmp_path, "mcap", [("joint_1",)] * 5)
