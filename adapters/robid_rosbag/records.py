@@ -6,9 +6,11 @@ in seconds since 1970 as ROS counts them. Other messages are flattened: `/wrench
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Chunk, Message, Statistics
 from mcap.stream_reader import CRCValidationError, StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
@@ -30,7 +32,7 @@ def read_topics(path: Path) -> tuple[list[Topic], list[str]]:
     """
     topics: dict[str, Topic] = {}
     failed: dict[str, str] = {}
-    _check_chunks(path)
+    unchecked = _check_chunks(path)
     try:
         with _opened(path) as reader:
             for connection, time_ns, content in reader.messages():
@@ -49,26 +51,41 @@ def read_topics(path: Path) -> tuple[list[Topic], list[str]]:
         raise DataRejected(
             f"{path}: cannot be read as a bag of ROS ({type(error).__name__}: {error})"
         ) from error
-    return list(topics.values()), [f"{name}: {why}, left out" for name, why in failed.items()]
+    return list(topics.values()), [*(f"{name}: {why}, left out" for name, why in failed.items()), *unchecked]
 
 
-def _check_chunks(path: Path) -> None:
+def _check_chunks(path: Path) -> list[str]:
     """Read the MCAP files of a bag to the end with their checksums, which rosbags does not look at.
 
-    Raises DataRejected where one is cut, or a checksum does not fit.
+    Returns what could not be checked, as some writers leave checksums out. Raises DataRejected where a file is cut, a
+    checksum does not fit, or messages are missing that the file counts.
     """
+    remarks = []
     files = path.parent.glob("*.mcap") if path.name == METADATA else [path] if path.suffix == ".mcap" else []
     for file in files:
         try:
             with file.open("rb") as stream:
-                for _ in StreamReader(stream, validate_crcs=True).records:
-                    pass
+                records = StreamReader(stream, validate_crcs=True).records
+                n_message, counted = 0, None
+                for record in records:
+                    n_message += isinstance(record, Message)
+                    counted = record.message_count if isinstance(record, Statistics) else counted
+                stream.seek(0)
+                chunks = StreamReader(stream, emit_chunks=True).records
+                bare = [not chunk.uncompressed_crc for chunk in chunks if isinstance(chunk, Chunk)]
         except CRCValidationError as error:
             raise DataRejected(f"A02: {file}: a checksum does not fit; copy the bag again") from error
         except Exception as error:  # mcap raises whatever its decoders meet
             raise DataRejected(
                 f"A01: {file}: damaged, or cut ({type(error).__name__}); copy the bag again, or run ros2 bag reindex"
             ) from error
+        if counted is not None and counted != n_message:
+            raise DataRejected(
+                f"A01: {file}: holds {n_message} messages, its summary counts {counted}; copy the bag again"
+            )
+        if any(bare):
+            remarks.append(f"A03: {sum(bare)} of {len(bare)} chunks have no checksum and were not checked")
+    return remarks
 
 
 def _opened(path: Path) -> AnyReader:
@@ -94,6 +111,8 @@ class RosbagRecords:
     def read(path: Path) -> dict[str, FloatArray]:
         """Return the columns of all topics by name; DataRejected where there are none."""
         topics, problems = read_topics(path)
+        for unchecked in (problem for problem in problems if problem.startswith("A03")):
+            logging.getLogger("robid").warning("%s: %s", path, unchecked)
         columns: dict[str, Any] = {}
         for topic in topics:
             found = topic.columns()

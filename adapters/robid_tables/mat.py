@@ -47,7 +47,10 @@ def _older_variables(path: Path) -> dict[str, Any]:
         # about names that occur twice in objects that are left out anyway
         warnings.simplefilter("ignore")
         content = scipy.io.loadmat(path, struct_as_record=False)
-    return {name: _value(value) for name, value in content.items() if not name.startswith("__")}
+    variables = {name: _value(value) for name, value in content.items() if not name.startswith("__")}
+    if not variables:
+        raise DataRejected(f"A01: {path}: no variable stands behind the header; if it was cut, copy it again")
+    return variables
 
 
 def _value(value: Any) -> Any:

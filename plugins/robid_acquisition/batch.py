@@ -12,9 +12,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
-from robid_acquisition.drives import check_axes, plan_experiments, reject_drift, reject_saturated
+from robid_acquisition.drives import (
+    MOST_PERIODS,
+    check_axes,
+    plan_experiments,
+    reject_drift,
+    reject_saturated,
+)
 from robid_acquisition.simulated import saturation_level
 from robid_core import (
     Acquisition,
@@ -88,9 +94,9 @@ class SimulatedAcquisition(Acquisition):
 
     plant: RobotName | None = None
     """The robot that is simulated: packaged, or a path to a robot.yaml; null: the robot that the stage is given."""
-    periods: PositiveInt = 2
+    periods: int = Field(default=2, gt=0, le=MOST_PERIODS)
     """Periods of the reference that are kept."""
-    settle_periods: NonNegativeInt = 1
+    settle_periods: int = Field(default=1, ge=0, le=MOST_PERIODS)
     """Periods before them, in which the transient dies out."""
     saturation_limit: float = Field(default=0.01, ge=0, lt=1)
     """Share of samples at the torque limit above which the data are rejected."""

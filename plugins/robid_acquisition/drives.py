@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import numpy as np
 import numpy.typing as npt
 import scipy
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat
 
 from robid_core import (
     Acquisition,
@@ -40,6 +40,7 @@ from robid_core import (
     load_plugin,
 )
 
+MOST_PERIODS = 10_000  # of an experiment; a robot that moves for hours is told by a mistyped number
 UNSATURATED = 3.9  # standard deviations of a Gaussian torque that the limit should be away: 1 sample in 10^4
 
 
@@ -183,9 +184,9 @@ class DriveAcquisition(Acquisition):
         acquire: {use: acquisition.drives, with: {periods: 2, settle_periods: 1}}
     """
 
-    periods: PositiveInt = 2
+    periods: int = Field(default=2, gt=0, le=MOST_PERIODS)
     """Periods of the reference that are kept."""
-    settle_periods: NonNegativeInt = 1
+    settle_periods: int = Field(default=1, ge=0, le=MOST_PERIODS)
     """Periods before them, in which the transient dies out."""
     saturation_limit: float = Field(default=0.01, ge=0, lt=1)
     """Share of samples at the torque limit above which the data are rejected."""

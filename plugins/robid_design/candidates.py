@@ -25,6 +25,7 @@ from robid_core import (
 from robid_design.room import Room
 
 MOST_ROUNDS = 200
+AT_ONCE = 100  # of a trial: many poses that fall are followed down in hardly more time than one
 
 
 def latin_hypercube(
@@ -44,6 +45,7 @@ def draw_configurations(
     acceptable: Callable[[FloatArray], BoolArray],
     generator: np.random.Generator,
     most_rounds: int = MOST_ROUNDS,
+    at_once: int = 1,
 ) -> FloatArray:
     """Draw configurations that are acceptable, in rounds of Latin hypercubes.
 
@@ -59,6 +61,8 @@ def draw_configurations(
         Draws them.
     most_rounds
         Before it is given up.
+    at_once
+        Configurations of a round, at least; `count` where that is more.
 
     Returns
     -------
@@ -70,12 +74,12 @@ def draw_configurations(
         If hardly any configuration is acceptable.
     """
     found: list[FloatArray] = []
-    missing, drawn = count, 0
+    missing, drawn, size = count, 0, max(count, at_once)
     for _ in range(most_rounds):
-        points = latin_hypercube(count, lower, upper, generator)
+        points = latin_hypercube(size, lower, upper, generator)
         good = points[acceptable(points)][:missing]
         found.append(good)
-        missing, drawn = missing - len(good), drawn + count
+        missing, drawn = missing - len(good), drawn + size
         if missing == 0:
             return np.concatenate(found)
     raise ConfigurationError(
@@ -92,6 +96,7 @@ def random_configurations(
     gravity_share: float = 0.5,
     room: Room | None = None,
     most_rounds: int = MOST_ROUNDS,
+    at_once: int = 1,
 ) -> FloatArray:
     """Configurations of a robot within its limits, shape (count, n_axis); see `RandomCandidates` for the rest."""
     # A joint without limits turns freely: one turn holds all of its poses.
@@ -105,7 +110,9 @@ def random_configurations(
         light: BoolArray = np.all(np.abs(rest.torque) <= allowed, axis=1)
         return light if room is None else light & room.is_kept(robot, rest.joint)
 
-    return draw_configurations(count, lower + inset, upper - inset, acceptable, generator, most_rounds)
+    return draw_configurations(
+        count, lower + inset, upper - inset, acceptable, generator, most_rounds, at_once
+    )
 
 
 class RandomCandidates(CandidateDesign):
@@ -133,7 +140,7 @@ class RandomCandidates(CandidateDesign):
             return {}  # told as such
         trial, told = np.random.default_rng(0), (self.margin, self.gravity_share, self.room)
         try:
-            random_configurations(robot, 1, trial, *told, most_rounds=10 * MOST_ROUNDS)
+            random_configurations(robot, 1, trial, *told, 10 * MOST_ROUNDS // AT_ONCE, AT_ONCE)
         except ConfigurationError as error:
             return {("room",) if self.room is not None else ("gravity_share",): str(error)}
         return {}

@@ -37,6 +37,19 @@ def refuse_wrong_length(setting: str, values: Sequence[float] | None, robot: Rob
         )
 
 
+def refuse_too_fast(setting: str, speed: float, axis_scale: Sequence[float] | None, robot: Robot) -> None:
+    """Raise ConfigurationError where a sine of this speed, rad/s at the motor, is faster than a motor may turn."""
+    factors = (
+        axis_scale if axis_scale is not None and len(axis_scale) == robot.n_axis else [1.0] * robot.n_axis
+    )
+    for (name, axis), factor in zip(robot.description.axes.items(), factors, strict=True):
+        if axis.speed_limit is not None and speed * factor > axis.speed_limit:
+            raise ConfigurationError(
+                f"{setting}: {speed * factor:g} rad/s of {name} is above its speed limit, {axis.speed_limit:g} rad/s "
+                "at the motor; ask for less"
+            )
+
+
 def refuse_strange_axes(setting: str, table: Mapping[str, Any] | None, robot: Robot) -> None:
     """Raise ConfigurationError where a table by axes names one that the robot does not have."""
     for name in table or ():

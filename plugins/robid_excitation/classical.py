@@ -31,7 +31,7 @@ from robid_core.estimation.excitation.signals import (
     through_lines,
 )
 from robid_excitation.amplitudes import crossover_hz, inverse_inertia, torque_peaks
-from robid_excitation.beforehand import problems_of, refuse_too_large, refuse_wrong_length
+from robid_excitation.beforehand import problems_of, refuse_too_fast, refuse_too_large, refuse_wrong_length
 from robid_excitation.lines import refuse_beyond_half_rate
 from robid_excitation.prediction import Level, clear
 
@@ -102,6 +102,7 @@ class ClassicalExcitation(ExcitationDesign):
                 lambda: refuse_beyond_half_rate(self.band_hz, robot),
                 lambda: self.check_length(robot),
                 lambda: refuse_too_large(setting, seconds, n_experiment, robot),
+                lambda: refuse_too_fast("slow_sine_rad_s", self.slow_sine_rad_s, self.axis_scale, robot),
                 lambda: refuse_wrong_length("axis_scale", self.axis_scale, robot),
             ]
         )

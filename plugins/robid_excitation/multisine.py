@@ -49,6 +49,7 @@ from robid_excitation.amplitudes import (
 from robid_excitation.beforehand import (
     problems_of,
     refuse_strange_axes,
+    refuse_too_fast,
     refuse_too_large,
     refuse_wrong_length,
 )
@@ -200,6 +201,7 @@ class Multisine(ExcitationDesign):
             [
                 lambda: samples_in_period(self.period_s, self.band_hz, robot),
                 lambda: refuse_too_large("period_s", self.period_s, n_experiment, robot),
+                lambda: refuse_too_fast("slow_sine_rad_s", self.slow_sine_rad_s, self.axis_scale, robot),
                 lambda: refuse_wrong_length("exponents", self.exponents, robot),
                 lambda: refuse_wrong_length("axis_scale", self.axis_scale, robot),
                 lambda: refuse_strange_axes("weights", self.weights, robot),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -137,27 +138,34 @@ def result_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest)
     return lines
 
 
+def _by_occurrence(names: Sequence[str]) -> dict[tuple[str, int], int]:
+    """Return the place of each name; equal ones are told apart by which of them they are."""
+    return {(name, names[:index].count(name)): index for index, name in enumerate(names)}
+
+
 def fit_difference_lines(old: Fit, new: Fit) -> list[str]:
     """Return the parameters that differ, with the difference over the standard error of the difference.
 
     The two errors are added as if they were independent.
     """
     rows = [["parameter", "first", "second", "change", "over std error"]]
-    theirs = {name: index for index, name in enumerate(new.parameters.names)}
-    for index, name in enumerate(old.parameters.names):
-        if name not in theirs:
+    theirs = _by_occurrence(new.parameters.names)
+    ours = _by_occurrence(old.parameters.names)
+    for (name, occurrence), index in ours.items():
+        if (name, occurrence) not in theirs:
             rows.append([name, f"{old.parameters.estimate[index]:.5g}", "-", "", ""])
             continue
-        a, b = old.parameters.estimate[index], new.parameters.estimate[theirs[name]]
-        error = math.hypot(old.parameters.standard_error[index], new.parameters.standard_error[theirs[name]])
+        other = theirs[name, occurrence]
+        a, b = old.parameters.estimate[index], new.parameters.estimate[other]
+        error = math.hypot(old.parameters.standard_error[index], new.parameters.standard_error[other])
         if a != b:
             over = f"{(b - a) / error:+.2f}" if error > 0 else "-"
             change = f"{100 * (b - a) / a:+.3g} %" if a else "-"
             rows.append([name, f"{a:.5g}", f"{b:.5g}", change, over])
     rows += [
         [name, "-", f"{new.parameters.estimate[index]:.5g}", "", ""]
-        for name, index in theirs.items()
-        if name not in old.parameters.names
+        for (name, occurrence), index in theirs.items()
+        if (name, occurrence) not in ours
     ]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     table = [

@@ -53,12 +53,15 @@ def command(
 def look_at(name: str) -> None:
     """Tell what is implausible about a robot; leaves with exit code 2 where something is impossible."""
     from robid_core.robot import Robot
+    from robid_core.robot.file.document import line_of
+    from robid_core.robot.file.reading import find_robot
     from robid_core.robot.plausibility import remarks_on
 
-    robot = Robot.load(name)
+    robot, file = Robot.load(name), find_robot(name)
     remarks = list(remarks_on(robot))
     for remark in remarks:
-        typer.echo(f"{'FAIL' if remark.impossible else 'note'} {remark.where}: {remark.what}")
+        degree = "FAIL" if remark.impossible else "note"
+        typer.echo(f"{degree} {line_of(file, remark.key)}: {remark.sentence}")
     wrong = sum(remark.impossible for remark in remarks)
     if wrong:
         typer.echo(f"{robot.name}: {wrong} of {len(remarks)} findings are impossible", err=True)

@@ -29,7 +29,6 @@ def command(
     ] = None,
 ) -> None:
     """Show a result: its fields with axes, units and ranges; a fit as its table. Without a stage: what a run made."""
-    from robid_core.run import RunFolder
     from robid_core.run.results import manifest_of, read_artifact, result_path
 
     if where == DEFAULT_PIPELINE or where.exists():
@@ -39,13 +38,28 @@ def command(
     if wanted.suffix in (".h5", ".html") and stage is None:
         typer.echo("\n".join([*artifact_lines(read_artifact(wanted), wanted), verification_line(wanted)]))
         return
-    folder = RunFolder.find(wanted)
+    folder = run_of(wanted)
     manifest = manifest_of(folder)
     if stage is None:
         typer.echo("\n".join(run_lines(folder, manifest)))
         return
     path = result_path(folder, manifest, stage)
     typer.echo("\n".join([*artifact_lines(read_artifact(path), path), verification_line(path)]))
+
+
+def run_of(where: Path) -> RunFolder:
+    """Return the run that a person means; ConfigurationError, which names `robid records` for a recording."""
+    from robid_core.commands.recordings.inspection import known_reader
+    from robid_core.errors import ConfigurationError
+    from robid_core.run import RunFolder
+
+    try:
+        return RunFolder.find(where)
+    except ConfigurationError as error:
+        if not where.is_file() or not known_reader(where):
+            raise
+        told = f"{where}: a recording, and no result of a run; `robid records {where}` says what it holds"
+        raise ConfigurationError(told) from error
 
 
 def verification_line(path: Path) -> str:

@@ -19,12 +19,19 @@ def command(
     """Check a pipeline file and tell all its mistakes, as file:line:column: setting: what is wrong; what to do.
 
     Plugins are imported, settings, wiring, the robot, what settings say of it, and named files checked; nothing is run
-    or written. Springs of the robot that no data tell apart by structure are remarked.
+    or written. Numbers of a robot with drives that are hard to believe are remarked, and so are springs that no data
+    tell apart by structure.
     """
     from robid_core.robot.file.coaxial import coaxial_springs
+    from robid_core.robot.plausibility import remarks_on
 
     pipeline = load_pipeline(file, overrides, data)
-    for pair in coaxial_springs(pipeline.robot.load().description):
-        typer.echo(f"{file}: robot: remark: {pair.sentence}")
+    robot = pipeline.robot.load()
+    if pipeline.drives is None:
+        found = [pair.sentence for pair in coaxial_springs(robot.description)]
+    else:
+        found = [remark.sentence for remark in remarks_on(robot)]
+    for sentence in found:
+        typer.echo(f"{file}: robot: remark: {sentence}")
     noun = "stage" if len(pipeline.stages) == 1 else "stages"
     typer.echo(f"{file}: valid, {len(pipeline.stages)} {noun}")

@@ -21,7 +21,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.executors.task import check_task, surviving, task_name
@@ -30,6 +32,7 @@ from robid_core.interruption import heed
 LOG = logging.getLogger("robid.executors")
 LOOK_S = 0.5  # how often a wait looks whether the run was told to stop
 END_S = 2.0  # a worker has so long to end by itself, and so long to be gone when it is killed
+MOST_JOBS = 1024
 DEATHS = 3  # so many pools in a row may break before their task is held to be the cause
 
 
@@ -55,7 +58,7 @@ class _Given:
 
 
 @contextlib.contextmanager
-def process_executor(jobs: int = 0) -> Iterator[ProcessMap]:
+def process_executor(jobs: Annotated[int, Field(ge=0, le=MOST_JOBS)] = 0) -> Iterator[ProcessMap]:
     """Give a map over `jobs` processes of this machine; 0 takes as many as there are processors, 1 stays here.
 
     The pool starts with the first work that can use it, after this process has compiled what it needs: a

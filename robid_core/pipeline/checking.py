@@ -43,7 +43,7 @@ def settings_model(plugin: Any) -> type[BaseModel]:
         return plugin
     if not callable(plugin):
         raise PluginError(f"{plugin!r} is neither a class of settings nor a function")
-    hints = typing.get_type_hints(plugin)
+    hints = typing.get_type_hints(plugin, include_extras=True)
     fields: dict[str, Any] = {}
     for parameter in inspect.signature(plugin).parameters.values():
         if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):

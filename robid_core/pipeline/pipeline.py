@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from robid_core.robot.file.reading import find_robot, read_description
 from robid_core.settings_types import Places, SettingFile, robot_source
 from robid_core.stage import Stage
 from robid_core.yaml_file.characters import decode
-from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.kind import PIPELINE_FILE, of_another_kind
 from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.plain_values import plain_value
@@ -209,18 +210,22 @@ class Pipeline:
         if text is None or root is None:
             problems.raise_if_any()
             raise AssertionError("a document was refused without a problem")
+        if told := of_another_kind(root.entries(), PIPELINE_FILE):
+            problems.add(root.mark, (), told)
+            problems.raise_if_any()
         for number, entry in enumerate(overrides):
             root = override(root, entry, number, problems)
         root = mend(root, problems)
         head = check(PipelineFile, root, (), problems)
         resolver = Resolver(plugins or registry(), find_places(file, data_root), problems)
         robot = _robot(root, resolver)
+        load = functools.cache(robot.load) if robot is not None else None
         drives = drives_or_executor(resolver, DRIVES, "drives", root)
         drives_node = root.get("drives")
-        if drives and robot is not None and drives_node is not None and isinstance(drives[1], Drives):
-            check_drives_against_robot(drives[1], drives_node, robot.load, problems)
+        if drives and load is not None and drives_node is not None and isinstance(drives[1], Drives):
+            check_drives_against_robot(drives[1], drives_node, load, problems)
         executor = drives_or_executor(resolver, EXECUTORS, "executor", root)
-        stages = _stages(root, resolver, robot)
+        stages = _stages(root, resolver, robot, load)
         problems.raise_if_any()
         assert head is not None
         assert robot is not None
@@ -265,15 +270,19 @@ def _robot(root: Node, resolver: Resolver) -> RobotChoice | None:
     return RobotChoice(use.model, source, use.dynamics)
 
 
-def _stages(root: Node, resolver: Resolver, robot: RobotChoice | None) -> tuple[StageNode, ...]:
+def _stages(
+    root: Node, resolver: Resolver, robot: RobotChoice | None, load: Callable[[], Robot] | None
+) -> tuple[StageNode, ...]:
     """Check every stage, wire them, and return them in the order in which they can run."""
     problems, table, drives = resolver.problems, root.get("stages"), root.get("drives")
     declared: dict[str, Declared] = {}
     if table is not None:
         for name, node in table.entries().items():
             declared[name] = resolver.stage(name, node, table.keys[name])
-    if robot is not None:
-        check_against_robot(declared.values(), robot.load, root.keys["robot"], problems)
+    if robot is not None and load is not None:
+        moves = drives is not None and drives.value is not None
+        mark, file = root.keys["robot"], find_robot(robot.source)
+        check_against_robot(declared.values(), load, mark, problems, file, moves)
     for stage in declared.values():
         check_given(stage, declared, problems)
         if stage.known and Drives in stage.lends.values() and (drives is None or drives.value is None):

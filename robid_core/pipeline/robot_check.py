@@ -6,20 +6,32 @@ What is checked is the nominal robot, also for a stage that is given another one
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
 
 from robid_core.drives import Drives
 from robid_core.errors import RobidError
 from robid_core.pipeline.resolving import Declared
 from robid_core.robot import Robot
+from robid_core.robot.file.document import line_of
+from robid_core.robot.plausibility import impossibilities
 from robid_core.stage import Stage
 from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.problems import Mark, ProblemList
 
 
 def check_against_robot(
-    declared: Iterable[Declared], load: Callable[[], Robot], mark: Mark, problems: ProblemList
+    declared: Iterable[Declared],
+    load: Callable[[], Robot],
+    mark: Mark,
+    problems: ProblemList,
+    file: Path | None = None,
+    moves: bool = False,
 ) -> None:
     """Ask each stage that looks at the robot what is wrong, and tell it where the setting stands.
+
+    A robot that cannot be is told instead: what stages would say of it follows from that.
 
     Parameters
     ----------
@@ -31,16 +43,28 @@ def check_against_robot(
         Where the robot stands in the file.
     problems
         Takes the mistakes.
+    file
+        The robot's, for the places of numbers that cannot be; None where it was made in memory.
+    moves
+        Whether the pipeline has drives, which must then hold the robot.
     """
     asking = [d for d in declared if d.stage and _asks(d.stage)]
     if not asking:
         return
     try:
         robot = load()
+        wrong = list(impossibilities(robot, moves))
     except RobidError as error:
         problems.add(mark, ("robot",), " ".join(str(error).split()))
         return
-    for entry in asking:
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        what = f"its numbers are too large or too small to be computed with ({type(error).__name__}: {error})"
+        problems.add(mark, ("robot",), f"{what}; see robid doctor")
+        return
+    for remark in wrong:
+        place = "" if file is None else f"{line_of(file, remark.key)}: "
+        problems.add(mark, ("robot",), f"{place}{remark.where}: {remark.what}")
+    for entry in asking if not wrong else ():
         _check(entry, robot, problems)
 
 

@@ -19,6 +19,7 @@ from robid_core.mechanics.static_laws import static_force, viscous_damping
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
 from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.effect_places import lacking_place, lacking_side, sides_of
 from robid_core.robot.file.named_parameters import misfits
 from robid_core.robot.structure_effect import StructureEffect
 
@@ -70,12 +71,10 @@ def bound_effects(robot: Robot) -> tuple[BoundEffect, ...]:
     for label, entry in robot.structure.effects.items():
         effect = _effect(label, entry)
         assert issubclass(effect, ForceEffect | SignalEffect)
-        sides: tuple[str, ...] = effect.sides if issubclass(effect, ForceEffect) else effect.channels
+        sides = sides_of(effect)
         side = entry.side or sides[0]
-        if side not in sides:
-            raise ConfigurationError(
-                f"{robot.name}: effects.{label}: '{entry.use}' has no side '{side}'; it has {', '.join(sides)}"
-            )
+        if wrong := lacking_side(entry.use, side, sides):
+            raise ConfigurationError(f"{robot.name}: effects.{label}: {wrong}")
         place = place_of(robot, label, entry.on, side)
         found.append(BoundEffect(label, effect, _values(label, entry, effect), place))
     return tuple(found)
@@ -123,31 +122,22 @@ def place_of(robot: Robot, label: str, on: str | None, side: str) -> Place:
     Raises ConfigurationError where the robot has no such axis or bearing, or nothing elastic there.
     """
     mechanism, drives, description = robot.mechanism, robot.drives, robot.structure
-    where = f"{robot.name}: effects.{label}"
     n, unit = mechanism.n_coordinate, np.eye(mechanism.n_coordinate)
     springs = dict(zip(robot.spring_names, mechanism.spring_directions, strict=True))
     stiffness, damping = robot.spring_arrays()
     numbers = dict(zip(robot.spring_names, zip(stiffness, damping, strict=True), strict=True))
     if on is None and robot.n_axis == 1:
         on = robot.axis_names[0]
+    if lacking := lacking_place(description, on, side):
+        raise ConfigurationError(f"{robot.name}: effects.{label}: {lacking}")
     if side == "bearing":
         spring = f"bearing_stiffness.{on}"
-        if spring not in springs:
-            there = [name.partition(".")[2] for name in springs if name.startswith("bearing_stiffness.")]
-            raise ConfigurationError(f"{where}: no bearing '{on}'; there are {', '.join(there) or 'none'}")
         bearing = description.bearings.get(str(on))
         driven = [axis.joint or name for name, axis in description.axes.items()]
         axis = driven.index(bearing.joint) if bearing is not None and bearing.joint in driven else 0
         direction = springs[spring]
-    elif on not in robot.axis_names:
-        raise ConfigurationError(f"{where}: no axis '{on}'; there are {', '.join(robot.axis_names)}")
     else:
-        axis, spring = robot.axis_names.index(on), f"gear_stiffness.{on}"
-        if side == "gear" and spring not in springs:
-            raise ConfigurationError(
-                f"{where}: the gear of {on} is rigid; give it a spring (axes.{on}.gear) or put the effect on the arm "
-                "or motor"
-            )
+        axis, spring = robot.axis_names.index(str(on)), f"gear_stiffness.{on}"
         direction = {
             "gear": springs.get(spring, np.zeros(n)),
             "arm": mechanism.constraint_map[mechanism.arm[axis]],

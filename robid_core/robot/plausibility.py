@@ -1,12 +1,13 @@
 """Numbers of a robot that are hard to believe, or cannot be: degrees for radians, a ratio upside down, motors too weak.
 
 Each is told with its place, its size and what to do. Poses are drawn within the position limits, the same every time.
-What is only unusual is a remark; what no robot can have is impossible.
+What is only unusual is a remark; with what no robot can have (`impossibilities`) no pipeline runs.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.coaxial import coaxial_springs
 from robid_core.robot.stability import refuse_unstable
+from robid_core.yaml_file.problems import KeyPath
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
@@ -30,6 +32,12 @@ _JOINT_SPEED = (0.1, 40.0)  # rad/s
 _RESONANCE_HZ = (1.0, 200.0)
 _LONGEST_M = 20.0
 _FRICTION_SHARE = 0.3  # of the torque limit
+_GRAVITY = (20.0, 30.0)  # m/s^2: of no place where robots stand, and of no planet that one could stand on
+_MOTOR_SPEED = 1500.0  # rad/s: 14 000 turns a minute
+_ROTOR_ACCELERATION = 1.0e6  # rad/s^2, of the rotor alone; servo motors have up to 2e5
+_CURRENT_A = (0.01, 2000.0)  # at the torque limit
+_ANGLE_NOISE = 0.1  # rad at the motor
+_INDEPENDENT = 1e-12  # smallest eigenvalue of a mass matrix with ones on its diagonal
 
 
 @dataclass(frozen=True)
@@ -43,12 +51,37 @@ class Remark:
     impossible: bool = False
     """Whether no robot can be so."""
 
+    @property
+    def sentence(self) -> str:
+        """The place once, and what is there."""
+        return self.what if self.what.startswith(self.where) else f"{self.where}: {self.what}"
 
-def remarks_on(robot: Robot) -> Iterator[Remark]:
-    """Yield what is implausible: geometry, drives, springs on one line, gravity, inertias, resonances, controller."""
+    @property
+    def key(self) -> KeyPath:
+        """The key as a path: `bodies[0] (axis_1).inertia` is bodies, 0, inertia."""
+        parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", re.sub(r" \([^)]*\)", "", self.where))
+        return tuple(int(number) if number else name for number, name in parts)
+
+
+def impossibilities(robot: Robot, moves: bool) -> Iterator[Remark]:
+    """Yield what no robot can have; what drives cannot do, and no rest, only of one that `moves`."""
+    yield from (
+        remark for remark in (remarks_on(robot) if moves else _as_written(robot)) if remark.impossible
+    )
+
+
+def _as_written(robot: Robot) -> Iterator[Remark]:
+    """Yield what single numbers say."""
+    yield from _surroundings(robot)
     yield from _bodies(robot)
     yield from _limits(robot)
     yield from _gears(robot)
+    yield from _motors(robot)
+
+
+def remarks_on(robot: Robot) -> Iterator[Remark]:
+    """Yield what is implausible: geometry, drives, springs on one line, gravity, inertias, resonances, controller."""
+    yield from _as_written(robot)
     if missing := robot.left_out(("torque_limit", "speed_limit", "controller")):
         yield Remark("axes", f"{missing}, before anything moves or is simulated")
     for pair in coaxial_springs(robot.description):
@@ -71,6 +104,10 @@ def remarks_on(robot: Robot) -> Iterator[Remark]:
         )
     yield from _gravity(robot, rest.torque[stands])
     yield from _inertias(robot, poses[stands])
+    weightless = list(_weightless(robot, poses[stands]))
+    yield from weightless
+    if weightless:
+        return
     yield from _resonances(robot, poses[stands])
     yield from _controller(robot, poses[stands][0])
 
@@ -90,6 +127,14 @@ def _turns(robot: Robot) -> list[bool]:
     """Whether each axis turns."""
     kinds = {body.joint: body.type == "revolute" for body in robot.description.bodies}
     return [kinds[axis.joint or name] for name, axis in robot.description.axes.items()]
+
+
+def _surroundings(robot: Robot) -> Iterator[Remark]:
+    gravity = math.hypot(*robot.description.gravity)
+    if gravity > _GRAVITY[0]:
+        yield Remark(
+            "gravity", f"{gravity:.4g} m/s^2; were mm/s^2 written?", impossible=gravity > _GRAVITY[1]
+        )
 
 
 def _bodies(robot: Robot) -> Iterator[Remark]:
@@ -126,7 +171,7 @@ def _limits(robot: Robot) -> Iterator[Remark]:
             yield Remark(
                 f"axes.{name}.position_limits",
                 f"{largest:g} rad are {largest / (2 * math.pi):.3g} turns; degrees? {largest:g} deg would be "
-                f"{math.radians(largest):.4g} rad",
+                f"{math.radians(largest):.4g} rad; an axis that turns on and on has none",
                 impossible=largest > 2 * math.pi * _TURNS[1],
             )
 
@@ -149,13 +194,58 @@ def _gears(robot: Robot) -> Iterator[Remark]:
                     f"{axis.speed_limit:g} rad/s are {speed:.3g} rad/s at the joint; is it at the motor, and in rad/s, "
                     "not turns a minute?",
                 )
+        if turns and axis.speed_limit is not None and axis.speed_limit > _MOTOR_SPEED:
+            yield Remark(
+                f"axes.{name}.speed_limit",
+                f"{axis.speed_limit:g} rad/s are {axis.speed_limit * 30 / math.pi:.4g} turns a minute of the motor; "
+                "were turns a minute written?",
+            )
         rubbing = axis.friction.coulomb / (axis.torque_limit or math.inf)
         if rubbing > _FRICTION_SHARE:
             yield Remark(
                 f"axes.{name}.friction.coulomb",
-                f"{axis.friction.coulomb:g} N m is {rubbing:.0%} of the torque limit {axis.torque_limit:g} N m; is it "
-                "at the motor?",
+                f"{axis.friction.coulomb:g} N m is {100 * rubbing:.3g} % of the torque limit {axis.torque_limit:g} "
+                "N m; is it at the motor?",
                 impossible=rubbing >= 1,
+            )
+
+
+def _motors(robot: Robot) -> Iterator[Remark]:
+    for name, axis in robot.description.axes.items():
+        place, sensors = f"axes.{name}", axis.sensors
+        if sensors.position_noise > _ANGLE_NOISE:
+            yield Remark(
+                f"{place}.sensors.position_noise",
+                f"{sensors.position_noise:g} rad ({math.degrees(sensors.position_noise):.3g} degrees) in every sample; "
+                "is it in rad at the motor?",
+            )
+        if axis.torque_limit is None:
+            continue
+        if sensors.torque_noise > axis.torque_limit:
+            yield Remark(
+                f"{place}.sensors.torque_noise",
+                f"{sensors.torque_noise:g} N m is more than the torque limit {axis.torque_limit:g} N m",
+                impossible=True,
+            )
+        current = axis.torque_limit / axis.torque_constant
+        if not _CURRENT_A[0] <= current <= _CURRENT_A[1]:
+            yield Remark(
+                f"{place}.torque_constant",
+                f"{axis.torque_constant:g} N m/A makes the torque limit {axis.torque_limit:g} N m a current of "
+                f"{current:.3g} A; N m/A, not mN m/A?",
+            )
+        if axis.torque_limit / axis.rotor_inertia > _ROTOR_ACCELERATION:
+            yield Remark(
+                f"{place}.torque_limit",
+                f"{axis.torque_limit:g} N m accelerate the rotor alone ({axis.rotor_inertia:g} kg m^2) by "
+                f"{axis.torque_limit / axis.rotor_inertia:.3g} rad/s^2; is the torque at the motor, in N m?",
+            )
+        braking = axis.friction.viscous * (axis.speed_limit or 0.0)
+        if braking > axis.torque_limit:
+            yield Remark(
+                f"{place}.friction.viscous",
+                f"at the speed limit friction takes {braking:.4g} N m, more than the torque limit "
+                f"{axis.torque_limit:g} N m; N m s/rad at the motor?",
             )
 
 
@@ -184,7 +274,7 @@ def _inertias(robot: Robot, poses: FloatArray) -> Iterator[Remark]:
     mass = dynamics(robot.chain, position).mass[:, robot.mechanism.arm, robot.mechanism.arm]
     for name, rotor, arm in zip(robot.axis_names, reflected, np.median(mass, axis=0), strict=True):
         if arm < _NO_INERTIA:
-            continue  # told of its bodies
+            continue  # told by what is weightless
         ratio = rotor / arm
         if not _INERTIA_RATIO[0] <= ratio <= _INERTIA_RATIO[1]:
             more = "less" if ratio < 1 else "more"
@@ -193,6 +283,28 @@ def _inertias(robot: Robot, poses: FloatArray) -> Iterator[Remark]:
                 f"through the gear the rotor is {rotor:.3g}, the arm at this axis {arm:.3g} (kg m^2, or kg): much "
                 f"{more}; rotor_inertia at the motor shaft in kg m^2 (1 kg cm^2 = 1e-4), and gear_ratio?",
             )
+
+
+def _weightless(robot: Robot, poses: FloatArray) -> Iterator[Remark]:
+    """A spring with nothing behind it swings infinitely fast: no linear model has it."""
+    behind = slice(robot.n_axis, None)
+    mass = robot.second_order(poses).mass[:, behind, behind]
+    names = robot.mechanism.coordinate_names[robot.n_axis :]
+    own = np.diagonal(mass, axis1=1, axis2=2)
+    nothing = {int(column) for column in np.flatnonzero((own <= 0).any(axis=0))}
+    if not nothing and len(names):
+        root = np.sqrt(own)
+        value, vector = np.linalg.eigh(mass / root[:, :, None] / root[:, None, :])
+        worst = int(np.argmin(value[:, 0]))
+        if value[worst, 0] < _INDEPENDENT:
+            nothing = {int(np.argmax(abs(vector[worst, :, 0])))}
+    for column in sorted(nothing):
+        yield Remark(
+            "bodies",
+            f"nothing that '{names[column]}' moves behind its spring has a mass or an inertia about it; give mass, "
+            "centre_of_mass and inertia of the bodies it carries",
+            impossible=True,
+        )
 
 
 def _resonances(robot: Robot, poses: FloatArray) -> Iterator[Remark]:

@@ -76,7 +76,10 @@ def _loop(robot: Robot, model: LinearModel) -> tuple[float, int]:
     n = len(model.a)
     both = np.zeros((n + n_axis, n + n_axis))
     both[:n, :n], both[:n, n:] = model.a * time, model.b * time
-    moved = expm(both)
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = expm(both)
+    if not np.isfinite(moved).all():  # it grows beyond all numbers within a sample
+        return np.inf, int(np.argmax(abs(model.c @ model.a).max(axis=1)))
     a, b, c = moved[:n, :n], moved[:n, n:], model.c
     unit = np.eye(n_axis)
     # states: plant, last measured angle, integral; error = - position_gain q - (q - last) / T

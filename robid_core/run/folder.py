@@ -14,7 +14,7 @@ from robid_core.errors import ConfigurationError
 from robid_core.pipeline import Pipeline
 from robid_core.store import failures_named
 from robid_core.yaml_file.characters import decode
-from robid_core.yaml_file.kind import PIPELINE_FILE
+from robid_core.yaml_file.kind import PIPELINE_FILE, of_another_kind
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.problems import ProblemList
 
@@ -33,6 +33,9 @@ def name_of(file: Path) -> str:
     with failures_named("read", file):
         text = decode(file.read_bytes(), PIPELINE_FILE, problems)
     root = read_nodes(text, PIPELINE_FILE, problems) if text is not None else None
+    if root is not None and (told := of_another_kind(root.entries(), PIPELINE_FILE)):
+        problems.add(root.mark, (), told)
+        problems.raise_if_any()
     name = root.get("name") if root is not None else None
     if name is None or not isinstance(name.value, str):
         return Pipeline.load(file).name

@@ -236,7 +236,7 @@ SAMPLES: dict[str, tuple[str, str, Callable[[Path], None], bool]] = {
     "parquet": (".parquet", "parquet", write_parquet, False),
     "bag_1": (".bag", "rosbag", write_bag_1, False),
     "bag_2": (".db3", "rosbag", write_bag_2, False),
-    "bag_mcap": (".mcap", "rosbag", write_bag_mcap, False),
+    "bag_mcap": (".mcap", "rosbag", write_bag_mcap, True),
     "mcap_foreign": (".mcap", "mcap", write_mcap_foreign, True),
     "mcap_log": (".mcap", "mcap", write_mcap_log, True),
 }

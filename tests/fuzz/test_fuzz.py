@@ -18,6 +18,8 @@ FEW, MANY = 12, 100_000
 FOUND = {
     "npz": (1241, 3895),  # an entry of the directory swallowed the next one
     "npz_plain": (1840,),
+    "mat_packed": (7000509,),  # cut right behind the header: no variables, and nothing told
+    "bag_mcap": (7000001, 7000013, 7000038),  # chunks without a checksum, and nothing told
     "mat_plain": (1932, 2411, 3192),  # scipy ended the process, by SIGSEGV and SIGBUS
     "mcap_foreign": (3, 58, 129, 138, 176, 218),  # the summary was believed
     "mcap_log": (2, 3, 91, 135, 176, 263),

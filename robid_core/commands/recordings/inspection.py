@@ -42,7 +42,7 @@ def reader_name(file: Path, form: str) -> str:
         raise ConfigurationError(f"{file}: there is no such file")
     if form:
         return form
-    name = _known_reader(file)
+    name = known_reader(file)
     if not name:
         known = ", ".join(registry().names(RECORDS))
         raise ConfigurationError(f"{file}: no reader for '{file.suffix}'; give --format, one of {known}")
@@ -56,7 +56,7 @@ def recordings_in(folder: Path) -> list[Path]:
         for file in sorted(folder.rglob("*"))
         if file.is_file()
         and not any(part.startswith(".") for part in file.relative_to(folder).parts)
-        and _known_reader(file)
+        and known_reader(file)
     ]
     if not files:
         known = ", ".join(registry().names(RECORDS))
@@ -64,7 +64,8 @@ def recordings_in(folder: Path) -> list[Path]:
     return files
 
 
-def _known_reader(file: Path) -> str:
+def known_reader(file: Path) -> str:
+    """Return the name of the reader for a file's name; empty where there is none."""
     suffix = file.name.removesuffix(".part").rpartition(".")[2].lower()
     if suffix == "mcap" and (file.parent / BAG_METADATA).is_file():
         return "rosbag"

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
-from robid_core.robot.file.part import NonNegative, Number, Part, Positive, refusal
+from robid_core.robot.file.part import LARGEST, NonNegative, Number, Part, Positive, refusal
 
 _LARGEST_RATIO = 1e9  # a screw of 1 um on a prismatic axis turns 6e6 rad/m
 
@@ -93,6 +93,15 @@ class VoltageServo(Part):
     """V at a duty cycle of one."""
     resistance: Positive
     """Of the winding and its leads, ohm."""
+
+    @model_validator(mode="after")
+    def _within_numbers(self) -> VoltageServo:
+        if self.duty_gain * self.supply_voltage > LARGEST or self.supply_voltage / self.resistance > LARGEST:
+            raise refusal(
+                f"duty_gain {self.duty_gain:g} 1/rad at {self.supply_voltage:g} V and {self.resistance:g} ohm is "
+                "beyond all servos; give duty cycle per rad, volts and ohms"
+            )
+        return self
 
 
 class Axis(Part):

@@ -46,6 +46,8 @@ __all__ = [
     "VoltageServo",
 ]
 
+MOST_JOINTS = 100  # a humanoid with its hands has sixty
+
 
 class Bearing(Spring):
     """An elastic coordinate across the transmission, right after a joint."""
@@ -87,9 +89,9 @@ class RobotDescription(Part):
     """Control, torque hold and trace share this time."""
     step_s: Positive = LONGEST_STEP_S
     """Integration step inside a sample; by default the longest up to 0.25 ms of which a sample has a whole number."""
-    bodies: Annotated[tuple[Body, ...], Field(min_length=1)]
+    bodies: Annotated[tuple[Body, ...], Field(min_length=1, max_length=MOST_JOINTS)]
     """The chain or tree, parents before children."""
-    axes: Annotated[dict[str, Axis], Field(min_length=1)]
+    axes: Annotated[dict[str, Axis], Field(min_length=1, max_length=MOST_JOINTS)]
     """Drives in the order of motors."""
     coupling: tuple[tuple[Number, ...], ...] | None = None
     """Joint angle per motor angle as a full matrix (coupled wrists); by default diag(1/gear_ratio)."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robid_core.yaml_file.characters import decode, refuse_size
-from robid_core.yaml_file.kind import ROBOT_FILE
+from robid_core.yaml_file.kind import ROBOT_FILE, of_another_kind
 from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList
@@ -57,6 +57,15 @@ class Document:
         self.problems.spoiled.add(path)
 
 
+def line_of(path: Path, key: KeyPath) -> str:
+    """Return where a key of a robot file stands, as `robot.yaml:17:5`; or what it comes from, a model or a base."""
+    document = read_document(path)
+    if not document.root.at(key)[0]:
+        key = next(((name,) for name in ("base", "model", "dh") if name in document.root.entries()), key)
+    mark = document.root.at(key)[1]
+    return f"{path.name}:{mark.line}:{mark.column}"
+
+
 def read_document(path: Path) -> Document:
     """Read a robot file; raises FileProblems where it cannot be read, is no YAML, or no mapping."""
     problems, data = ProblemList(path.name), b""
@@ -82,6 +91,9 @@ def parse_document(data: bytes, file: str) -> Document:
     root = read_nodes(text, ROBOT_FILE, problems) if text is not None else None
     if root is not None and not isinstance(root.value, dict):
         problems.add(root.mark, (), f"a robot file holds keys and values; begin with {ROBOT_FILE.begin}")
+        root = None
+    if root is not None and (told := of_another_kind(root.entries(), ROBOT_FILE)):
+        problems.add(root.mark, (), told)
         root = None
     if root is None:
         problems.raise_if_any()

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from robid_core.yaml_file.problems import KeyPath
 
 LARGEST = 1e15  # beyond it no number of a robot means anything, and squares may overflow
+SMALLEST = 1 / LARGEST  # of numbers that something is divided by
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise refusal(
+            f"{value:g} is too small to be computed with, it must be at least {SMALLEST:g}; is the unit right?"
+        )
+    return value
+
+
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = tuple[Number, Number, Number]
-Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_not_tiny)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 

@@ -13,9 +13,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from robid_core.errors import ConfigurationError, RobidError
+from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.file.denavit_hartenberg import table_written_out
 from robid_core.robot.file.description import EffectEntry, RobotDescription
 from robid_core.robot.file.document import Document, parse_document, read_document
+from robid_core.robot.file.effect_places import wrong_place
 from robid_core.robot.file.expansion import sheets_written_out
 from robid_core.robot.file.flexible_links import links_written_out
 from robid_core.robot.file.model_file import bodies_of, read_model, with_limits
@@ -25,6 +27,7 @@ from robid_core.robot.file.wording import checked, reason
 from robid_core.robot.file.writing import robot_sha256
 from robid_core.yaml_file.problems import suggestion
 
+DEEPEST_BASE = 16  # robots that stand on one another
 PACKAGED = Path(__file__).parents[2] / "robots"
 # Packaged robots come in pairs: what the maker believes, and what the simulated machine is.
 PACKAGED_FILES = {
@@ -118,6 +121,7 @@ def _whole(data: dict[str, Any], document: Document, folder: Path) -> RobotDescr
     data = links_written_out(data, document, folder)
     description = checked(RobotDescription, sheets_written_out(data, document), document)
     _check_effects(data.get("effects"), document)
+    _check_places(description, document)
     return description
 
 
@@ -128,10 +132,15 @@ def _with_model(data: dict[str, Any], document: Document, folder: Path) -> dict[
         document.add(("model",), "bodies and a model file are given; keep one of the two")
         return rest
     document.derive(("bodies",), ("model",))
+    if not isinstance(data["model"], str):
+        written = "nothing" if data["model"] is None else "no text"
+        document.add(("model",), f"{written} is written here; name a model file, such as robot.urdf")
+        document.spoil(("bodies",))
+        return {**rest, "bodies": []}
     bodies: list[dict[str, Any]] = []
     locked = _locked(data.get("lock"), document)
     try:
-        model = read_model(folder / str(data["model"]), locked)
+        model = read_model(folder / data["model"], locked)
     except RobidError as error:
         for line in str(error).splitlines():
             document.add(("model",), line)
@@ -190,6 +199,11 @@ def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) 
     except ConfigurationError as error:
         document.add(("base",), str(error))
         return None
+    if len(above) > DEEPEST_BASE:
+        document.add(
+            ("base",), f"more than {DEEPEST_BASE} robots, each the base of the one before; write some out"
+        )
+        return None
     if file.resolve() in above:
         names = " -> ".join(path.name for path in (*above, file))
         document.add(("base",), f"a robot cannot be its own base: {names}")
@@ -206,6 +220,7 @@ def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) 
     if isinstance(data.get("name"), str):
         whole["name"] = data["name"]
     robot = checked(RobotDescription, whole, document)
+    _check_places(robot, document)
     _check_parameters(
         data.get("parameters"), base if robot is None or document.problems.problems else robot, document
     )
@@ -276,6 +291,17 @@ def _wrong(robot: RobotDescription, numbers: Mapping[str, float]) -> list[str]:
     except ConfigurationError as error:
         return [str(error)]
     return []
+
+
+def _check_places(robot: RobotDescription | None, document: Document) -> None:
+    """Check that effects can be where they are put; those of a robot with other mistakes are not looked at."""
+    if robot is None or document.problems.problems:
+        return
+    for label, entry in robot.effects.items():
+        effect = load_plugin(EFFECTS, entry.use)
+        if isinstance(effect, type) and (wrong := wrong_place(effect, entry, robot)):
+            key, message = wrong
+            document.add(("effects", label, key), message)
 
 
 def _check_effects(effects: Any, document: Document) -> dict[str, EffectEntry]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 pytest.importorskip("rosbags")
 
 from faults.fault import fault
+from fuzz.samples import write_bag_mcap
 from rosbags.rosbag1 import Writer as OlderWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -139,7 +141,11 @@ def with_checksum(content: bytes) -> bytes:
 @fault(
     "A02",
     sees="exit 5: a checksum of the bag does not fit; copy the bag again",
-    mutant=("adapters/robid_rosbag/records.py", "    _check_chunks(path)\n", "    pass\n"),
+    mutant=(
+        "adapters/robid_rosbag/records.py",
+        "    unchecked = _check_chunks(path)\n",
+        "    unchecked = []\n",
+    ),
 )
 def test_a_checksum_that_does_not_fit_is_told(tmp_path: Path) -> None:
     path = written(tmp_path, "mcap", [("joint_1",)] * 5)
@@ -154,3 +160,16 @@ def test_a_checksum_that_does_not_fit_is_told(tmp_path: Path) -> None:
     path.write_bytes(content[:-100])
     with pytest.raises(DataRejected, match=rf"A01: .*{path.name}: damaged, or cut"):
         RosbagRecords.read(path.parent / "metadata.yaml")
+
+
+def test_messages_that_the_summary_counts_and_are_not_there_are_told(tmp_path: Path) -> None:
+    """Statistics begin with their opcode, 11, and their length; the number of messages follows."""
+    file = tmp_path / "log.mcap"
+    write_bag_mcap(file)
+    assert any("1 of 1 chunks have no checksum" in line for line in RosbagRecords.describe(file))
+    few, many = (n.to_bytes(8, "little") for n in (30, 40))
+    content, found = re.subn(rb"(?s)(\x0b.{8})" + few, lambda m: m[1] + many, file.read_bytes())
+    assert found == 1
+    file.write_bytes(content)
+    with pytest.raises(DataRejected, match=r"A01: .*log.mcap: holds 30 messages, its summary counts 40"):
+        RosbagRecords.describe(file)

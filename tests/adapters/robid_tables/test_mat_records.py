@@ -147,3 +147,11 @@ def test_files_of_version_4_and_of_other_machines_pass(tmp_path: Path) -> None:
     path.write_bytes(content + element[:-1])
     with pytest.raises(DataRejected, match="byte 128 is cut"):
         check_elements(path)
+
+
+def test_a_file_cut_right_behind_its_header_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "log.mat"
+    scipy.io.savemat(file, {"q": np.arange(5.0)})
+    file.write_bytes(file.read_bytes()[:128])
+    with pytest.raises(DataRejected, match=r"A01: .*log.mat: no variable stands behind the header"):
+        MatRecords.read(file)

@@ -144,7 +144,7 @@ def test_a_project_around_a_urdf_waits_and_then_holds(tmp_path: Path, told: Told
     assert "robot: remark: bearing_stiffness.tilt and gear_stiffness.axis_2 turn about one line" in first
     assert last.endswith("valid, 6 stages")
     doctor.command(str(project / "robot.yaml"))
-    assert "note bearing_stiffness.tilt: " in told()
+    assert "note robot.yaml:5:1: bearing_stiffness.tilt and " in told()
     with pytest.raises(ConfigurationError, match="would be overwritten"):
         init.command(project, str(urdf))
 
@@ -174,7 +174,7 @@ def test_doctor_leaves_with_2_where_a_robot_cannot_be(tmp_path: Path, told: Told
     with pytest.raises(typer.Exit) as left:
         doctor.command(str(tmp_path / "robot.yaml"))
     assert left.value.exit_code == 2
-    assert "FAIL axes.axis_1.position_limits: 170 rad are 27.1 turns; degrees?" in told()
+    assert "FAIL robot.yaml:13:5: axes.axis_1.position_limits: 170 rad are 27.1 turns; degrees?" in told()
 
 
 @pytest.mark.parametrize("name", ["universal_arm", "seven_axis", "scara"])

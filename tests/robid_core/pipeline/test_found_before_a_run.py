@@ -86,6 +86,136 @@ def test_drives_of_another_robot_are_told(tmp_path: Path, drives: str, place: st
     assert message in told
 
 
+# Changes of the sound text, and what is told: the setting, then words.
+MISTAKES: dict[str, tuple[tuple[str, str], str, str]] = {
+    "a slow sine beyond the motor": (
+        ("period_s: 4", "period_s: 4, slow_sine_rad_s: 1.0e+300"),
+        "slow_sine_rad_s",
+        "above its speed",
+    ),
+    "a slow sine in turns a minute": (
+        ("period_s: 4", "period_s: 4, slow_sine_rad_s: 900"),
+        "slow_sine_rad_s",
+        "above its speed limit",
+    ),
+    "a slow sine backwards": (
+        ("period_s: 4", "period_s: 4, slow_sine_rad_s: -9"),
+        "slow_sine_rad_s",
+        "greater than or equal to 0",
+    ),
+    "a million periods": (("periods: 2", "periods: 1000000"), "periods", "less than or equal to 10000"),
+    "a million periods to settle": (
+        ("periods: 2", "settle_periods: 1000000"),
+        "settle_periods",
+        "less than or equal to 10000",
+    ),
+    "half a period": (("periods: 2", "periods: 2.5"), "periods", "a valid integer"),
+    "a period of no time": (("period_s: 4", "period_s: 0"), "period_s", "greater than 0"),
+    "a period of days": (("period_s: 4", "period_s: 999999.5"), "period_s", "take a shorter period"),
+    "a period between samples": (
+        ("period_s: 4", "period_s: 2.0001"),
+        "period_s",
+        "not an even number of the robot's samples",
+    ),
+    "a period from the environment": (("period_s: 4", "period_s: $PERIOD"), "period_s", "text"),
+    "a band upside down": (("[4, 80]", "[80, 4]"), "band_hz", "80 Hz is not below 4 Hz"),
+    "a band of one": (("[4, 80]", "80"), "band_hz", "should be a list"),
+    "a band of three": (("[4, 80]", "[4, 40, 80]"), "band_hz", "at most 2 items"),
+    "a band from zero": (("[4, 80]", "[0, 80]"), "band_hz", "greater than 0"),
+    "a band without end": (("[4, 80]", "[4, 1.0e+300]"), "period_s", "take a shorter period"),
+    "more lines than bins": (("lines: 20", "lines: 1000"), "excite", "ask for at most 152 lines"),
+    "lines as a float": (("lines: 20", "lines: 1e3"), "lines", "write 1000"),
+    "no configurations": (("count: 2", "count: 0"), "count", "greater than 0"),
+    "configurations without end": (
+        ("count: 2", "count: 1000000000"),
+        "count",
+        "less than or equal to 100000",
+    ),
+    "a share that nothing keeps": (
+        ("count: 2", "count: 2, gravity_share: 1.0e-9"),
+        "gravity_share",
+        "raise gravity_share",
+    ),
+    "a setting of the wrong stage": (
+        ("count: 2", "count: 2, periods: 2"),
+        "where.with.periods",
+        "unknown key 'periods'",
+    ),
+    "an input misspelt": (
+        ("{use: frf.log}", "{use: frf.log, inputs: {recrod: acquire}}"),
+        "frf.inputs.recrod",
+        "did you mean 'record'?",
+    ),
+    "an input of no stage": (
+        ("{use: frf.log}", "{use: frf.log, inputs: {record: aquire}}"),
+        "frf.inputs.record",
+        "did you mean 'acquire'?",
+    ),
+    "an input of another type": (
+        ("{use: frf.log}", "{use: frf.log, inputs: {record: where}}"),
+        "frf.inputs.record",
+        "not a Record",
+    ),
+    "an input that is itself": (
+        ("{use: frf.log}", "{use: frf.log, inputs: {record: frf}}"),
+        "frf.inputs.record",
+        "cannot feed itself",
+    ),
+    "a circle": (
+        ("{use: design.candidates, with: {count: 2}}", "{use: design.optimal, inputs: {frf: frf}}"),
+        "stages",
+        "cycle",
+    ),
+    "a stage without a plugin": (("{use: frf.log}", "{}"), "frf.use", "the key 'use' is missing"),
+    "a stage that is text": (("{use: frf.log}", "frf.log"), "stages.frf", "write `{use: frf.log}`"),
+    "a stage that is a module": (("frf.log", "os.system"), "frf.use", "no stage 'os.system'"),
+    "a robot from the environment": (("robot: one_axis", "robot: $ROBOT"), "robot", "no robot '$ROBOT'"),
+    "a name that leads away": (("name: example", "name: ../other"), "name", "is no name"),
+    "a seed in words": (("seed: 1", "seed: now"), "seed", "'now' is text"),
+    "drives misspelt": (("use: simulated", "use: simulatd"), "drives.use", "did you mean 'simulated'?"),
+    "drives without a plant": (
+        (SIMULATED, "{use: simulated}"),
+        "drives.with.plant",
+        "the key 'plant' is missing",
+    ),
+    "nodes twice": (
+        (SIMULATED, "{use: can, with: {plant: one_axis_true, node_ids: [1, 1]}}"),
+        "drives.with",
+        "the same node id",
+    ),
+    "a node beyond all": (
+        (SIMULATED, "{use: can, with: {plant: one_axis_true, node_ids: [200]}}"),
+        "drives.with",
+        "no node id",
+    ),
+    "fewer processes than none": (
+        ("stages:", "executor: {use: process, with: {jobs: -1}}\nstages:"),
+        "executor.with.jobs",
+        "greater than or equal to 0",
+    ),
+    "processes without end": (
+        ("stages:", "executor: {use: process, with: {jobs: 1000000000}}\nstages:"),
+        "executor.with.jobs",
+        "less than or equal to 1024",
+    ),
+    "dynamics of nobody": (
+        ("robot: one_axis", "robot: {model: one_axis, dynamics: numpi}"),
+        "robot.dynamics",
+        "no dynamics 'numpi'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_told_once_at_its_setting(name: str, tmp_path: Path) -> None:
+    (old, new), place, words = MISTAKES[name]
+    text = text_of()
+    assert text.count(old) == 1
+    ((path, told),) = problems(tmp_path, text.replace(old, new))
+    assert place in path
+    assert words in told
+
+
 def test_a_response_needs_an_excitation_with_lines(tmp_path: Path) -> None:
     noise = CLASSICAL.replace("{}, with", "filtered_noise, with").replace(
         "{}}}}}", "duration_s: 20, periodic: {}}}}}"
