@@ -37,6 +37,8 @@ NOUNS = {
     TASKS: "task",
 }
 
+UNKNOWN = "unknown"  # distribution of an entry point that no package brings
+
 # What an extra brings, for the hint when its packages are missing.
 EXTRAS = {
     "torch": "torch",
@@ -79,6 +81,8 @@ class Plugin:
             missing = f"{self} needs the module {error.name}, which is not installed"
             if extra:
                 raise ExtraMissing(f'{missing}; run: pip install "robid[{extra}]"') from error
+            if self.distribution != UNKNOWN:
+                missing += f"; run: pip install {self.distribution} (adds what it requires and lacks)"
             raise PluginError(missing) from error
         except Exception as error:
             raise PluginError(f"{self} cannot be imported: {type(error).__name__}: {error}") from error
@@ -140,7 +144,7 @@ class Registry:
 
 def _name_and_version(distribution: metadata.Distribution | None) -> tuple[str, str]:
     if distribution is None:
-        return "unknown", "0"
+        return UNKNOWN, "0"
     found = distribution.metadata
     return found["Name"], found["Version"]
 

@@ -18,6 +18,7 @@ from robid_tables.notation import MISSING, bare_unit, foreign_notation, is_numbe
 SEPARATORS = {";": "semicolon", "\t": "tab", "|": "vertical bar", ",": "comma", " ": "white space"}
 COMMENTS = ("#", "%", "//")
 LOOKED_AT = 20  # lines below the header
+LONGEST_TITLE = 40  # lines above the header
 _NAME = re.compile(
     r"\S+(?:\s*[\[(].*[\])])?"
 )  # in a comment: a word, perhaps with its unit; prose has blanks
@@ -57,10 +58,13 @@ def layout_of(path: Path, text: str) -> Layout:
     if not lines:
         what = "the file holds nothing but comments" if comments else "the file is empty"
         raise DataRejected(f"{path}: {what}")
+    remarks = []
+    if title := _title(lines):
+        remarks.append(f"{title} lines above the names of the columns are left out")
+        lines = lines[title:]
     sample = [line for _, line in lines[: LOOKED_AT + 1]]
     separator = _separator(sample[0], sample[1:])
     cells = split(sample[0], separator)
-    remarks = []
     if _is_header(path, lines, separator):
         names, first, lines = cells, lines[0][0], lines[1:]
         header = True
@@ -105,6 +109,23 @@ def split(line: str, separator: str) -> list[str]:
 def trimmed(cells: list[str], n_column: int) -> list[str]:
     """Return the cells without an empty one behind the last column, which a separator at a line's end makes."""
     return cells[:-1] if len(cells) == n_column + 1 and not cells[-1] else cells
+
+
+def _title(lines: Sequence[Line]) -> int:
+    """Return how many lines stand above the names of the columns: text with another number of cells than the table."""
+    for first in range(min(LONGEST_TITLE, len(lines) - 1)):
+        separator = _separator(lines[first][1], [line for _, line in lines[first + 1 :][:LOOKED_AT]])
+        names = _without_last_empty(split(lines[first][1], separator))
+        if all(map(is_number, names)):
+            return 0  # the table has begun
+        if not all(map(_is_word, names)):
+            continue
+        below = [trimmed(split(line, separator), len(names)) for _, line in lines[first + 1 :][:2]]
+        row = below[-1] if _units(below[0], len(names)) else below[0]
+        if len(row) == len(names) and all(map(is_number, row)):
+            alike = any(len(split(line, separator)) == len(names) for _, line in lines[:first])
+            return 0 if alike or len(names) == 1 else first
+    return 0
 
 
 def _without_last_empty(cells: list[str]) -> list[str]:

@@ -1,8 +1,9 @@
 """Tables that say what lies where: one line for each experiment, with its file, its place and its conditions.
 
 Columns `file`, `configuration`, `block`, `experiment`, `start_s`, `stop_s`, `role` and `variant`, of which only the
-first must be there; any other column is a constant of the experiment, a number (a payload, a temperature), unless its
-name begins with '#'. Separated by commas, semicolons or tabs; files are named relative to the table's folder.
+first must be there; without the next three, the lines of a variant are experiments 1, 2, ... of one block. Any other
+column is a constant of the experiment, a number (a payload, a temperature), unless its name begins with '#'. Separated
+by commas, semicolons or tabs; files are named relative to the table's folder.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from __future__ import annotations
 import csv
 import difflib
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
@@ -50,6 +53,8 @@ def read_index(root: Path, index: str) -> list[Recording]:
             f"{index}:{number}: there is no variant in this line; name one in every line, or in none"
         )
     recordings = [_recording(index, number, row, folder, constants) for number, row in rows]
+    if not {"configuration", "block", "experiment"}.intersection(header):
+        recordings = _numbered(recordings)
     missing = sorted({recording.file for recording in recordings if not (root / recording.file).is_file()})
     if missing:
         shown = ", ".join(missing[:SHOWN]) + (", ..." if len(missing) > SHOWN else "")
@@ -57,6 +62,16 @@ def read_index(root: Path, index: str) -> list[Recording]:
             f"{index} lists {len(missing)} files that are not in {root}: {shown}; files are named relative to the table"
         )
     return recordings
+
+
+def _numbered(recordings: Iterable[Recording]) -> list[Recording]:
+    """Return recordings as experiments of one block, counted in each variant."""
+    count: Counter[str] = Counter()
+    numbered = []
+    for recording in recordings:
+        count[recording.variant] += 1
+        numbered.append(replace(recording, experiment=count[recording.variant]))
+    return numbered
 
 
 def _lines(path: Path, index: str) -> list[tuple[int, list[str]]]:

@@ -103,7 +103,7 @@ class GearDeflection(DiagnosisStage):
         if found.own < OWN:
             return (
                 f"the torque is a function of angle, speed and direction to {100 * found.own:.1g} %: a deflection by "
-                "torque cannot be told from a time shift or an encoder's error; record a motion of several frequencies"
+                "torque looks like a time shift or an encoder's error; record a motion of several frequencies"
             )
         if found.compliance.high <= 0:
             return (

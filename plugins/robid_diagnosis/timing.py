@@ -62,7 +62,7 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
             )
     if doubted:
         found.append(
-            f"Timing: a delay of the torque cannot be told from what the model lacks: {', '.join(doubted)}."
+            f"Timing: a delay of the torque cannot be distinguished from what the model lacks: {', '.join(doubted)}."
         )
     return found
 

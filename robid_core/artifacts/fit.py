@@ -213,6 +213,10 @@ class Diagnosis(Artifact):
     curves: tuple[PredictionCurve, ...] = ()
     doubts: tuple[Doubt, ...] = ()
 
+    def __str__(self) -> str:
+        """Return the verdict."""
+        return self.verdict
+
     def table(self) -> Table:
         """Return a row for each number of each finding: what was told, what was found, how much that gains."""
         return finding_table(self)

@@ -34,7 +34,9 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
     run = record.run
     if record.torque_hold != "zero_order_hold":
         raise DataRejected(
-            f"the torque is said to be {record.torque_hold}; the torque residual needs a held one"
+            f"torque_hold of the record is {record.torque_hold}; the torque residual needs a torque that a controller "
+            "holds from sample to sample: where it does, give torque_hold zero_order_hold to acquisition.recorded or "
+            "Record.from_arrays"
         )
     if not run.valid[:, :, :, discard:].all():
         raise DataRejected(

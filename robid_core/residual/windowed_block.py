@@ -34,7 +34,7 @@ FEW = 2  # experiments of each configuration in a first pass of prescribed motio
 
 @dataclass(eq=False)
 class WindowedBlock(TorqueBlock[WindowedMotion]):
-    """Spectra of cuts under a window; their noise is what the robot file tells of its sensors."""
+    """Spectra of cuts under a window; their noise is that of the sensors in the robot file."""
 
     deviation: FloatArray | None = None
     """Of initial deflections and their rates from quasi-static ones, (n_config, n_exp, n_state)."""
@@ -45,12 +45,12 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     def of_record(cls, robot: Robot, motion: WindowedMotion, laws: SpeedFunctions) -> WindowedBlock:
         """Prepare a block.
 
-        Raises DataRejected where the robot file tells no noise of torque: a single cut cannot show it.
+        Raises DataRejected where the robot file has no noise of torque: a single cut cannot show it.
         """
         if not (robot.drives.torque_noise > 0).all():
             raise DataRejected(
-                f"{robot.name}: what does not repeat shows no noise, and the robot file states none; give "
-                "sensors: {torque_noise: ...} for every axis"
+                f"{robot.name}: a motion that does not repeat shows no noise, and the robot file has none; give each "
+                "axis sensors: {torque_noise: ...}, the rms in N m of the measured torque at standstill"
             )
         motion = replace(motion, angle_noise=angle_noise(robot))
         recorded, motion = motion, true_motion(robot, motion)

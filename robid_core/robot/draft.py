@@ -21,11 +21,15 @@ from robid_core.robot.file.model_file import JointLimits, RobotModel, bodies_of,
 from robid_core.robot.file.part import with_tuples
 from robid_core.robot.file.proposal import (
     HIGHEST_HZ,
+    INTEGRAL_RATE,
+    SPEED_RATE,
     ProposedSpring,
     bearing_directions,
+    carried_inertia,
     locked_by_mimicry,
     proposed_bearing,
     proposed_gear,
+    proposed_sensors,
 )
 from robid_core.robot.file.wording import PLACEHOLDER
 from robid_core.yaml_file.problems import suggestion
@@ -126,7 +130,8 @@ def _texts(
     """Return robot.yaml, plant.yaml, and what was decided about springs."""
     lines = [
         f"# Bodies, joints and limits: {file}. What is '{PLACEHOLDER}' the URDF cannot know: data sheets of motor,",
-        "# gear and drive do. Springs are proposals to begin with. `robid doctor robot.yaml` looks for what cannot be.",
+        "# gear and drive do. Springs and sensors are proposals to begin with. `robid doctor robot.yaml` looks for",
+        "# implausible values. Where recordings are only read and fitted, the controllers can be deleted.",
         "robid_robot: 1",
         f"name: {key_text(name)}",
         f"model: {key_text(file)}",
@@ -148,7 +153,7 @@ def _texts(
             continue
         limits = model.limits.get(body.joint, JointLimits())
         gear = proposed_gear(bodies, body.joint, limits.effort)
-        lines += _axis(body, limits, gear)
+        lines += _axis(body, limits, gear, carried_inertia(bodies, body.joint))
         if gear.frequency_hz <= HIGHEST_HZ:
             springs[f"gear_stiffness.{body.joint}"] = gear.stiffness
         else:
@@ -184,7 +189,7 @@ def _texts(
     return "\n".join(lines) + "\n", "\n".join(plant) + "\n", told
 
 
-def _axis(body: Body, limits: JointLimits, gear: ProposedSpring) -> list[str]:
+def _axis(body: Body, limits: JointLimits, gear: ProposedSpring, carried: float) -> list[str]:
     slides = body.type == "prismatic"
     angle, force = ("m", "N") if slides else ("rad", "N m")
     lines = [f"  {key_text(body.joint)}:"]
@@ -205,7 +210,9 @@ def _axis(body: Body, limits: JointLimits, gear: ProposedSpring) -> list[str]:
             f"motor turns (rad) per {angle} of the joint, negative where it reverses",
         ),
         _line(f"    rotor_inertia: {PLACEHOLDER}", "rotor, brake and gear input at the motor shaft, kg m^2"),
-        _line(f"    torque_constant: {PLACEHOLDER}", "N m/A; 1 where the drive tells torques"),
+        _line(
+            f"    torque_constant: {PLACEHOLDER}", "N m/A, motor data sheet; 1 where the drive reports torque"
+        ),
     ]
     for key, value, unit in (
         ("torque_limit", limits.effort, force),
@@ -229,11 +236,17 @@ def _axis(body: Body, limits: JointLimits, gear: ProposedSpring) -> list[str]:
         _line(
             "    friction: {coulomb: 0, viscous: 0}", "at the motor, N m and N m s/rad; fit.friction finds it"
         ),
-        "    controller:",
-        _line(f"      speed_gain: {PLACEHOLDER}", "torque per speed error at the motor, N m s/rad"),
+        _line(
+            f"    sensors: {proposed_sensors(limits.effort)}", "proposed; for simulation and planning only"
+        ),
+        _line("    controller:", "speed controller of the drive, at the motor; unknown: begin as said below"),
+        _line(
+            f"      speed_gain: {PLACEHOLDER}",
+            f"N m s/rad; {SPEED_RATE:g} * (rotor_inertia + {carried:.3g} / gear_ratio^2)",
+        ),
         _line(
             f"      integral_gain: {PLACEHOLDER}",
-            "torque per integrated speed error, N m/rad; with 0 angles drift",
+            f"N m/rad; {INTEGRAL_RATE:g} * speed_gain; with 0 angles drift",
         ),
     ]
     return lines

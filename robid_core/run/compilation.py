@@ -6,7 +6,7 @@ What a simulation does not need is compiled when it is called.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -24,7 +24,13 @@ _WIDTHS = 2
 """Codes that the simulator's outermost loop has: for one experiment and for eight at once."""
 
 
-def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int = 0) -> None:
+SIMULATION = ("simulation of one experiment", "simulation of eight experiments at once")
+"""What the contract of an effect simulates."""
+
+
+def compile_ahead(
+    note: Callable[[int, int, str], None] | None = None, jobs: int = 0, parts: Sequence[str] | None = None
+) -> None:
     """Compile the kernels of simulations, unless they are on disk.
 
     Parameters
@@ -33,23 +39,26 @@ def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int
         Told how many groups of kernels are compiled, of how many, and what is waited for.
     jobs
         Processes; 0 takes as many as there are processors.
+    parts
+        Groups of kernels by name; None: all.
     """
     if kept_codes(run_blocks) >= _WIDTHS:
         return
+    names = list(_PARTS) if parts is None else list(parts)
     tell = note if note is not None else _say_nothing
     with process_executor(jobs) as tasks:
-        text = f"compiling kernels, once, on {_processors(tasks)}"
-        tell(0, len(_PARTS), text)
-        for done, _ in enumerate(tasks.stream(_compile, [(name,) for name in _PARTS]), start=1):
-            tell(done, len(_PARTS), text)
+        text = f"compiling kernels, once, on {_processors(tasks, len(names))}"
+        tell(0, len(names), text)
+        for done, _ in enumerate(tasks.stream(_compile, [(name,) for name in names]), start=1):
+            tell(done, len(names), text)
 
 
 def _compile(name: str) -> None:
     _PARTS[name]()
 
 
-def _processors(tasks: ProcessMap) -> str:
-    return "one processor" if tasks.jobs == 1 else f"{min(tasks.jobs, len(_PARTS))} processors"
+def _processors(tasks: ProcessMap, most: int) -> str:
+    return "one processor" if tasks.jobs == 1 else f"{min(tasks.jobs, most)} processors"
 
 
 def _say_nothing(_done: int, _total: int, _text: str) -> None:

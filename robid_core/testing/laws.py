@@ -191,7 +191,8 @@ def check_slopes(law: TriedLaw) -> None:
                 )
                 raise ContractBroken(
                     f"{law.name}: {OUTPUTS[1 + row]} is {slope:.6g}, differences of the force are {found[0]:.6g} to "
-                    f"the left and {found[1]:.6g} to the right at {law.where(point, STEP)}{hint}"
+                    f"the left and {found[1]:.6g} to the right at {law.where(point, STEP)}; a law gives the force and "
+                    f"its derivatives in position and velocity{hint}"
                 )
 
 

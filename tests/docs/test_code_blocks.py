@@ -77,6 +77,12 @@ def make_what_pages_speak_of(folder: Path) -> None:
     for block in (1, 2):
         for experiment in (1, 2):
             np.savez(folder / "lab" / f"c1_b{block}_e{experiment}.npz", q=q + 0.01, current=current)
+    header = "Time [s],Angle [deg],Current [A]\n"
+    rows = "".join(f"{0.001 * k:.3f},{0.1 * k},{0.01 * k}\n" for k in range(40))
+    for run in range(1, 5):
+        (folder / "lab" / f"run_{run}.csv").write_text(header + rows)
+    listed = "".join(f"run_{run}.csv,{'test' if run == 4 else 'train'}\n" for run in range(1, 5))
+    (folder / "lab" / "runs.csv").write_text(f"file,role\n{listed}")
     (folder / "lab" / "raw.csv").write_text(
         "t,counts[1],counts[2],current[1],current[2],state\n"
         + "".join(f"{0.001 * i},{i},{i},0.1,0.2,5\n" for i in range(40))

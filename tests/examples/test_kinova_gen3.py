@@ -82,7 +82,7 @@ def refuses(found: Diagnosis) -> bool:
 def test_a_move_in_one_direction_carries_no_cause() -> None:
     found = explained(robot(), stage)
     assert refuses(found)
-    assert "cannot be told from what the model lacks" in found.verdict
+    assert "cannot be distinguished from what the model lacks" in found.verdict
     assert "experiments of the role test" in found.verdict
 
 

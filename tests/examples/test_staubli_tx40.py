@@ -91,7 +91,7 @@ def test_the_verdict_names_friction_that_curves_and_no_delay() -> None:
     named = " ".join((cause.effect, *cause.ties))
     assert "friction.power_law" in named
     assert "friction.eyring" in named
-    assert "cannot be told from what the model lacks" in found.verdict
+    assert "cannot be distinguished from what the model lacks" in found.verdict
     assert "its angle by" not in found.verdict
     before, after = (one.relative for one in found.errors)
     assert "role test" in found.errors[0].quantity

@@ -10,6 +10,7 @@ from pathlib import Path
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
 from robid_core.commands.recordings.screen import clock_text, listed
+from robid_core.robot.file.wording import PLACEHOLDER
 
 SAMPLE_TIME_S = 0.001  # written where no file tells the sampling time
 FIELDS = {
@@ -83,6 +84,10 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
     if first.guesses.constants:
         pairs = [f"{name} = {value:g}" for name, value in first.guesses.constants.items()]
         lines.append(f"  # constants of the file: {listed(pairs, 12)}")
+    if any(channel.quantity in ("torque", "current") for channel in _chosen(first)):
+        lines.append(
+            "  torque_hold: zero_order_hold  # guess: a digital controller; continuous: measured, filtered"
+        )
     lines.append("  channels:")
     taken = {channel.meaning for group in groups for channel in _chosen(group[0])}
     for group in groups:
@@ -117,6 +122,9 @@ def _channel_line(channel: Guess, taken: set[str], file: str) -> str:
     column = ", ".join(scalar(one) for one in channel.columns)
     entry = f"column: {column}" if len(channel.columns) == 1 else f"column: [{column}]"
     entry += f", unit: {channel.unit}"
+    if name == "motor_current" and "motor_torque" not in taken:
+        entry += f", torque_constant: {PLACEHOLDER}"  # N m/A; stages read torques
+        name = "motor_torque"
     if channel.unit == "count":
         entry += ", scale: 1.0, unit_to: rad"
     if channel.side == "joint":

@@ -73,9 +73,8 @@ def _grouped(signals: Mapping[str, FloatArray]) -> list[tuple[str, tuple[str, ..
 def _labels(name: str) -> Iterable[tuple[str, int]]:
     """Yield a name with one of its numbers taken out, and the number; of `position[elbow]` the part before it, -1."""
     joint = _JOINT.fullmatch(name)
-    if joint and not joint[2].strip().isdigit():
-        if "/" in joint[1] or "." in joint[1]:  # of a topic; elsewhere brackets hold units
-            yield joint[1], -1
+    if joint and not joint[2].strip().isdigit() and ("/" in joint[1] or "." in joint[1]):
+        yield joint[1], -1  # of a topic; elsewhere brackets hold units
         return
     for number in _NUMBER.finditer(name):
         label = name[: number.start()] + name[number.end() :]

@@ -129,7 +129,7 @@ def _by_name(family: Family, said: Said) -> Guess:
     known = said.quantity and not said.other
     reasons = ["name"] if known else ["not measured, by its name"] if said.other and said.quantity else []
     if known and said.unit:
-        reasons.append("unit told")
+        reasons.append("unit stated in the file")
     return Guess(
         label=family.label,
         columns=columns,

@@ -4,7 +4,10 @@ By size: a gear winds up by eight milliradians at its largest torque (main axes 
 a bearing with its links is twice as stiff across the axis as the gear is along it. What then swings above `HIGHEST_HZ`
 with the stretched arm behind it, motors held, is rigid for what motors can shake. By direction: a bearing gets the two
 directions across its axis, less those about the line of the next axis (`coaxial`), and those that no joint's motion
-stirs: a bearing is felt through the mass matrix alone.
+excites: a bearing is felt through the mass matrix alone.
+
+Speed controllers and sensors have the size of those of the packaged robots: `SPEED_RATE` and `INTEGRAL_RATE` lie within
+their range (5 to 70/s; 8/s), torque noise is 0.5 to 0.7 thousandths of their torque limits.
 
 These are numbers to begin with, no data: a fit has to find them, a sheet may give them.
 """
@@ -27,9 +30,13 @@ if TYPE_CHECKING:
 
 WIND_UP = 8e-3  # rad at the largest torque
 SLIDE = 1e-4  # m at the largest force
-UNKNOWN_HZ = 15.0  # of a gear whose torque nobody tells, with the stretched arm behind it
+UNKNOWN_HZ = 15.0  # of a gear whose torque the URDF does not give, with the stretched arm behind it
 BEARING_RATIO = 2.0
 HIGHEST_HZ = 100.0
+SPEED_RATE = 20.0  # 1/s, speed gain over the inertia at the motor shaft
+INTEGRAL_RATE = 8.0  # 1/s, integral gain over the speed gain
+TORQUE_NOISE = 6e-4  # rms of a sample over the torque limit
+USUAL_RATIO = 100.0  # of a gear whose ratio is not known yet
 DAMPING_RATIO = 0.03
 _PARALLEL = 1e-6
 _LEAST_COUPLING = 0.02  # cosine between two coordinates in the metric of the mass matrix
@@ -62,16 +69,27 @@ def proposed_gear(bodies: tuple[Body, ...], joint: str, effort: float | None) ->
     effort
         Largest torque or force at the joint; None: not known.
     """
-    slides = next(body for body in bodies if body.joint == joint).type == "prismatic"
-    carried = _carried_mass(bodies, joint) if slides else stretched_inertia(bodies, joint)
+    slides = _slides(bodies, joint)
+    carried = carried_inertia(bodies, joint)
     if effort is None:
         stiffness = carried * (2 * math.pi * UNKNOWN_HZ) ** 2
-        origin = f"{UNKNOWN_HZ:g} Hz with what it carries, no torque is told"
+        origin = f"{UNKNOWN_HZ:g} Hz with what it carries, the URDF gives no torque"
     else:
         wind_up = SLIDE if slides else WIND_UP
         stiffness, unit = effort / wind_up, "mm" if slides else "mrad"
         origin = f"{1000 * wind_up:g} {unit} at {effort:g} {'N' if slides else 'N m'}"
     return _spring(stiffness, carried, origin)
+
+
+def proposed_sensors(effort: float | None) -> str:
+    """Return the entry of a drive's sensors: a 20-bit encoder; torque noise where the torque limit is known."""
+    torque = f", torque_noise: {TORQUE_NOISE * effort / USUAL_RATIO:.2g}" if effort else ""
+    return f"{{encoder_counts: 1048576, position_noise: 2.0e-5{torque}}}"
+
+
+def carried_inertia(bodies: tuple[Body, ...], joint: str) -> float:
+    """Return what a joint moves with the stretched arm: kg m^2, or kg where it slides."""
+    return _carried_mass(bodies, joint) if _slides(bodies, joint) else stretched_inertia(bodies, joint)
 
 
 def proposed_bearing(bodies: tuple[Body, ...], joint: str, gear: ProposedSpring) -> ProposedSpring:
@@ -93,7 +111,7 @@ def bearing_directions(
         if same is not None:
             left.append(f"{letter}: the line of {same}, whose gear would be the same spring")
         elif (coupling := _coupling(chain, joint, direction)) < _LEAST_COUPLING:
-            left.append(f"{letter}: no joint's motion stirs it (coupling {coupling:.2g} at most)")
+            left.append(f"{letter}: no joint's motion excites it (coupling {coupling:.2g} at most)")
         else:
             kept[letter] = direction
     return kept, left
@@ -103,6 +121,10 @@ def locked_by_mimicry(mimics: Mapping[str, str]) -> dict[str, str]:
     """Return the joints of grippers and the like to lock, each with the reason: what mimics, and what is mimicked."""
     found = {joint: f"mimics {other}" for joint, other in mimics.items()}
     return found | {other: "others mimic it" for other in mimics.values() if other not in found}
+
+
+def _slides(bodies: tuple[Body, ...], joint: str) -> bool:
+    return next(body for body in bodies if body.joint == joint).type == "prismatic"
 
 
 def _coupling(chain: Chain, joint: str, direction: list[float]) -> float:

@@ -222,3 +222,22 @@ def test_a_big_table_with_decimal_commas_takes_the_fast_way(
     lines = [";".join(f"{value:.6f}".replace(".", ",") for value in row) + ";" for row in values]
     columns = CsvRecords.read(written(tmp_path, "\n".join(["a;b;c;", *lines, ""])))
     np.testing.assert_array_equal(np.stack(list(columns.values()), axis=1), values)
+
+
+@pytest.mark.parametrize("title", ["Test bench 3;12.03.2024\n", "Test bench 3\nOperator;A. B.;hall 2;\n\n"])
+@pytest.mark.parametrize("units", ["", "s;deg;A\n"])
+def test_a_title_above_the_header_is_left_out_and_reported(tmp_path: Path, title: str, units: str) -> None:
+    path = tmp_path / "bench.csv"
+    path.write_text(f"{title}time;angle;current\n{units}0,0001;1,5;0,25\n0,0002;1,6;0,26\n", encoding="utf-8")
+    columns = CsvRecords.read(path)
+    assert list(columns) == ["time", "angle", "current"]
+    assert columns["angle"].tolist() == [1.5, 1.6]
+    assert any("above the names of the columns are left out" in line for line in CsvRecords.describe(path))
+
+
+def test_a_header_of_another_length_is_no_title(tmp_path: Path) -> None:
+    """Two names above rows of three numbers: a name is missing, and no line below holds names."""
+    path = tmp_path / "short.csv"
+    path.write_text("time;angle\n0.1;1.5;0.25\n0.2;1.6;0.26\n", encoding="utf-8")
+    with pytest.raises(DataRejected):
+        CsvRecords.read(path)

@@ -560,6 +560,16 @@ def test_a_table_gives_places_times_roles_variants_and_constants(table: Path, re
     )
 
 
+def test_lines_without_a_place_are_experiments_of_one_block(table: Path, read: Read) -> None:
+    table.write_text(
+        "file;start_s;stop_s;role\nlong.npz;0;5;train\nlong.npz;10;15;train\nlong.npz;20;25;test\n"
+    )
+    record = read(index="lab/index.csv")
+    assert record.run.values("motor_position").shape == (1, 1, 3, 1, 50, 1)
+    np.testing.assert_allclose(firsts(record), [[[0.0, 0.1, 0.2]]])
+    np.testing.assert_array_equal(record.run.test, [[[False, False, True]]])
+
+
 def test_a_file_is_read_once_however_many_experiments_it_holds(
     table: Path, read: Read, monkeypatch: pytest.MonkeyPatch
 ) -> None:

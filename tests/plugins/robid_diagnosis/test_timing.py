@@ -112,7 +112,7 @@ def test_what_the_model_lacks_is_no_delay(tmp_path: Path, missing: Missing) -> N
     by_noise, _ = told(tmp_path, 0.0, nothing, 1.0)
     assert abs(timing.lag[0]) > max(0.1, 10 * by_noise.standard_error[0])
     assert off(timing, 0.0) < 3
-    assert "cannot be told from what the model lacks: axis_1" in words
+    assert "cannot be distinguished from what the model lacks: axis_1" in words
     assert "its angle by" not in words
 
 
@@ -125,4 +125,4 @@ def test_a_delay_that_all_parts_agree_about_is_told_though_much_is_missing(
     assert off(timing, 0.4) < 3
     assert abs(timing.lag[0] - 0.4) < 0.05
     assert "lags its angle by" in words
-    assert "cannot be told from" not in words
+    assert "cannot be distinguished from" not in words

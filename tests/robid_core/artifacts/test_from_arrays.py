@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import DataRejected, Frf, Record, Robot
+from robid_core import DataRejected, Diagnosis, Frf, Record, Robot
 from robid_core.artifacts.tables import Table
 from robid_core.testing import MassSpringPlant, example_frf, example_robot, plant_record
 
@@ -142,3 +142,10 @@ def test_a_table_shows_its_first_rows_and_escapes_text() -> None:
     assert "<b>bold" not in html
     assert html.count("<tr>") == 31
     assert "10 more rows" in html
+
+
+def test_a_diagnosis_prints_its_verdict() -> None:
+    assert (
+        str(Diagnosis(method="prediction", verdict="1.5 % of the torque is left."))
+        == "1.5 % of the torque is left."
+    )

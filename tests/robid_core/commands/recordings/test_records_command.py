@@ -103,6 +103,23 @@ def test_kinova_counts_samples(tmp_path: Path) -> None:
     assert settings(pasted(tmp_path, both, DATA))["pattern"] == "kinova_gen3/joint_{exp}_trapez.csv"
 
 
+def test_axes_in_columns_with_units_are_one_channel_and_a_current_waits_for_its_constant(
+    tmp_path: Path,
+) -> None:
+    time = np.arange(300) * 0.002
+    angle = np.stack([30 * np.sin(3 * time), 20 * np.cos(3 * time)], axis=1)
+    table = np.column_stack([time, angle, 0.1 * angle])
+    head = "Time [s];Angle A1 [deg];Angle A2 [deg];Current A1 [A];Current A2 [A]"
+    np.savetxt(tmp_path / "run.csv", table, delimiter=";", header=head, comments="")
+    text = "\n".join(stage_lines([inspect(tmp_path / "run.csv")], tmp_path))
+    assert 'motor_position: {column: ["Angle A1 [deg]", "Angle A2 [deg]"], unit: deg}' in text
+    assert (
+        'motor_torque: {column: ["Current A1 [A]", "Current A2 [A]"], unit: A, torque_constant: fill_in}'
+        in text
+    )
+    assert "torque_hold: zero_order_hold  # guess" in text
+
+
 def test_bam_is_uneven_and_has_constants(tmp_path: Path) -> None:
     one = inspect(real("bam_xl330/sin_sin_kp100.json"))
     assert one.guesses is not None
