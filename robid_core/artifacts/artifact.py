@@ -137,7 +137,7 @@ class Artifact:
                 changes[item.name] = value[tuple(where)]
         return self.replace(**changes)
 
-    def write(self, path: Path) -> None:
+    def write(self, path: Path | str) -> None:
         """Write the artifact to `path` (created or overwritten); equal content gives equal bytes.
 
         >>> import pathlib, tempfile, numpy as np, robid_core as robid
@@ -148,14 +148,14 @@ class Artifact:
         """
         from robid_core.artifacts.hdf5 import write_hdf5
 
-        write_hdf5(self, path)
+        write_hdf5(self, Path(path))
 
     @classmethod
-    def read(cls, path: Path) -> Self:
+    def read(cls, path: Path | str) -> Self:
         """Read an artifact of this class (or of a subclass that the file names) from `path`."""
         from robid_core.artifacts.hdf5 import read_hdf5
 
-        artifact = read_hdf5(path)
+        artifact = read_hdf5(Path(path))
         if not isinstance(artifact, cls):
             raise DataRejected(f"{path}: holds a {type(artifact).__name__}, not a {cls.__name__}")
         return artifact

@@ -19,15 +19,15 @@ class Report(Artifact):
 
     html: str
 
-    def write(self, path: Path) -> None:
+    def write(self, path: Path | str) -> None:
         """Write the page itself."""
-        path.write_text(self.html, encoding="utf-8")
+        Path(path).write_text(self.html, encoding="utf-8")
 
     @classmethod
-    def read(cls, path: Path) -> Self:
+    def read(cls, path: Path | str) -> Self:
         """Read the page back; StoreError where it cannot be read, or is no text."""
         try:
-            return cls(html=path.read_text(encoding="utf-8"))
+            return cls(html=Path(path).read_text(encoding="utf-8"))
         except UnicodeDecodeError as error:
             raise StoreError(
                 f"{path}: damaged at byte {error.start}, where no text is; robid run makes it again"

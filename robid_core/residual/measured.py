@@ -34,7 +34,8 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
     run = record.run
     if record.torque_hold != "zero_order_hold":
         raise DataRejected(
-            f"the torque is said to be {record.torque_hold}; the torque residual needs a held one"
+            f"the torque is said to be {record.torque_hold}, and the torque residual needs a held one; where drives "
+            "hold it from sample to sample, say torque_hold: zero_order_hold where the recording is read"
         )
     if not run.valid[:, :, :, discard:].all():
         raise DataRejected(

@@ -21,5 +21,6 @@ class FileKind:
 
 
 PIPELINE_FILE = FileKind("pipeline file", "`robid: 1`, or see `robid init`", 256 * 1024, 64)
+CHANNEL_MAP = FileKind("channel map", "`channels:`, or see `robid records`", 256 * 1024, 64)
 # A robot of a hundred axes with its bodies written out needs a tenth of this.
 ROBOT_FILE = FileKind("robot file", "`robid_robot: 1` and `name: ...`", 1024 * 1024, 100_000)
