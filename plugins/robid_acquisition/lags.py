@@ -58,7 +58,10 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
     common = float(np.average(lags, weights=weights))
     if np.ptp(lags) < ALIKE:
         turned = abs(common) * step * float(np.median(list(middle.values())))
-        if weights.sum() > 1 / SURE**2 and (wrong := _hold(record.torque_hold, common)):
+        sure = (
+            len(known) > 1 and weights.sum() > 1 / SURE**2
+        )  # of one axis friction may turn the phase as much
+        if sure and (wrong := _hold(record.torque_hold, common)):
             return [wrong]
         whose = "all torques that tell" if len(known) > 1 else f"the torque of {next(iter(known))}"
         return [_sentence(whose, common, step)] if abs(common) > LATE and turned > PHASE else []

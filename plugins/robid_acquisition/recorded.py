@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
+from robid_acquisition.agreement_of_channels import doubts_of_channels, empty_channels
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
@@ -119,15 +120,19 @@ class RecordedAcquisition(ReadFiles):
         """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it."""
         if self.plausibility == "refuse":
             refuse_jumps(record)
-        if self.plausibility != "ignore":
-            for words in doubts_of_limits(record):
+        if self.plausibility == "ignore":
+            return
+        if empty := list(empty_channels(record)):
+            for words in empty:
                 context.log.warning("%s", words)
-        slips = slips_of(record, robot) if self.plausibility != "ignore" else []
+            return
+        for words in (*doubts_of_limits(record), *doubts_of_channels(record, robot)):
+            context.log.warning("%s", words)
+        slips = slips_of(record, robot)
         if not slips:
-            if self.plausibility != "ignore":
-                of_values = doubts_of_zero(record, robot) or doubts_of_scale(record, robot)
-                for words in (*of_values, *doubts_of_timing(record, robot)):
-                    context.log.warning("%s", words)
+            of_values = doubts_of_zero(record, robot) or doubts_of_scale(record, robot)
+            for words in (*of_values, *doubts_of_timing(record, robot)):
+                context.log.warning("%s", words)
             return
         if self.plausibility == "refuse":
             raise DataRejected(

@@ -14,7 +14,7 @@ JUMP = 0.4  # of all that an angle spans, within one sample
 STEPS = 20.0  # times the largest of all other steps, but for one in a hundred
 SHORTEST = 50  # samples: in fewer a jump may be a motion
 NEAR = 0.05  # of a torque's range, below its largest value
-CUT = 3.0  # times as many samples at the largest value as near it
+CUT = 3.0  # times as many samples at the largest value as at any near it: noise repeats none, coarse values alike
 SHARE = 0.005  # of all samples
 
 
@@ -57,17 +57,21 @@ def _jumps(values: FloatArray) -> FloatArray:
     """Sizes of steps that no motion makes, (n_jump,)."""
     if len(values) < SHORTEST:
         return np.empty(0)
-    steps = np.abs(np.diff(values))
-    usual = float(np.quantile(steps, 0.99))
-    result: FloatArray = steps[(steps > JUMP * np.ptp(values)) & (steps > STEPS * usual)]
+    steps = np.diff(values)
+    size = np.abs(steps)
+    jumps = (size > JUMP * np.ptp(values)) & (size > STEPS * float(np.quantile(size, 0.99)))
+    back = jumps[1:] & jumps[:-1] & (steps[1:] * steps[:-1] < 0)  # spikes, which return at once
+    jumps[1:] &= ~back
+    jumps[:-1] &= ~back
+    result: FloatArray = size[jumps]
     return result
 
 
 def _cut_share(values: FloatArray) -> float:
-    """Share of samples at the largest value, where there are far more of them than near it; else zero."""
+    """Share of samples at the largest value, where far more have it than any value near it; else zero."""
     most, span = float(values.max()), float(np.ptp(values))
     if span == 0:
         return 0.0
-    at = int((values >= most - 1e-9 * span).sum())
-    near = int((values >= most - NEAR * span).sum()) - at
-    return at / len(values) if at > CUT * max(near, 1) else 0.0
+    near = np.round((most - values[values >= most - NEAR * span]) / (1e-9 * span))
+    _, count = np.unique(near, return_counts=True)  # from the largest value on
+    return count[0] / len(values) if count[0] > CUT * count[1:].max(initial=1) else 0.0

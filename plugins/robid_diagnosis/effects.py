@@ -21,6 +21,8 @@ from robid_core import (
     DataRejected,
     Diagnosis,
     DiagnosisStage,
+    FloatArray,
+    IntArray,
     Model,
     PredictionErrors,
     Record,
@@ -66,6 +68,7 @@ from robid_diagnosis.wording import (
     witness_line,
 )
 
+DEAD = 3  # values: what toggles by a count has as many
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 
@@ -326,15 +329,22 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
             f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10)"
         )
     for run in runs:
-        still = np.ptp(run.lanes("motor_torque").reshape(-1, robot.n_axis), axis=0) == 0
-        if still.any():
-            axis = robot.axis_names[int(np.argmax(still))]
+        levels = _levels(run.lanes("motor_torque").reshape(1, -1, robot.n_axis))
+        if (levels <= DEAD).any():
+            axis = robot.axis_names[int(np.argmin(levels))]
             raise DataRejected(
-                f"the torque of {axis} never changes: the channel is dead, or the drive was off"
+                f"the torque of {axis} never changes by more than a count: the channel is dead, or the drive was off"
             )
-        still = np.ptp(run.lanes("motor_position"), axis=1).max(axis=0) == 0
-        if still.any():
-            axis = robot.axis_names[int(np.argmax(still))]
+        levels = _levels(run.lanes("motor_position"))
+        if (levels <= DEAD).any():
+            axis = robot.axis_names[int(np.argmin(levels))]
             raise DataRejected(
-                f"the angle of {axis} does not change in any experiment: the channel is dead, or the axis was held"
+                f"the angle of {axis} does not change by more than a count in any experiment: the channel is dead, or "
+                "the axis was held"
             )
+
+
+def _levels(lanes: FloatArray) -> IntArray:
+    """Most values that each axis takes in any of the lanes (n_lane, n_sample, n_axis), (n_axis,)."""
+    count = (np.count_nonzero(np.diff(np.sort(lanes, axis=1), axis=1), axis=1) + 1).max(axis=0)
+    return np.asarray(count, dtype=np.int64)

@@ -22,7 +22,7 @@ class ArithmeticMean(Averaging):
     Each block needs an experiment for every axis; with more, ``U^-1`` is the pseudo-inverse. One block states no
     covariance unless it has experiments to spare.
 
-        frf: {use: frf.ari, with: {discard: 0}}
+        frf: {use: frf.ari}
     """
 
     def run(self, record: Record, context: Context) -> Frf:

@@ -92,7 +92,7 @@ class Averaging(FrfEstimator):
 
     needs_lines = True
 
-    discard: NonNegativeInt | None = 0
+    discard: NonNegativeInt | None = None
     """Leading periods dropped as transient, beyond those that were not recorded; null: those that differ from the
     last ones by more than noise does (a record in steady state loses one in a thousand times at most)."""
     half_window: NonNegativeInt | None = None

@@ -16,7 +16,7 @@ class H1(Averaging):
 
     One block is enough; a covariance needs an experiment more than there are axes.
 
-        frf: {use: frf.h1, with: {discard: 0}}
+        frf: {use: frf.h1}
     """
 
     def run(self, record: Record, context: Context) -> Frf:

@@ -24,7 +24,7 @@ class HarmonicMean(Averaging):
     outputs do not span all axes are masked too. The covariance is that of the mean to first order in the noise,
     where all means are alike.
 
-        frf: {use: frf.harmonic, with: {discard: 0}}
+        frf: {use: frf.harmonic}
     """
 
     def run(self, record: Record, context: Context) -> Frf:

@@ -54,7 +54,7 @@ class Indirect(Averaging):
     The record needs a channel speed_reference; position_reference is used where there is one. The log warns where
     the torque that the controller must have asked for is not the measured one.
 
-        frf: {use: frf.indirect, with: {discard: 0}}
+        frf: {use: frf.indirect}
     """
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:

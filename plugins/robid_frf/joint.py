@@ -39,7 +39,7 @@ class JointInputOutput(Averaging):
     The record needs a channel speed_reference or position_reference. One block is enough; a covariance needs an
     experiment more than there are axes.
 
-        frf: {use: frf.jio, with: {discard: 0}}
+        frf: {use: frf.jio}
     """
 
     def run(self, record: Record, context: Context) -> Frf:

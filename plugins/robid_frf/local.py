@@ -47,7 +47,7 @@ class LocalMethod(FrfEstimator):
     """What the data choose for each configuration: the size of the windows, the orders (equal above and
     below), or both; by how well lines are predicted from their neighbours alone. What is chosen is not looked
     at otherwise."""
-    discard: NonNegativeInt | None = 0
+    discard: NonNegativeInt | None = None
     """Leading periods dropped as transient, beyond those that were not recorded; null: those that differ from the
     last ones by more than noise does."""
     half_window: NonNegativeInt | None = None

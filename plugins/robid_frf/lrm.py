@@ -16,6 +16,7 @@ from pydantic import NonNegativeInt
 from robid_core import ComplexArray, ConfigurationError, Context, Frf, Record, Robot
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.estimation.response.local.prior import pole_frequencies
+from robid_core.residual import leading_periods
 from robid_frf.local import LocalMethod
 
 
@@ -59,7 +60,11 @@ class LocalRational(LocalMethod):
         model = LocalModel(
             self.parametrization, self.numerator_order, self.denominator_order, self.transient_order
         )
-        poles = nominal_poles(record, robot, self.discard or 0) if self.prior_poles else None
+        poles = (
+            nominal_poles(record, robot, leading_periods((record,), self.discard))
+            if self.prior_poles
+            else None
+        )
 
         def options(configuration: int) -> dict[str, Any]:
             return {

@@ -142,6 +142,11 @@ def cut_transient(
     return 0, []
 
 
+def left_out(record: Record, discard: int) -> tuple[str, ...]:
+    """Say how many leading periods are not used; nothing where all are."""
+    return (f"{discard} of {record.run.n_period} periods left out",) if discard else ()
+
+
 def drift_in_words(record: Record, context: Context, q: ComplexArray, discard: int) -> list[str]:
     """Warn where motor angles do not close over a period and disturb a line by more than a percent; say the most."""
     position = record.run.values("motor_position")[:, :, :, discard:].mean(axis=4)

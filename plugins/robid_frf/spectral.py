@@ -25,9 +25,10 @@ from robid_core import (
 from robid_core.estimation.response.detection import distortion_levels
 from robid_core.estimation.response.spectra import refuse_masked
 from robid_core.estimation.response.welch import bands, equivalent_segments, speed_rms
+from robid_core.residual import leading_periods
 from robid_frf.averaging import tell_masked
 from robid_frf.cross_spectra import Estimated, Instruments, Stated, estimate_lines, state
-from robid_frf.reading import LineSpectra, read_spectra
+from robid_frf.reading import LineSpectra, left_out, read_spectra
 from robid_frf.segments import (
     POSITION,
     Columns,
@@ -73,9 +74,9 @@ class Spectral(FrfEstimator):
     """Lines on a logarithmic grid, each an average over the bins next to it; by default every bin is a line."""
     frequency_hz: tuple[PositiveFloat, ...] | None = None
     """Lines to average to, in place of `lines`."""
-    discard: NonNegativeInt | None = 0
-    """Leading periods dropped as transient, beyond those that were not recorded; null, for whole periods: those that
-    differ from the last ones by more than noise does."""
+    discard: NonNegativeInt | None = None
+    """Leading periods dropped as transient, beyond those that were not recorded; null: those that differ from the last
+    ones by more than noise does."""
     half_window: NonNegativeInt | None = None
     """Lines on either side that share a covariance; by default none where a line has enough of its own."""
     condition_limit: float = Field(default=1e6, gt=1)
@@ -89,8 +90,6 @@ class Spectral(FrfEstimator):
                 raise ValueError(
                     f"{idle[0]}: whole periods are estimated at the excited lines; set segment_s too"
                 )
-        elif self.discard is None:
-            raise ValueError("discard: segments cannot tell a transient; say how many periods")
         if self.lines is not None and self.frequency_hz is not None:
             raise ValueError("lines, frequency_hz: give one of them")
         if self.band_hz is not None and self.band_hz[0] >= self.band_hz[1]:
@@ -104,13 +103,13 @@ class Spectral(FrfEstimator):
         names = self._instrument_names(record)
         spectra: LineSpectra | None = None
         cut: Cut | None = None
-        discard = self.discard or 0
         if self.segment_s is None:
             spectra = self._periods(record, context, names)
             columns, discard = whole_periods(spectra), spectra.discard
         else:
             cut = cut_record(record, self.segment_s, self.overlap, self.window, self.band_hz)
-            columns = self._segments(record, context, cut)
+            discard = leading_periods((record,), self.discard, context.log)
+            columns = self._segments(record, context, cut, discard)
         groups, frequency = self._lines(record, cut)
         estimated = [
             estimate_lines(one, groups, cut, names, self.condition_limit, f"configuration {c}")
@@ -135,7 +134,10 @@ class Spectral(FrfEstimator):
             axis_names=record.axis_names,
             estimator=f"spectral, {self.approach}",
             pooling="; ".join(
-                (_in_words(columns[0], cut, total, noise), *(spectra.words if spectra else ()))
+                (
+                    _in_words(columns[0], cut, total, noise),
+                    *(spectra.words if spectra else left_out(record, discard)),
+                )
             ),
             sample_time_s=record.run.sample_time_s,
             torque_hold=record.torque_hold,
@@ -176,10 +178,10 @@ class Spectral(FrfEstimator):
             )
         return read_spectra(record, context, self.discard, "reference" in names)
 
-    def _segments(self, record: Record, context: Context, cut: Cut) -> list[Columns]:
-        """Spectra of all segments."""
+    def _segments(self, record: Record, context: Context, cut: Cut, discard: int) -> list[Columns]:
+        """Spectra of all segments after some periods."""
         degree = {"none": None, "mean": 0, "trend": 1}[self.detrend]
-        columns = segment_columns(record, cut, self.discard or 0, degree)
+        columns = segment_columns(record, cut, discard, degree)
         dropped = sum(int((~one.kept).sum()) for one in columns)
         if dropped:
             context.log.warning("%d segments have missing samples and are left out", dropped)

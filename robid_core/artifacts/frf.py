@@ -291,6 +291,8 @@ class Frf(Artifact):
                 pooled = pool_lines(products, weight, valid, power, mean, record.frequency_hz, half_window)
         if pooled is not None:
             pooling = f"scatter of {n_block} blocks, pooled over {2 * pooled.half_window + 1} lines"
+        if discard:
+            pooling = f"{pooling}; {discard} of {record.run.n_period} periods left out"
         refuse_masked(valid, record.frequency_hz)
         speed_rms, slow_sine_speed = record.speed_levels(discard)
         return cls(

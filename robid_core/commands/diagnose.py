@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,13 +39,28 @@ class Asked:
 
 
 def command(
-    records: Annotated[
-        list[Path],
-        typer.Argument(metavar="RECORD...", help="Records of the drives (.mcap), at least four experiments."),
-    ],
     robot: Annotated[
         str, typer.Option("--robot", help="The nominal robot: a robot file, or a packaged one.")
     ],
+    records: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="RECORD...",
+            help="Recordings with at least four experiments: records of robid, or with --channels any that it reads.",
+        ),
+    ] = None,
+    more: Annotated[
+        list[Path] | None, typer.Option("--records", metavar="RECORD", help="The same as RECORD.")
+    ] = None,
+    channels: Annotated[
+        Path | None,
+        typer.Option(
+            "--channels",
+            metavar="MAP",
+            help="Channel map of recordings that are no records of robid, which `robid records RECORD --output MAP` "
+            "writes; without RECORD the files that it names are read.",
+        ),
+    ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option("--only", metavar="EFFECT", help="Try these only, EFFECT or EFFECT@AXIS."),
@@ -88,6 +104,8 @@ def command(
 ) -> None:
     """Find what a simulation gets wrong: refit the robot, hold every effect against what is left, extend the robot.
 
+    Recordings are records of robid (MCAP, HDF5), or any other files (CSV, MAT, NPZ, Parquet, bags) with a channel map.
+
     Writes diagnosis.yaml, a pipeline, and runs it: in runs/diagnosis/ there are then the page, verdict.explain.json and
     robot.explain.yaml, the extended robot. With --continue the experiment that separates ties is measured, and all
     records are judged again (verdict.explain_again.json). An interrupted diagnosis goes on with the same command.
@@ -99,18 +117,19 @@ def command(
     if test and (only or exclude):
         raise ConfigurationError("--test asks for one law; leave --only and --exclude away")
     apart = keep_apart or []
-    records = [*records, *apart]
-    root, names = below_one_folder(records, data)
+    files = [*(records or []), *(more or []), *apart]
+    root, sources = read_sources(files, channels, data)
+    names = [str(one["path"]) for one in sources] if files else []
     asked = Asked(
         [test] if test else only or [],
         exclude or [],
-        robots_of(variant or [], records, names),
+        robots_of(variant or [], files, names),
         names[len(names) - len(apart) :],
     )
     drives = drives_of(continued) if continued is not None else None
 
     def run(experiment: SeparatingExperiment | None = None) -> Pipeline:
-        write_pipeline(pipeline_text(robot, names, asked, drives, experiment))
+        write_pipeline(pipeline_text(robot, sources, asked, drives, experiment))
         pipeline = load_pipeline(Path(FILE), None, root)
         run_and_tell(pipeline, RunOptions(), f"robid run {FILE} --data {root}", quiet, verbose)
         return pipeline
@@ -133,6 +152,30 @@ def write_pipeline(text: str) -> None:
     if path.exists() and not path.read_text(encoding="utf-8").startswith(HEADING):
         raise ConfigurationError(f"{FILE} exists and was not written by robid diagnose; move it away")
     path.write_text(HEADING + text, encoding="utf-8")
+
+
+def read_sources(
+    files: list[Path], channels: Path | None, data: Path | None
+) -> tuple[Path, list[dict[str, Any]]]:
+    """Return the data root, and the settings that read each recording: `files`, or what a channel map names itself.
+
+    Raises ConfigurationError where there is neither, a file is missing, or has no channel map and needs one.
+    """
+    from robid_core.commands.recordings.map_file import SOURCES, read_map, settings_of_record
+    from robid_core.errors import ConfigurationError
+    from robid_core.pipeline.places import find_places
+
+    maps = read_map(channels) if channels is not None else []
+    if files:
+        root, names = below_one_folder(files, data)
+        return root, [
+            settings_of_record(file, name, maps, channels) for file, name in zip(files, names, strict=True)
+        ]
+    if not maps or not all(any(one.get(key) for key in SOURCES) for one in maps):
+        raise ConfigurationError(
+            "no recordings are given; name the files, or a channel map that does (path, pattern or index)"
+        )
+    return find_places(Path(FILE), data).data_root, maps
 
 
 def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list[str]]:
@@ -159,6 +202,10 @@ def robots_of(variants: list[str], records: list[Path], names: list[str]) -> dic
     """
     from robid_core.errors import ConfigurationError
 
+    if variants and not records:
+        raise ConfigurationError(
+            "--variant names one of the RECORDs, and none is given; a channel map has `variant`"
+        )
     named = {record.resolve(): name for record, name in zip(records, names, strict=True)}
     found = {}
     for one in variants:
@@ -174,22 +221,25 @@ def robots_of(variants: list[str], records: list[Path], names: list[str]) -> dic
 
 def pipeline_text(
     robot: str,
-    records: list[str],
+    sources: Sequence[Mapping[str, Any]],
     asked: Asked,
     drives: dict[str, Any] | None = None,
     experiment: SeparatingExperiment | None = None,
 ) -> str:
-    """Return the pipeline that reads records and explains them; with an experiment, measures it and explains all."""
+    """Return the pipeline that reads records and explains them; with an experiment, measures it and explains all.
+
+    `sources` are settings of `acquisition.recorded`.
+    """
     import json
 
     stages: dict[str, Any] = {
         f"record_{number + 1}": {
             "use": "acquisition.recorded",
-            "with": {"path": name}
-            | ({"variant": name} if name in asked.robots else {})
-            | ({"role": "test"} if name in asked.apart else {}),
+            "with": dict(source)
+            | ({"variant": source["path"]} if source.get("path") in asked.robots else {})
+            | ({"role": "test"} if source.get("path") in asked.apart else {}),
         }
-        for number, name in enumerate(records)
+        for number, source in enumerate(sources)
     }
     names, told = list(stages), "explain"
     stages[told] = {"use": "diagnosis.effects", "inputs": {"record": names}, "with": asked.settings}

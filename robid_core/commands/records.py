@@ -20,13 +20,19 @@ def command(
     words: Annotated[list[str], typer.Argument(metavar="[recover] PATH...", help="Recordings, or folders.")],
     form: Annotated[str, typer.Option("--format", help="Reader; by default from the file's suffix.")] = "",
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Where `recover` writes the record (HDF5).")
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Where the stages are written, too, as a channel map; of `recover`: the record (HDF5).",
+        ),
     ] = None,
     data: DataRoot = None,
 ) -> None:
     """Say what recordings hold, channel by channel: what each may be and why, range, rate, gaps, missing values.
 
-    Ends with the stage that reads them, to be pasted into a pipeline; what is a guess is marked so.
+    Ends with the stage that reads them, to be pasted into a pipeline; what is a guess is marked so. `--output` writes
+    it to a file, too, which `robid diagnose --channels` takes.
     `robid records recover FILE` saves what is left of a raw log that was cut, missing samples marked as such.
     """
     if words[0] == _RECOVER and len(words) > 1:
@@ -41,7 +47,24 @@ def command(
         return
     shown = inspected([Path(word) for word in words], form)
     if shown:
-        typer.echo("\n".join(pipeline_lines(shown, data)))
+        lines = pipeline_lines(shown, data)
+        typer.echo("\n".join(lines))
+        if output is not None:
+            write_map(output, lines)
+
+
+def write_map(output: Path, lines: Sequence[str]) -> None:
+    """Write a channel map; a file that exists is not overwritten, and nothing is written where there is no map."""
+    from robid_core.errors import ConfigurationError, StoreError
+
+    if len(lines) < 2:
+        raise ConfigurationError(f"{output}: not written, since no channel was recognised")
+    if output.exists():
+        raise StoreError(f"{output}: exists already and is not overwritten; give another --output")
+    output.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    typer.echo(
+        f"\n{output}: written; check its guesses, then `robid diagnose --channels {output} ...` takes it"
+    )
 
 
 def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:

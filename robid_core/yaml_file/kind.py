@@ -28,6 +28,14 @@ class FileKind:
 PIPELINE_FILE = FileKind(
     "pipeline file", "`robid: 1`, or see `robid init`", 256 * 1024, 64, "robid", "`robid validate` checks it"
 )
+CHANNEL_MAP = FileKind(
+    "channel map",
+    "`channels:`, or see `robid records`",
+    256 * 1024,
+    64,
+    "channels",
+    "`robid diagnose --channels` takes it",
+)
 # A robot of a hundred axes with its bodies written out needs a tenth of this.
 ROBOT_FILE = FileKind(
     "robot file",

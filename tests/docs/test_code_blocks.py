@@ -73,7 +73,8 @@ def make_what_pages_speak_of(folder: Path) -> None:
     (folder / "arm.urdf").write_text(URDF)
     (folder / "two_axes.yaml").write_text(TWO_AXES)
     (folder / "lab").mkdir()
-    q, current = np.zeros((40, 2)), np.ones((40, 2))
+    angle = 0.3 * np.arange(40)[:, None] + np.array([0.0, 1.0])
+    q, current = np.sin(angle), np.cos(angle)
     for block in (1, 2):
         for experiment in (1, 2):
             np.savez(folder / "lab" / f"c1_b{block}_e{experiment}.npz", q=q + 0.01, current=current)

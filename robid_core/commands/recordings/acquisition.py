@@ -81,6 +81,11 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
     if first.guesses is None:
         return lines
     lines += _time_lines(first)
+    taken = {channel.meaning for group in groups for channel in _chosen(group[0])}
+    if any(name.endswith("_torque") for name in taken):
+        lines.append(
+            "  torque_hold: zero_order_hold  # guess: drives hold what they command; else continuous"
+        )
     if first.guesses.constants:
         pairs = [f"{name} = {value:g}" for name, value in first.guesses.constants.items()]
         lines.append(f"  # constants of the file: {listed(pairs, 12)}")
@@ -89,7 +94,6 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
             "  torque_hold: zero_order_hold  # guess: a digital controller; continuous: measured, filtered"
         )
     lines.append("  channels:")
-    taken = {channel.meaning for group in groups for channel in _chosen(group[0])}
     for group in groups:
         other = "" if group is groups[0] else _below(group[0].file, root)
         lines += [f"    {_channel_line(channel, taken, other)}" for channel in _chosen(group[0])]

@@ -78,7 +78,7 @@ def inspect(file: Path, form: str = "") -> Inspected:
     reader = guarded_reader(name)
     lines = tuple(reader.describe(file))
     with _quiet():  # what readers log stands in the description
-        if _is_record(reader, file):
+        if _reads_record(reader, file):
             return Inspected(file, name, lines, is_record=True)
         try:
             columns = reader.read(file)
@@ -88,7 +88,17 @@ def inspect(file: Path, form: str = "") -> Inspected:
     return Inspected(file, name, _further(lines, columns), guess_channels(columns, units, file.stem))
 
 
-def _is_record(reader: Any, file: Path) -> bool:
+def is_record(file: Path) -> bool:
+    """Whether a file is a record of robid, which needs no channel map; raises what a reader of columns raises."""
+    reader = guarded_reader(reader_name(file, ""))
+    with _quiet():
+        if _reads_record(reader, file):
+            return True
+        reader.read(file)
+    return False
+
+
+def _reads_record(reader: Any, file: Path) -> bool:
     if not hasattr(reader, "read_record"):
         return False
     try:

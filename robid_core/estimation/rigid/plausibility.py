@@ -182,7 +182,8 @@ def slips_in(recorded: Recorded, axis_names: Sequence[str]) -> list[Slip]:
     """
     found = list[Slip]()
     while len(found) <= len(axis_names):
-        helping = list(_helping(recorded, axis_names, _slips(recorded.drives, axis_names)))
+        tried = [*_slips(recorded.drives, axis_names), *_likely_units(recorded, axis_names)]
+        helping = list(_helping(recorded, axis_names, tried))
         if not helping and not found:
             likely = [slip for _, slip, _ in _helping(recorded.thinned(FEW), axis_names, _pairs(axis_names))]
             pairs = [(slip, range(len(axis_names))) for slip in likely]
@@ -245,6 +246,42 @@ def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Se
         Slip("the torques look like those at the motors", f"motor_torque: {at_motor}", whole, motor.T),
         every,
     )
+
+
+def _likely_units(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """Units of one axis that few of the samples speak for; of one axis they are those of all."""
+    if len(names) > 1:
+        for _, slip, _ in _helping(recorded.thinned(FEW), names, _units(recorded.drives, names)):
+            yield slip, range(len(names))
+
+
+def _units(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """Another unit, or the other side of the gear, of one axis."""
+    whole, every, degree = np.eye(drives.n_axis), range(drives.n_axis), np.pi / 180
+    for a, name in enumerate(names):
+        ratio = abs(1 / float(drives.gear[a, a]))
+        for factor, seen, remedy in (
+            (degree, "degrees", "motor_position: unit: deg"),
+            (1 / degree, "radians that were taken for degrees", "motor_position: unit: rad"),
+            (2 * np.pi, "turns", "motor_position: unit: turn"),
+            (ratio, "that of the joint", "motor_position: side: joint"),
+            (1 / ratio, "that of the motor", "motor_position: side: motor"),
+        ):
+            what, told = f"the angle of {name} looks like {seen}", f"{remedy} for {name}"
+            yield Slip(what, told, _times(factor, a, whole), whole), every
+        for factor, seen, remedy in (
+            (1 / ratio, "that at the joint", "motor_torque: side: joint"),
+            (ratio, "that at the motor", "motor_torque: side: motor"),
+            (1e-3, "thousandths, as of mA", "motor_torque: scale: 0.001"),
+        ):
+            what, told = f"the torque of {name} looks like {seen}", f"{remedy} for {name}"
+            yield Slip(what, told, whole, _times(factor, a, whole)), (a,)
+
+
+def _times(factor: float, axis: int, whole: FloatArray) -> FloatArray:
+    scaled = whole.copy()
+    scaled[axis, axis] = factor
+    return scaled
 
 
 def _signs(names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:

@@ -39,6 +39,7 @@ from robid_frf.harmonic import HarmonicMean
 from robid_frf.indirect import Indirect
 from robid_frf.joint import JointInputOutput
 from robid_frf.logarithmic import LogarithmicMean
+from robid_frf.spectral import Spectral
 from robid_frf.two_stage import TwoStage
 
 PLAIN = [H1(), ArithmeticMean(), HarmonicMean(), LogarithmicMean(), JointInputOutput(), TwoStage()]
@@ -270,7 +271,7 @@ def test_blocks_with_experiments_to_spare_and_with_too_few() -> None:
             estimate(each, blocks_of(1))
 
 
-def test_a_transient_is_cut_when_asked_and_told_when_not(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_transient_is_cut_and_told_where_it_is_kept(caplog: pytest.LogCaptureFixture) -> None:
     plant = MassSpringPlant.of(2)
     record = plant_record(plant, n_period=4, noise=0.001)
 
@@ -279,19 +280,22 @@ def test_a_transient_is_cut_when_asked_and_told_when_not(caplog: pytest.LogCaptu
         values["motor_position"][:, :, :, 0, :, 0] += 1e-3 * ringing
 
     settling = changed(record, settle)
-    kept = estimate(H1(), settling)
+    kept = estimate(H1(discard=0), settling)
     assert "1 of 4 periods kept are not in steady state; set discard: 1" in caplog.text
     assert "1 of 4 periods kept are not in steady state" in kept.pooling
-    cut, asked = estimate(H1(discard=None), settling), estimate(H1(discard=1), settling)
+    cut, asked = estimate(H1(), settling), estimate(H1(discard=1), settling)
     assert "1 of 4 periods cut as transient" in cut.pooling
     assert (cut.response == asked.response).all()
     assert (
         np.abs(kept.response - asked.response).max()
         > 10 * np.abs(asked.response - plant.response(record.frequency_hz)).max()
     )
-    clean = estimate(H1(discard=None), record)
+    segments = Spectral(segment_s=0.5)
+    assert "1 of 4 periods left out" in estimate(segments, settling).pooling
+    assert "left out" not in estimate(segments, record).pooling
+    clean = estimate(H1(), record)
     assert "0 of 4 periods cut as transient" in clean.pooling
-    assert (clean.response == estimate(H1(), record).response).all()
+    assert (clean.response == estimate(H1(discard=0), record).response).all()
 
 
 def test_distortion_is_stated_where_detection_lines_were_left_out() -> None:
@@ -359,7 +363,7 @@ def test_half_periods_missing_samples_and_nan_are_named() -> None:
     with pytest.raises(
         DataRejected, match="missing in configuration 1, block 0, experiment 1, period 2, at 0.5000 s"
     ):
-        estimate(H1(discard=None), record.replace(runs=(run.replace(valid=valid),)))
+        estimate(H1(), record.replace(runs=(run.replace(valid=valid),)))
 
     def spoil(values: dict[str, FloatArray]) -> None:
         values["speed_reference"][0, 1, 0, 1, 3, 1] = np.nan

@@ -74,7 +74,7 @@ def test_what_was_simulated_elsewhere_is_simulated_here(
     monkeypatch.chdir(tmp_path)
     drives = drives_of(Path("lab/lab.yaml"))
     assert drives == {"use": "simulated", "with": {"plant": "lab/plant.yaml"}}
-    text = pipeline_text("one_axis", ["a.mcap"], Asked(), drives, EXPERIMENT)
+    text = pipeline_text("one_axis", [{"path": "a.mcap"}], Asked(), drives, EXPERIMENT)
     (tmp_path / FILE).write_text(text, encoding="utf-8")
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     assert tuple(pipeline.stage(AGAIN).inputs["record"]) == ("record_1", "measure_next")

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
+from typing import Any
 
+import h5py
+import numpy as np
 import pytest
+import scipy.io
 
+from robid_core import Context, Record, Robot
+from robid_core.commands import records
 from robid_core.commands.diagnose import (
     FILE,
     HEADING,
@@ -13,17 +20,21 @@ from robid_core.commands.diagnose import (
     below_one_folder,
     command,
     pipeline_text,
+    read_sources,
     robots_of,
 )
 from robid_core.errors import ConfigurationError
 from robid_core.pipeline import Pipeline
+from robid_core.stage import map_in_process
 
 
 def test_the_pipeline_reads_every_record_and_explains_them_together(tmp_path: Path) -> None:
     """It is valid, and asks for what was asked for."""
     for name in ("a.mcap", "b.mcap"):
         (tmp_path / name).write_bytes(b"")
-    text = pipeline_text("one_axis", ["a.mcap", "b.mcap"], Asked(only=["friction.stribeck@axis_1"]))
+    text = pipeline_text(
+        "one_axis", [{"path": "a.mcap"}, {"path": "b.mcap"}], Asked(only=["friction.stribeck@axis_1"])
+    )
     (tmp_path / FILE).write_text(text, encoding="utf-8")
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     stages = {node.name: node for node in pipeline.stages}
@@ -40,7 +51,9 @@ def test_a_record_of_another_payload_has_its_robot(tmp_path: Path) -> None:
     names = [path.name for path in records]
     robots = robots_of([f"{records[1]}=arm.yaml"], records, names)
     assert robots == {"loaded.mcap": "arm.yaml"}
-    (tmp_path / FILE).write_text(pipeline_text("one_axis", names, Asked(robots=robots)), encoding="utf-8")
+    (tmp_path / FILE).write_text(
+        pipeline_text("one_axis", [{"path": name} for name in names], Asked(robots=robots)), encoding="utf-8"
+    )
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     assert [pipeline.stage(f"record_{k}").stage.variant for k in (1, 2)] == ["", "loaded.mcap"]  # type: ignore[attr-defined]
     assert list(pipeline.stage("explain").stage.robots) == ["loaded.mcap"]  # type: ignore[attr-defined]
@@ -53,7 +66,7 @@ def test_a_record_that_is_kept_apart_has_the_role_test(tmp_path: Path) -> None:
     """It is read last, and explained with the others, which then keep it for the last judgement."""
     for name in ("a.mcap", "b.mcap"):
         (tmp_path / name).write_bytes(b"")
-    text = pipeline_text("one_axis", ["a.mcap", "b.mcap"], Asked(apart=["b.mcap"]))
+    text = pipeline_text("one_axis", [{"path": "a.mcap"}, {"path": "b.mcap"}], Asked(apart=["b.mcap"]))
     (tmp_path / FILE).write_text(text, encoding="utf-8")
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     assert [pipeline.stage(f"record_{k}").stage.role for k in (1, 2)] == ["", "test"]  # type: ignore[attr-defined]
@@ -75,15 +88,99 @@ def test_records_are_named_below_the_folder_that_holds_them_all(tmp_path: Path) 
 def test_a_file_of_somebody_else_is_not_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nor is anything run."""
     monkeypatch.chdir(tmp_path)
-    record, mine = tmp_path / "a.mcap", tmp_path / FILE
-    record.write_bytes(b"")
+    record, mine = tmp_path / "a.h5", tmp_path / FILE
+    Record.from_arrays(sample_time_s=ROBOT.sample_time_s, robot=ROBOT, **COLUMNS).write(record)
     mine.write_text("robid: 1\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match="was not written by robid diagnose"):
-        command([record], "one_axis")
+        command("one_axis", [record])
     assert mine.read_text(encoding="utf-8") == "robid: 1\n"
     assert HEADING.startswith("#")
 
 
 def test_a_test_of_one_law_stands_alone(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="--test asks for one law"):
-        command([tmp_path / "a.mcap"], "one_axis", only=["friction.dahl"], test="friction.stribeck@axis_1")
+        command("one_axis", [tmp_path / "a.mcap"], only=["friction.dahl"], test="friction.stribeck@axis_1")
+
+
+ROBOT = Robot.load("one_axis")
+TIME = ROBOT.sample_time_s * np.arange(400)
+COLUMNS = {"motor_position": 40 + np.sin(9 * TIME), "motor_torque": 0.5 * np.cos(9 * TIME)}
+
+
+def recording(path: Path) -> None:
+    """Write the columns in the format that a suffix names."""
+    columns = {"time_s": TIME, **COLUMNS}
+    if path.suffix == ".csv":
+        head = ",".join(columns)
+        np.savetxt(path, np.stack(list(columns.values()), axis=1), delimiter=",", header=head, comments="")
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, columns)
+    elif path.suffix == ".npz":
+        np.savez(path, **columns)  # type: ignore[arg-type]
+    elif path.suffix == ".parquet":
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(pyarrow.table(columns), path)
+    else:
+        with h5py.File(path, "w") as file:
+            for name, values in columns.items():
+                file[name] = values
+
+
+def read_record(folder: Path, root: Path, sources: list[dict[str, Any]]) -> Record:
+    """Read the first record of the pipeline that a diagnosis writes."""
+    (folder / FILE).write_text(pipeline_text("one_axis", sources, Asked()), encoding="utf-8")
+    stage = Pipeline.load(folder / FILE, data_root=root).stage("record_1").stage
+    context = Context(
+        np.random.default_rng(0), map_in_process, lambda *_, **__: None, logging.getLogger("lab"), root
+    )
+    return stage.run(ROBOT, context)  # type: ignore[attr-defined, no-any-return]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "mat", "npz", "parquet", "h5"])
+def test_what_people_have_is_read_by_the_map_that_records_writes(tmp_path: Path, suffix: str) -> None:
+    """To the last sample; the map may be left to name the files, and a record of robid needs none."""
+    file, channels = tmp_path / f"monday.{suffix}", tmp_path / "channels.yaml"
+    recording(file)
+    records.command([str(file)], output=channels, data=tmp_path)
+    text = channels.read_text(encoding="utf-8")
+    channels.write_text(f"{text.rstrip()}\n      plausibility: ignore\n", encoding="utf-8")
+    for files in ([file], []):
+        record = read_record(tmp_path, *read_sources(files, channels, tmp_path))
+        assert record.torque_hold == "zero_order_hold"
+        for name, values in COLUMNS.items():
+            np.testing.assert_allclose(record.run.values(name).ravel(), values, rtol=1e-12, atol=1e-12)
+    own = tmp_path / "own.h5"
+    record.write(own)
+    assert read_sources([own], None, tmp_path)[1] == [{"path": "own.h5"}]
+
+
+def test_a_missing_map_is_one_sentence_with_the_command_that_writes_it(tmp_path: Path) -> None:
+    file, channels = tmp_path / "monday.csv", tmp_path / "channels.yaml"
+    recording(file)
+    with pytest.raises(
+        ConfigurationError, match=rf"`robid records {file} --output channels.yaml` writes one"
+    ):
+        read_sources([file], None, None)
+    with pytest.raises(ConfigurationError, match="there is no such file"):
+        read_sources([file], channels, None)
+    channels.write_text("name: nothing\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="holds no channel map"):
+        read_sources([file], channels, None)
+    with pytest.raises(ConfigurationError, match="no recordings are given"):
+        read_sources([], None, None)
+
+
+def test_of_several_maps_the_one_that_fits_the_file_is_taken(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("a.csv", "b.npz")]
+    channels = tmp_path / "channels.yaml"
+    for file in files:
+        recording(file)
+    each = "{use: acquisition.recorded, with: {path: %s, sample_time_s: %g, channels: {}}}"
+    stages = "\n".join(f"  read_{k}: {each % (name, k)}" for k, name in enumerate(("old.csv", "b.npz"), 1))
+    channels.write_text(f"stages:\n{stages}\n", encoding="utf-8")
+    _, sources = read_sources(files, channels, None)
+    assert [(one["path"], one["sample_time_s"]) for one in sources] == [("a.csv", 1), ("b.npz", 2)]
+    channels.write_text(channels.read_text().replace("b.npz", "c.csv"), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="name the file as the path of one"):
+        read_sources(files, channels, None)

@@ -1,0 +1,91 @@
+"""A channel map as a file: settings of `acquisition.recorded`, as `robid records ... --output` writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from robid_core.commands.recordings.inspection import is_record
+from robid_core.errors import ConfigurationError
+from robid_core.yaml_file.kind import CHANNEL_MAP
+from robid_core.yaml_file.nodes import Node
+from robid_core.yaml_file.parsing import read_nodes
+from robid_core.yaml_file.problems import FileProblems, ProblemList
+
+SOURCES = ("path", "pattern", "index")
+_STAGE = "acquisition.recorded"
+
+
+def read_map(file: Path) -> list[dict[str, Any]]:
+    """Return the settings of every `acquisition.recorded` in a file: under `stages`, of one stage, or bare settings.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is no such file, it is no YAML, or it says nothing of channels.
+    """
+    if not file.is_file():
+        raise ConfigurationError(f"{file}: there is no such file; {advice('RECORDING')}")
+    problems = ProblemList(str(file))
+    root = read_nodes(file.read_text(encoding="utf-8"), CHANNEL_MAP, problems)
+    if root is None or problems.problems:
+        raise FileProblems(problems.problems)
+    found = [one for one in _settings(root) if any(key in one for key in ("channels", *SOURCES))]
+    if not found:
+        raise ConfigurationError(f"{file}: holds no channel map; {advice('RECORDING')}")
+    return found
+
+
+def _settings(root: Node) -> list[dict[str, Any]]:
+    plain = root.plain()
+    if not isinstance(plain, dict):
+        return []
+    stages = plain.get("stages", {"": plain} if "use" in plain else None)
+    if stages is None:
+        return [plain]
+    used = [one for one in stages.values() if isinstance(one, dict) and one.get("use") == _STAGE]
+    return [dict(one.get("with") or {}) for one in used]
+
+
+def settings_of_record(
+    file: Path, name: str, maps: Sequence[Mapping[str, Any]], map_file: Path | None
+) -> dict[str, Any]:
+    """Return the settings that read a recording, called `name` below the data root.
+
+    Records of robid need none; else the map that names the file is taken, or the one for files of its kind.
+
+    Raises
+    ------
+    ConfigurationError
+        Where no map is given, or several might be meant.
+    """
+    if is_record(file):
+        return {"path": name}
+    if map_file is None:
+        raise ConfigurationError(
+            f"{file}: needs a channel map, which says in what columns the motors' angles and torques are; "
+            f"{advice(str(file))}"
+        )
+    suffix = PurePosixPath(name).suffix
+    named = [one for one in maps if PurePosixPath(_source(one)).name == PurePosixPath(name).name]
+    alike = [one for one in maps if PurePosixPath(_source(one)).suffix == suffix]
+    chosen = next((some for some in (named, alike, maps) if len(some) == 1), None)
+    if chosen is None:
+        raise ConfigurationError(
+            f"{map_file}: has {len(maps)} channel maps, and none alone fits {file}; name the file as the path of one"
+        )
+    (one,) = chosen
+    return {"path": name} | {key: value for key, value in one.items() if key not in SOURCES}
+
+
+def _source(settings: Mapping[str, Any]) -> str:
+    return str(next((settings[key] for key in SOURCES if settings.get(key)), ""))
+
+
+def advice(recordings: str) -> str:
+    """Say how a channel map comes about."""
+    return (
+        f"`robid records {recordings} --output channels.yaml` writes one to be checked, and "
+        "`--channels channels.yaml` gives it"
+    )
