@@ -34,7 +34,8 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
     run = record.run
     if record.torque_hold != "zero_order_hold":
         raise DataRejected(
-            f"the torque is said to be {record.torque_hold}; the torque residual needs a held one"
+            "the record does not say that the torque is held from sample to sample, as the torque residual takes it; "
+            "where a controller sets it once a sample, read the record with torque_hold: zero_order_hold"
         )
     if not run.valid[:, :, :, discard:].all():
         raise DataRejected(
