@@ -155,7 +155,7 @@ class EffectTorque:
         """
         felt = self._transfer(direction)[..., axis]
         size = np.abs(felt)
-        well = size >= FELT * size.max(axis=1, keepdims=True)
+        well = (size > 0) & (size >= FELT * size.max(axis=1, keepdims=True))
         inverse = np.where(well, 1 / np.where(well, felt, 1.0), 0.0)
         force: ComplexArray = (torque[..., axis] * inverse[:, None])[..., None]
         return force
