@@ -2,7 +2,8 @@
 
 How a parameter is searched is told by its effect where that says it (`regressor`: the law is linear in it), and by its
 unit and the motion where it says nothing: orders are counted through, phases come as sine and cosine, speeds and gaps
-are shares of what is moved through, levels follow the friction that is told. An effect of a stranger needs no more.
+are shares of what is moved through, angles that may have either sign lie where the axis was, levels follow the friction
+that is told. An effect of a stranger needs no more.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ ORDERS = (*(float(order) for order in range(1, 17)), 18.0, 20.0, 24.0)
 SPEEDS = (0.15, 0.5)  # of the rms speed
 GAPS = (0.01, 0.04, 0.15, 0.5)  # of the deflection that is hardly exceeded, both ways
 WAYS = (0.01, 0.1, 1.0)  # of the rms position: until a law with memory slides
+WIDTHS = (0.5, 2.0)  # of the rms position: within what a law of the angle acts
+MOST_POSES = 48  # where a law of the angle may act
 LIMITS = (0.7, 0.85, 0.95)  # of the largest signal
 TIMES = (0.5, 2.0)  # samples
 SEEN = 0.02  # of the torque limit: friction where none is told
@@ -65,6 +68,8 @@ class Scales:
     sample_time: float
     orders: tuple[float, ...] = ORDERS
     """Of waves of the angle, periods a turn."""
+    poses: tuple[float, ...] = ()
+    """Angles that were visited, an rms position apart, rad; none at a spring or for a signal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +173,8 @@ def _choices(row: Parameter, linear: bool, levels: Sequence[Parameter], scales: 
         found = [share * scales.speed for share in SPEEDS]
     elif row.unit == "1/turn":
         found = list(scales.orders)
-    elif row.unit == "rad" and row.name != "phase" and row.default > 0:
-        found = [2 * share * scales.deflection for share in GAPS]
+    elif row.unit == "rad" and row.name != "phase" and (scales.poses or row.default > 0):
+        found = _angles(row, scales)
     elif row.unit == "s" and row.upper <= 1.0 and row.default > 0:
         found = [share * scales.sample_time for share in TIMES]
     elif row.unit == "N m" and levels:
@@ -185,8 +190,26 @@ def _choices(row: Parameter, linear: bool, levels: Sequence[Parameter], scales: 
     return list(dict.fromkeys(clipped.tolist()))
 
 
+def _is_pose(row: Parameter, effect: type[Effect]) -> bool:
+    """Whether a number may be the angle of an axis where a law acts."""
+    on_axis = issubclass(effect, ForceEffect) and effect.sides[0] not in BOTH_SPRINGS
+    return on_axis and row.unit == "rad" and row.lower < 0 < row.upper
+
+
+def _angles(row: Parameter, scales: Scales) -> list[float]:
+    """Values of an angle: a gap of a spring, or where and within what a law of the axis' angle acts."""
+    if not scales.poses:
+        return [2 * share * scales.deflection for share in GAPS]
+    if row.lower < 0 < row.upper:
+        return list(scales.poses)
+    return [share * scales.position for share in WIDTHS] if row.default > 0 else [row.default]
+
+
 def shape_of(effect: type[Effect], linear: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that a search may move: not linear, no phase, free to vary between bounds, begun from the motion."""
+    """Parameters that a search may move: not linear, no phase, free to vary between bounds, begun from the motion.
+
+    Also angles that may have either sign where a law acts on the axis' angle; at zero nothing moves them.
+    """
     if {"order", "phase"} <= {row.name for row in effect.parameters}:
         return ("order",)
     units = ["rad/s", "1/turn", "rad", "s", "N m/rad"] + ["N m"] * issubclass(effect, SignalEffect)
@@ -194,7 +217,7 @@ def shape_of(effect: type[Effect], linear: Sequence[str]) -> tuple[str, ...]:
     return tuple(
         row.name
         for row in effect.parameters
-        if row.name not in held and row.unit in units and row.default > 0
+        if row.name not in held and row.unit in units and (row.default > 0 or _is_pose(row, effect))
     )
 
 
@@ -240,4 +263,16 @@ def scales_at(
         friction_speed=friction_speed / ratio,
         sample_time=place.sample_time,
         orders=orders,
+        poses=()
+        if at_spring or signal is not None
+        else _visited(position, float(np.sqrt((swing**2).mean()))),
     )
+
+
+def _visited(position: FloatArray, apart: float) -> tuple[float, ...]:
+    """Angles that lanes, (n_lane, n_time), were at, so far apart or so much farther that MOST_POSES are enough."""
+    lowest = float(position.min())
+    cell = apart or 1.0
+    while len(found := np.unique(np.floor((position - lowest) / cell))) > MOST_POSES:
+        cell *= 1.25
+    return tuple((lowest + (found + 0.5) * cell).tolist())

@@ -180,7 +180,7 @@ class Motion:
         shape = shape_of(effect, linear)
         scales = self.scales(place, effect)
         values = [one for start in effect.starts(place) for one in grid(effect, linear, scales, start)]
-        return [Candidate(use, spot, effect, one, place, shape) for one in values]
+        return [Candidate(use, spot, effect, one, place, tuple(n for n in shape if one[n])) for one in values]
 
     def whole(self, candidate: Candidate, values: Mapping[str, float]) -> FloatArray:
         """All that an effect does with some values, in standard deviations, (n_row,)."""

@@ -69,6 +69,7 @@ from robid_diagnosis.wording import (
 )
 
 DEAD = 3  # values: what toggles by a count has as many
+UNRELATED = 0.9  # of a torque, left by all that was tried: a law that hides in the data leaves the rest of the motion's
 FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 
@@ -152,6 +153,7 @@ class Effects(DiagnosisStage):
         case, tests = self._case(record, robot, robots, discard)
         selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
         outcome = selection.run()
+        _check_related(outcome.final)
         for one in self.only:
             if one.partition("@")[0] not in outcome.searches[0].tried:
                 raise ConfigurationError(
@@ -233,7 +235,12 @@ class Effects(DiagnosisStage):
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
         if self.only:
             last = outcome.searches[-1]
-            lines += [asked_line(*hit.candidate.key, hit.gain.total, last.p_value(hit)) for hit in last.hits]
+            found = {(cause.effect, cause.on, cause.side) for cause in causes}
+            lines += [
+                asked_line(*hit.candidate.key, hit.gain.total, last.p_value(hit))
+                for hit in last.hits
+                if hit.candidate.key not in found
+            ]
         lines.append(
             f"Misfit {outcome.base.misfit:.3g} with all values refitted"
             + (f", {final.misfit:.3g} with what was found." if outcome.steps else ".")
@@ -308,6 +315,27 @@ class Effects(DiagnosisStage):
                 "or the robot file's drives cannot follow them"
             )
         return best
+
+
+def _check_related(final: Fitted) -> None:
+    """Refuse torques that are not those of the recorded motion: whatever was tried leaves all of them, but the mean."""
+    parts = zip(final.problem.residuals(final.point), final.problem.blocks, strict=True)
+    powers = np.array(
+        [
+            [(np.abs(one[:, :, 1:]) ** 2).sum(axis=(0, 1, 2)) for one in (left, block.motion.torque_spectrum)]
+            for left, block in parts
+        ]
+    )
+    left, measured = powers.sum(axis=0)
+    table = misfit_table(final.problem, final.point)
+    misfit = np.nanmedian(np.hstack((table.lines, table.other)), axis=1)
+    share = np.where(misfit > DOUBTFUL, np.sqrt(left / measured), 0.0)  # an axis at rest has noise alone
+    worst = int(np.argmax(share))
+    if share[worst] > UNRELATED:
+        raise DataRejected(
+            f"the motion explains nothing of the torque of {table.axis_names[worst]}: {100 * share[worst]:.0f} % of it "
+            "is left whatever is fitted; is it this axis' channel, and of the same time?"
+        )
 
 
 def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) -> None:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from robid_core import ComplexArray, FloatArray, SignalEffect
+from robid_core import ComplexArray, FloatArray, ForceEffect, SignalEffect
 from robid_core.residual import BoundEffect, EffectTorque
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Fitted
@@ -24,7 +24,7 @@ BY_LOAD = "load_"  # parameters of laws that grow with the load
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Mean torques of one motor, N m, (n_part,), over a variable."""
+    """Mean torques, N m, (n_part,), over a variable: of one motor, or at the joint for a law that acts there."""
 
     variable: str
     abscissa: FloatArray
@@ -39,19 +39,44 @@ def picture_of(fitted: Fitted, addition: Addition) -> Picture:
     bound = next((one for one in motion.robot.effects if one.label == addition.label), None)
     if bound is None:
         return _over_frequency(motion, residuals, addition)
-    axis = bound.place.axis
     abscissa, left, done = [], [], []
     for one, residual in zip(motion.along, residuals, strict=True):
         name, values, way = _variable(one, addition, bound)
         abscissa.append(values.ravel())
-        left.append((way * one.motion.over_time(residual)[..., axis]).ravel())
-        done.append((way * one.motion.over_time(one.of_effect(bound))[..., axis]).ravel())
+        rest, law = (
+            _at_joint(one, residual, bound)
+            if _is_felt_dynamically(bound)
+            else _at_motor(one, residual, bound)
+        )
+        left.append((way * rest).ravel())
+        done.append((way * law).ravel())
     x, law = np.concatenate(abscissa), np.concatenate(done)
     order = np.array_split(np.argsort(x), PARTS)
     means = (
         np.array([values[part].mean() for part in order]) for values in (x, np.concatenate(left) + law, law)
     )
     return Picture(name, *means)
+
+
+def _is_felt_dynamically(bound: BoundEffect) -> bool:
+    """Whether a law acts beyond the motor, which feels of it what the arm makes of it: nothing at low frequencies."""
+    return issubclass(bound.effect, ForceEffect) and bound.place.side != "motor"
+
+
+def _at_motor(one: EffectTorque, residual: ComplexArray, bound: BoundEffect) -> tuple[FloatArray, FloatArray]:
+    """What is left and what a law does, as torques of the motor, N m, (n_config, n_exp, n_time) each."""
+    spectra = residual, one.of_effect(bound)
+    left, law = (one.motion.over_time(spectrum)[..., bound.place.axis] for spectrum in spectra)
+    return left, law
+
+
+def _at_joint(one: EffectTorque, residual: ComplexArray, bound: BoundEffect) -> tuple[FloatArray, FloatArray]:
+    """Likewise where the law acts; what is left, of the bins in which the motor feels such a torque."""
+    shape = one.motion.angle.shape[:3]
+    (direction, force), *_ = one.forces_of(bound)
+    finer = force.shape[1] // shape[2]
+    left = one.motion.over_time(one.force_behind(residual, direction, bound.place.axis))[..., 0]
+    return left, force[:, ::finer].reshape(shape)
 
 
 def _over_frequency(motion: Motion, residuals: Sequence[ComplexArray], addition: Addition) -> Picture:

@@ -7,6 +7,8 @@ k q_rest cannot be told from a friction offset on one pose, and not from gravity
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
@@ -38,6 +40,11 @@ class CableSpring(ForceEffect):
             "definition: 10 * 1.5 + 1.5 * 2",
         ),
     )
+
+    @classmethod
+    def starts(cls, place: Place | None) -> tuple[Mapping[str, float], ...]:
+        """At rest at zero: another rest angle is a constant torque more."""
+        return ({"rest_angle": 0.0},)
 
     @classmethod
     def regressor(

@@ -13,6 +13,8 @@ friction of the seals is friction.*.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
@@ -77,6 +79,11 @@ class Counterbalance(ForceEffect):
         per_length = (1.0 if preload >= 0 else -1.0) / gas_length
         length = np.sqrt(squares - 2 * product * np.cos(mounting_angle))
         return np.array([squares, product, mounting_angle, preload, stiffness, per_length, exponent, length])
+
+    @classmethod
+    def starts(cls, place: Place | None) -> tuple[Mapping[str, float], ...]:
+        """Mounted along the arm at its zero."""
+        return ({"mounting_angle": 0.0},)
 
     @classmethod
     def regressor(

@@ -145,9 +145,9 @@ class LogResponseFit(Estimator):
         )
 
     def _result(self, robot: Robot, problem: LogResponseProblem, best: Minimum, agree: int) -> Fit:
-        free, names, frf, n = problem.free, problem.names, problem.frf, len(problem.free.names)
+        free, names, n = problem.free, problem.names, len(problem.free.names)
         cost, gradients, matrices = problem.by_configuration(best.point)
-        freedom = 2 * problem.used.sum() * frf.response.shape[2] ** 2 - len(names)
+        freedom = problem.n_told(best.point) - len(names)
         status = best.message
         seen = np.diag(matrices.sum(axis=0)) > 0
         seen[n:] = True  # nuisances that nothing shows keep their prior, and harm nothing

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from robid_core import ComplexArray, FloatArray, FreeParameters, Frf, Robot, mechanism_change
 from robid_core.mechanics import ResponseGradient, with_motor_impedance
 from robid_fit.friction_gain import FrictionGain
-from robid_fit.response_weights import stacked
+from robid_fit.response_weights import is_uncoupled, stacked, with_floor
 
 Equations = tuple[float, FloatArray, FloatArray]
 
@@ -61,7 +61,7 @@ class LogResponseProblem:
         self._factor = factor
         self._omega = 2 * np.pi * frf.frequency_hz
         self._hold = free.robot.sample_time_s if frf.torque_hold == "zero_order_hold" else None
-        self._log_measured = np.where(used[..., None], np.log(stacked(frf.response) + 0j), 0.0)
+        self._log_measured = np.where(used[..., None], np.log(stacked(with_floor(frf.response)) + 0j), 0.0)
         safe = np.where(used[..., None, None], covariance, np.eye(covariance.shape[-1]))
         self._whitener = np.where(used[..., None, None], np.linalg.inv(np.linalg.cholesky(safe)), 0.0)
 
@@ -115,9 +115,15 @@ class LogResponseProblem:
         excess = along(self.friction.at(self.parts(point)[1])[0]) * (1j * omega[:, None])
         result = with_motor_impedance(plain, excess, omega, self._hold).response
         if robot.signals:
-            result = result * (robot.response(angle, frequency_hz, damping, hold) / plain.response)
+            result = result * (
+                robot.response(angle, frequency_hz, damping, hold) / with_floor(plain.response)
+            )
         scaled: ComplexArray = result * (along(self._factor) if isinstance(self._factor, np.ndarray) else 1.0)
         return scaled
+
+    def n_told(self, point: FloatArray) -> int:
+        """Real numbers that the data tell: two for each entry of a used line by which an axis acts on another."""
+        return 2 * int((~is_uncoupled(self.model(point)))[self.used].sum())
 
     def cost(self, point: FloatArray) -> float:
         """Sum of squared standardised residuals, (3.2) with W the inverse covariance, and what priors add."""
@@ -149,7 +155,7 @@ class LogResponseProblem:
 
     def _residual(self, response: ComplexArray) -> ComplexArray:
         """Residuals (3.1), phase wrapped to half a turn, in standard deviations; zero on unused lines."""
-        error = self._log_measured - np.log(stacked(response) + 0j)
+        error = self._log_measured - np.log(stacked(with_floor(response)) + 0j)
         error = error.real + 1j * (np.remainder(error.imag + np.pi, 2 * np.pi) - np.pi)
         whitened: ComplexArray = np.einsum("cfde,cfe->cfd", self._whitener, error)
         return whitened
@@ -172,7 +178,8 @@ class LogResponseProblem:
         result: ComplexArray = plant.response * self._factor
         if robot.signals:
             told = self._told(point)
-            result = result * (robot.response(*told) / robot.response_with_gradient(*told).response)
+            linear = with_floor(robot.response_with_gradient(*told).response)
+            result = result * (robot.response(*told) / linear)
         return result
 
     def _of_robot(
@@ -197,7 +204,9 @@ class LogResponseProblem:
             elif i not in by_matrices:
                 moved = point.copy()
                 moved[i] += STEP
-                columns[:, :, i] = (1 - stacked(self.model(moved)) / stacked(model)) / STEP
+                columns[:, :, i] = (
+                    1 - stacked(with_floor(self.model(moved))) / stacked(with_floor(model))
+                ) / STEP
         return columns
 
     def _by_matrices(self, robot: Robot) -> list[int]:
@@ -219,7 +228,9 @@ class LogResponseProblem:
         excess = self.friction.at(own)[0] * (1j * self._omega[:, None])
         model = robot.second_order(angle, motor_damping)
         moved = robot.batches.response_slopes(model, slopes, self._omega, self._hold, excess)
-        result: ComplexArray = -stacked(np.moveaxis(moved, -1, 2)) / stacked(plant.response)[:, :, None]
+        result: ComplexArray = (
+            -stacked(np.moveaxis(moved, -1, 2)) / stacked(with_floor(plant.response))[:, :, None]
+        )
         return result
 
     def _of_friction(self, point: FloatArray, plant: ResponseGradient) -> ComplexArray:
@@ -234,5 +245,6 @@ class LogResponseProblem:
 
 def _square(vector: ComplexArray, plant: ResponseGradient) -> ComplexArray:
     """``vec(x x^T) / vec(G)`` of transfer vectors (n_config, n_freq, n_axis)."""
-    result: ComplexArray = stacked(vector[..., :, None] * vector[..., None, :]) / stacked(plant.response)
+    square = vector[..., :, None] * vector[..., None, :]
+    result: ComplexArray = stacked(square) / stacked(with_floor(plant.response))
     return result

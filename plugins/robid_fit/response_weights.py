@@ -14,6 +14,7 @@ from robid_core import BoolArray, ComplexArray, FloatArray, Frf
 # Entries noisier than this carry a biased logarithm (E1(SNR)/2: 0.2 % at 6 dB, 11 % at 0 dB).
 LOWEST_SIGNAL_TO_NOISE = 4.0
 NO_WEIGHT = 1e6  # variance of the logarithm of an entry that is not used
+UNCOUPLED = 1e-9  # of the diagonal's size: responses of axes that do not act on one another, and rounding
 
 
 def covariance_of_logarithm(
@@ -91,14 +92,31 @@ def log_covariance(
     model_error, coupling_share
         See above, dimensionless.
     """
-    g = stacked(response)
-    diagonal = np.sqrt(np.abs(np.einsum("fii->fi", response)))
-    floor = stacked(diagonal[:, :, None] * diagonal[:, None, :])
+    g = stacked(with_floor(response))
+    floor = stacked(diagonal_size(response))
     relative = covariance / (g[:, :, None] * g[:, None, :].conj())
     variance = model_error**2 * (1 + (coupling_share * floor / np.abs(g)) ** 2)
     index = np.arange(g.shape[1])
     relative[:, index, index] += variance
     return relative
+
+
+def diagonal_size(response: ComplexArray) -> FloatArray:
+    """``sqrt(|g_ii g_jj|)``, the size that entries off the diagonal have beside it; shape of the response."""
+    diagonal = np.sqrt(np.abs(np.einsum("...ii->...i", response)))
+    result: FloatArray = diagonal[..., :, None] * diagonal[..., None, :]
+    return result
+
+
+def is_uncoupled(response: ComplexArray) -> BoolArray:
+    """Entries by which no axis acts on another (a gantry has such): they have no logarithm. Shape of the response."""
+    return np.abs(response) < UNCOUPLED * diagonal_size(response)
+
+
+def with_floor(response: ComplexArray) -> ComplexArray:
+    """Return a response (..., n_axis, n_axis) whose uncoupled entries are small in place of zero."""
+    result: ComplexArray = np.where(is_uncoupled(response), UNCOUPLED * diagonal_size(response), response)
+    return result
 
 
 def stacked(matrix: npt.NDArray[np.generic]) -> ComplexArray:

@@ -14,6 +14,7 @@ import numpy as np
 
 from robid_core import ComplexArray, FloatArray, Frf, Robot
 from robid_core.estimation.response.controller import controller_response, feedback_from_acceleration
+from robid_fit.response_weights import with_floor
 
 NODE = np.sqrt(1.5)
 """Of the three-node rule for sines, in standard deviations; each node weighs a third, so does the middle."""
@@ -45,5 +46,5 @@ def slow_motion_gain(robot: Robot, frf: Frf, motor_damping: FloatArray) -> Compl
     one = np.eye(n_axis)
     middle, *others = [np.linalg.solve(one + g * feedback[:, None, :], g) for g in responses]
     mean = middle + sum(moved - middle for moved in others) / 3
-    result: ComplexArray = mean @ np.linalg.inv(one - feedback[:, :, None] * mean) / responses[0]
+    result: ComplexArray = mean @ np.linalg.inv(one - feedback[:, :, None] * mean) / with_floor(responses[0])
     return result

@@ -8,6 +8,7 @@ What the law does to the motion itself is left out: it is of second order in the
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from robid_core.robot.effects import BoundEffect
 from robid_core.robot.forces_along import RobotMotion, forces_along
 
 FINER = 4  # points a sample on which laws are evaluated
+FELT = 0.1  # of the largest torque for a force: bins below tell little about the force
 
 
 class EffectTorque:
@@ -126,20 +128,37 @@ class EffectTorque:
 
     def of_effect(self, bound: BoundEffect) -> ComplexArray:
         """All that an effect does with its parameters."""
-        terms = bound.effect.bind(bound.parameters, bound.place)
         if issubclass(bound.effect, SignalEffect):
-            (term,) = terms
+            (term,) = bound.effect.bind(bound.parameters, bound.place)
             assert isinstance(term, SignalTerm)
             return self._of_signal(
                 bound, signal_change(self.robot, term, self._asked(bound.effect.invertible))
             )
         total: ComplexArray = np.zeros_like(self.motion.torque_spectrum)
-        for term in terms:
+        for direction, force in self.forces_of(bound):
+            total += self.of_force(direction, force)
+        return total
+
+    def forces_of(self, bound: BoundEffect) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Direction and force, (n_lane, n_time) on the finer grid, of each term of a law on forces."""
+        for term in bound.effect.bind(bound.parameters, bound.place):
             assert isinstance(term, ForceTerm)
             at = *self.seen(term.coordinate), self.load_of(term.load)
             run = law_along(term, *at, self.along.step, settle=self.along.settle if term.n_state else 0)
-            total += self.of_force(term.direction, run.force)
-        return total
+            yield term.direction, run.force
+
+    def force_behind(self, torque: ComplexArray, direction: FloatArray, axis: int) -> ComplexArray:
+        """Force along a direction that a motor feels as a torque, (n_config, n_exp, n_bin, 1).
+
+        Of the bins in which it feels the force at least FELT times as much as anywhere: in the others, which are zero
+        here, the torque says little about it.
+        """
+        felt = self._transfer(direction)[..., axis]
+        size = np.abs(felt)
+        well = (size > 0) & (size >= FELT * size.max(axis=1, keepdims=True))
+        inverse = np.where(well, 1 / np.where(well, felt, 1.0), 0.0)
+        force: ComplexArray = (torque[..., axis] * inverse[:, None])[..., None]
+        return force
 
     def of_structure(self, changed: Robot) -> ComplexArray:
         """What a change of the robot itself adds, as far as its linear model tells."""

@@ -75,7 +75,7 @@ def explained(told: Robot, asked: Callable[[str], Any]) -> Diagnosis:
 def refuses(found: Diagnosis) -> bool:
     """Whether nothing is claimed: no cause, no wrong value, no delay."""
     lines = found.verdict.split("\n")
-    delays = [line for line in lines if line.startswith("Timing") and "cannot be told" not in line]
+    delays = [line for line in lines if line.startswith("Timing") and "cannot be distinguished" not in line]
     return not (found.findings or delays or any(line.startswith("Values") for line in lines))
 
 

@@ -7,12 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from robid_core import ForceEffect, Robot, SignalEffect
+from robid_core import ForceEffect, Parameter, Robot, SignalEffect
 from robid_core.residual import effect_class as load
 from robid_diagnosis.candidates import (
     ORDERS,
     Candidate,
     Scales,
+    Spot,
     catalogue,
     grid,
     place_at,
@@ -67,6 +68,30 @@ def test_a_search_moves_what_is_not_linear_and_no_width_of_a_sign() -> None:
     assert shape_of(load("friction.stribeck"), ("coulomb", "breakaway", "viscous")) == ("stribeck_speed",)
     assert shape_of(load("drive.torque_ripple"), ("amplitude", "relative")) == ("order",)
     assert shape_of(load("transmission.backlash"), ()) == ("gap",)
+
+
+def test_a_law_of_the_angle_is_tried_where_the_axis_was(robot: Robot) -> None:
+    """A number of either sign lies at a visited angle, one above zero is a share of the swing; a spring has neither."""
+
+    class Latch(load("load.cable_spring")):  # type: ignore[misc]
+        parameters = (
+            Parameter("peak", "N m", 1.0, 0.0, 9.0, "at the centre"),
+            Parameter("centre", "rad", 0.0, -7.0, 7.0, "of the latch"),
+            Parameter("width", "rad", 0.1, 0.0, 7.0, "of the latch"),
+        )
+
+    place = place_at(robot, Spot("axis_2", "arm"))
+    assert place is not None
+    swing = 0.2 * np.sin(np.linspace(0, 2 * np.pi, 400, endpoint=False))
+    seen = np.stack((swing - 1.5, swing + 0.9))
+    scales = scales_at(robot, place, seen, seen, None, 0.7, 10.0)
+    values = grid(Latch, ("peak",), scales)
+    rms = 0.2 / np.sqrt(2)
+    for angle in seen.ravel():
+        assert min(abs(angle - one["centre"]) for one in values) <= 0.51 * rms
+    assert all(np.abs(seen - one["centre"]).min() < rms for one in values)
+    assert sorted({one["width"] for one in values}) == pytest.approx([0.5 * rms, 2 * rms])
+    assert shape_of(Latch, ("peak",)) == ("centre", "width")
 
 
 def test_scales_are_those_of_the_place(robot: Robot) -> None:

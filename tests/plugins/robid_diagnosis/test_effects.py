@@ -62,6 +62,13 @@ def test_a_hidden_effect_is_named_and_sized(
     off = abs(finding.value[i] - values[name])
     assert off < 4 * finding.standard_error[i] or off < 0.02 * values[name]
     assert off < 0.05 * values[name]
+    if case == "gear":  # drawn where it acts, a whole wave as high as the gear is stiff
+        assert finding.explained is not None
+        height = diagnosis.values.as_mapping()["gear_stiffness.axis_1"] * finding.value[i]
+        assert np.ptp(finding.explained) / 2 == pytest.approx(
+            height, rel=0.05
+        )  # means over 1/48 turn: 1 % less
+        assert np.abs(finding.residual - finding.explained).max() < 0.1 * height
     before, after = (errors.relative[0] for errors in diagnosis.errors)
     assert after < 0.6 * before
     assert diagnosis.model is not None
@@ -223,6 +230,8 @@ def test_wrong_input_is_one_sentence(told: Robot, plant_of: Plants, measured: Me
         DataRejected, match="the record has the axes axis_1, the robot six_axis has axis_1, axis_2"
     ):
         diagnosed(record, Robot.load("six_axis"))
+    with pytest.raises(DataRejected, match="read the record with torque_hold: zero_order_hold"):
+        diagnosed(measured(plant_of(told, 5), 6).replace(torque_hold="continuous"), told)
     (run,) = measured(plant_of(told, 5), 6).runs
     angle = run.channel("motor_position")
     held = replace(angle, values=np.broadcast_to(angle.values[..., :1, :1, :], angle.values.shape))
