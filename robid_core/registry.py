@@ -61,6 +61,9 @@ READERS = {
 }
 
 
+OWN = "robid"  # the distribution whose plugins are no third party's
+
+
 @dataclass(frozen=True)
 class Plugin:
     """One registered object: where it comes from, and how to load it."""
@@ -86,6 +89,11 @@ class Plugin:
             raise PluginError(missing) from error
         except Exception as error:
             raise PluginError(f"{self} cannot be imported: {type(error).__name__}: {error}") from error
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether another distribution than robid itself brings it."""
+        return self.distribution != OWN
 
     def __str__(self) -> str:
         return f"'{self.name}' ({self.distribution} {self.version})"

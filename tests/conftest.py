@@ -29,6 +29,7 @@ DEAR = (  # files that begin first: a worker that begins late with one keeps the
     "blind/test_hidden.py",
     "adapters/robid_dask/test_dask_batches.py",
     "system/test_stops.py",
+    "system/test_host_deaths.py",
     "reference/test_reference_bench.py",
     "robid_core/run/test_limits.py",
     "robid_core/run/test_two_runs.py",

@@ -173,9 +173,9 @@ class LockStep:
         return self._system.time_s
 
     def let_pass(self, seconds: float) -> None:
-        """Let the drives answer, then let time pass."""
+        """Let the drives answer, then let time pass; a nanosecond at least, or who waits for less waits for ever."""
         if seconds:
-            self._system.advance(seconds)
+            self._system.advance(max(seconds, 1e-9))
         else:
             self._system.process()
 

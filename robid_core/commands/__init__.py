@@ -11,9 +11,10 @@ import sys
 from collections.abc import Sequence
 
 from robid_core.interruption import no_longer, requested, settled, signals_as_interrupt
-from robid_core.standard_streams import never_failing, open_closed_streams
+from robid_core.standard_streams import lost_on_the_way, never_failing, open_closed_streams
 
 INTERRUPTED = 130
+UNDELIVERED = 7  # as whatever cannot be written
 MOTION_ABORTED = 4  # says more than that the run was interrupted
 
 
@@ -21,12 +22,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
     if arguments is None:
         open_closed_streams()
+        never_failing("stdout", matters=True)
         never_failing("stderr")
     with signals_as_interrupt():
-        code = _exit_code(arguments)
+        code = _exit_code(arguments) or _undelivered()
         if arguments is None:  # what comes now comes too late
             no_longer()
     sys.exit(code)
+
+
+def _undelivered() -> int:
+    """Return the exit code of a command whose words did not arrive, 0 where they did."""
+    error = lost_on_the_way("stdout")
+    if error is None:
+        return 0
+    sys.stderr.write(
+        f"R03: what was to be printed could not be written ({error.strerror}); the rest is done\n"
+    )
+    return UNDELIVERED
 
 
 def _exit_code(arguments: Sequence[str] | None) -> str | int | None:

@@ -23,7 +23,13 @@ DEFAULT_PIPELINE = Path("pipeline.yaml")
 
 
 def load_pipeline(file: Path, overrides: list[str] | None, data: Path | None) -> Pipeline:
-    """Read a pipeline as a command asks for it."""
+    """Read a pipeline as a command asks for it; where plugins of third parties are named, in a copy first."""
+    from robid_core.commands.trial import foreign_plugins, in_a_copy
     from robid_core.pipeline import Pipeline
 
-    return Pipeline.load(file, tuple(overrides or ()), data_root=data)
+    def load() -> Pipeline:
+        return Pipeline.load(file, tuple(overrides or ()), data_root=data)
+
+    if plugins := foreign_plugins(file):
+        in_a_copy(lambda: bool(load()), plugins, "the pipeline was read")
+    return load()

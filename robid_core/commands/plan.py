@@ -19,7 +19,9 @@ from robid_core.commands.arguments import (
     PipelineArgument,
     load_pipeline,
 )
-from robid_core.errors import RobidError
+from robid_core.commands.trial import foreign_plugins, in_a_copy
+from robid_core.errors import PluginError, RobidError, said_by
+from robid_core.executors.task import surviving
 
 if TYPE_CHECKING:
     from robid_core.pipeline import Pipeline, StageNode
@@ -42,12 +44,20 @@ def command(
     if mermaid:
         typer.echo("\n".join(mermaid_lines(pipeline)))
         return
+    lines, error = in_a_copy(
+        lambda: planned(pipeline, dry), foreign_plugins(file), "stages said what they foresee"
+    )
+    typer.echo("\n".join(lines))
+    if error is not None:
+        raise error
+
+
+def planned(pipeline: Pipeline, dry: bool) -> tuple[list[str], BaseException | None]:
+    """Return what is to be shown, and what spoke against the advice in it."""
     try:
-        advice = {} if dry else predictions(pipeline)
-    except RobidError:
-        typer.echo("\n".join(text_lines(pipeline)))
-        raise
-    typer.echo("\n".join(text_lines(pipeline, advice)))
+        return text_lines(pipeline, {} if dry else predictions(pipeline)), None
+    except RobidError as error:
+        return text_lines(pipeline), surviving(error)
 
 
 def predictions(pipeline: Pipeline) -> dict[str, list[str]]:
@@ -117,7 +127,15 @@ def foresee(node: StageNode, pipeline: Pipeline) -> list[str]:
     lines: list[str] = []
     plan_lines = getattr(node.stage, "plan_lines", None)
     if callable(plan_lines):
-        lines += [str(line) for line in plan_lines(upstream)]
+        try:
+            lines += [str(line) for line in plan_lines(upstream)]
+        except (RobidError, KeyboardInterrupt):
+            raise
+        except Exception as error:
+            why = f"{type(error).__name__}: {said_by(error)}"
+            raise PluginError(
+                f"stage {node.name}: R09: {node.plugin} cannot say what it foresees: {why}"
+            ) from error
     time = robot_time(node.stage, upstream, pipeline)
     return [*lines, time] if time else lines
 

@@ -37,8 +37,6 @@ from robid_core.run.progress import Listener
 from robid_core.stage import Context, MapTasks, Progress
 from robid_core.store import Entry, Store, failures_named
 
-OWN = "robid"  # the distribution whose stages are no third party's
-
 
 class Caller:
     """Knows what a run lends to its stages."""
@@ -81,7 +79,7 @@ class Caller:
     def _is_confined(self, node: StageNode) -> bool:
         """Tell whether a stage gets a process of its own: under a limit, or where code of a third party is in it."""
         limited = self._options.deadline_s is not None or self._options.memory_mb is not None
-        foreign = any(plugin.distribution != OWN for plugin in (node.plugin, *node.references))
+        foreign = any(plugin.is_foreign for plugin in (node.plugin, *node.references))
         wanted = limited or (foreign and not self._options.trust_plugins)
         return wanted and not self._shared.moves_hardware(node.stage)
 

@@ -21,8 +21,9 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 ROBID = str(Path(sys.executable).with_name("robid"))
@@ -93,7 +94,8 @@ def install(folder: Path) -> Path:
     info = site / "robid_stop_drill-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: robid_stop_drill\nVersion: 1.0\n", "utf-8")
-    (info / "entry_points.txt").write_text("[robid.drives]\ndrill = robid_stop_drill:DrillDrives\n", "utf-8")
+    entries = "drill = robid_stop_drill:DrillDrives\ndrill-udp = robid_stop_drill.udp:UdpDrives\n"
+    (info / "entry_points.txt").write_text(f"[robid.drives]\n{entries}", "utf-8")
     return site
 
 
@@ -205,6 +207,14 @@ def read_table(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
+def append_row(path: Path, outcome: Any) -> None:
+    """Add a line to a table, and before the first one the names of its columns."""
+    fresh = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerows([[column.name for column in fields(outcome)]] * fresh + [astuple(outcome)])
+
+
 def main() -> None:
     """Draw and perform stops; one line each."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -213,7 +223,6 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--table", type=Path, default=None)
     arguments = parser.parse_args()
-    columns = [field.name for field in fields(Outcome)]
     known = {int(row["stop"]) for row in read_table(arguments.table)} if arguments.table else set()
     outcomes = []
     with tempfile.TemporaryDirectory() as top, ThreadPoolExecutor(arguments.jobs) as threads:
@@ -222,13 +231,9 @@ def main() -> None:
         cases = [draw(stop, arguments.seed) for stop in range(arguments.stops) if stop not in known]
         for outcome in threads.map(lambda case: perform(case, project, site), cases):
             outcomes.append(outcome)
-            row = [getattr(outcome, name) for name in columns]
-            print(*row, sep=", ", flush=True)
+            print(*astuple(outcome), sep=", ", flush=True)
             if arguments.table:
-                fresh = not arguments.table.exists()
-                with arguments.table.open("a", newline="", encoding="utf-8") as file:
-                    writer = csv.writer(file, lineterminator="\n")
-                    writer.writerows([columns] * fresh + [row])
+                append_row(arguments.table, outcome)
     good = sum(outcome.good for outcome in outcomes)
     print(f"{good} of {len(outcomes)} stops are good")
     sys.exit(0 if good == len(outcomes) else 1)

@@ -99,6 +99,7 @@ class DriveNode:
         self._acknowledge = False
         self._rest_us: int | None = None  # when a ramp ends, and in which state the drive is then
         self._state_at_rest = self.state
+        self.trace.disarm()
         self.axis.halt()
         self.nmt_state = PRE_OPERATIONAL
         self.sdo = SdoServer(self.objects, lambda frames: self.say(SEND_SDO, frames))
@@ -155,6 +156,7 @@ class DriveNode:
         option = self.objects.number(od.QUICK_STOP_OPTION)
         if self.state is before or self.state is State.OPERATION_ENABLED:
             return
+        self.trace.disarm()
         if self.state is State.QUICK_STOP_ACTIVE and option:  # 0: voltage off at once
             stays = option in QUICK_STOP_STAYS
             self._ramp_down(State.QUICK_STOP_ACTIVE if stays else State.SWITCH_ON_DISABLED)  # 12
@@ -204,6 +206,7 @@ class DriveNode:
         self.objects.values[od.ERROR_CODE] = code
         self.objects.values[od.ERROR_REGISTER] = 1
         self.say(SEND_EMCY, [struct.pack("<HB5x", code, 1)])
+        self.trace.disarm()
         if self.objects.number(od.FAULT_REACTION_OPTION):
             self.state = State.FAULT_REACTION_ACTIVE
             self._ramp_down(State.FAULT)

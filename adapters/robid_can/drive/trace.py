@@ -61,6 +61,11 @@ class TraceMemory:
         self._rows = b""
         self.state = od.TraceState.ARMED if armed else od.TraceState.EMPTY
 
+    def disarm(self) -> None:
+        """Forget that a SYNC was to start a run: operation has ended, and a host must arm anew."""
+        if self.state is od.TraceState.ARMED:
+            self.state = od.TraceState.EMPTY
+
     def start(self) -> None:
         """Begin to trace."""
         self.state = od.TraceState.RUNNING

@@ -145,11 +145,20 @@ class Link(canopen.Network):
         self._heartbeat_due = None
 
     def keep_alive(self) -> None:
-        """Send the host's heartbeat if it is due."""
+        """Send the host's heartbeat if it is due; one that comes too late for the drives is a complaint."""
         now = self.clock.now()
         if self._heartbeat_due is not None and now >= self._heartbeat_due:
+            silent_s = now - self._heartbeat_due + HEARTBEAT_S
+            if silent_s >= SILENCE_S:
+                stood = f"D10: this computer stood still for {silent_s:.2f} s"
+                self.watch.complaints.insert(0, f"{stood}, and the drives have stopped by themselves")
             self._heartbeat_due = now + HEARTBEAT_S
             self.send_message(HEARTBEAT + HOST_NODE_ID, bytes([OPERATIONAL]))
+
+    def supervise(self) -> None:
+        """Before a request: keep the drives' watchdogs quiet, and ask nothing of drives that have stopped (raises)."""
+        self.keep_alive()
+        self.check()
 
     def attend(self, seconds: float) -> None:
         """Let time pass and take in what comes, without judging it."""

@@ -63,7 +63,7 @@ class RemoteDrive:
     def read(self, key: Key) -> int:
         """Read a number."""
         variable = od.variable(self._dictionary, key)
-        self._link.keep_alive()
+        self._link.supervise()
         try:
             value = variable.decode_raw(self._sdo.upload(*key))
         except (SdoAbortedError, SdoCommunicationError, ObjectDictionaryError, struct.error) as error:
@@ -74,7 +74,7 @@ class RemoteDrive:
     def write(self, key: Key, value: int) -> None:
         """Write a number."""
         data = bytes(od.variable(self._dictionary, key).encode_raw(value))
-        self._link.keep_alive()
+        self._link.supervise()
         try:
             self._sdo.download(*key, data)
         except (SdoAbortedError, SdoCommunicationError, struct.error) as error:

@@ -1,7 +1,11 @@
 """Faults of the bus and of drives: what the user is told, and that every other motor stops."""
 
+import itertools
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from faults.fault import fault
 
 from robid_can import dictionary as od
 from robid_can.drive import DriveSystem
@@ -135,6 +139,80 @@ def test_D09_drives_stop_by_themselves_when_the_host_is_gone(loop, long_experime
     assert {node.state for node in rig.nodes} == {State.OPERATION_ENABLED}
     rig.system.advance(SILENCE_S + 0.1)  # the host was killed: nobody speaks
     assert_all_off(rig)
+
+
+def stalled_before(rig, n_frame):
+    """Let the host's computer stand still for longer than the watchdogs wait, just before it sends a frame."""
+    bus, log = rig.link._can, SimpleNamespace(sent=0, lost=None, moved=[])
+    send, motors = bus.send, rig.system.motors
+    track, move = motors.track, motors.move
+
+    def late(frame, timeout=None):
+        log.sent += 1
+        if log.sent == n_frame:
+            watched = any(node._heard_us is not None for node in rig.nodes)
+            rig.system.advance(SILENCE_S + 0.1)
+            log.lost = rig.system.time_s if watched else None
+        send(frame, timeout)
+
+    bus.send = late
+    motors.track = lambda *what: (log.moved.append(rig.system.time_s), track(*what))
+    motors.move = lambda *what: (log.moved.append(rig.system.time_s), move(*what))
+    return log
+
+
+@fault(
+    "D10",
+    sees="exit 4 (or 3 before the first motion): this computer stood still for so long; nothing moves any more",
+    mutant=(
+        "adapters/robid_can/drive/node.py",
+        "            return\n        self.trace.disarm()\n",
+        "            return\n",
+    ),
+)
+@fault(
+    "D10",
+    sees="the same in the bring-up: drives that have stopped by themselves are not moved to a start",
+    mutant=(
+        "adapters/robid_can/host/link.py",
+        "        self.keep_alive()\n        self.check()\n",
+        "        self.keep_alive()\n",
+    ),
+)
+@fault(
+    "D10",
+    sees="that this computer stood still, and for how long, not only that drives have stopped",
+    mutant=(
+        "adapters/robid_can/host/link.py",
+        "            if silent_s >= SILENCE_S:",
+        "            if False:",
+    ),
+)
+def test_D10_a_host_that_goes_on_after_its_drives_have_missed_it_moves_nothing(
+    loop, make_robot, make_experiment
+):
+    """At every frame of bring-up and motion in turn, the host's computer stands still for 0.45 s before it is sent."""
+    experiment = make_experiment(make_robot(1), n_sample=50, periods=1, traced=1)
+    outcomes = []
+    for n_frame in itertools.count(1):
+        rig = loop(make_robot(1))
+        log, outcome = stalled_before(rig, n_frame), ""
+        try:
+            rig.host.bring_up(1_000_000, 1e-3)
+            rig.host.perform(experiment)
+        except (MotionRefused, MotionAborted) as error:
+            outcome = str(error)
+        if log.sent < n_frame:
+            break
+        if log.lost is not None:
+            assert [time for time in log.moved if time >= log.lost] == [], n_frame
+            assert rig.nodes[0].state in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON), n_frame
+            assert all(outcomes), n_frame  # who went on all the same had nothing left to send
+            outcomes.append(outcome)
+    assert len(outcomes) > 50
+    assert not outcomes.pop()  # the last frame, which ends the upload of the trace
+    stood = [outcome.startswith("D10: this computer stood still for 0.4") for outcome in outcomes]
+    assert np.mean(stood) > 0.7  # in the others a drive was the first to tell
 
 
 def test_D11_start_that_was_not_reached_is_told(loop, long_experiment):

@@ -57,6 +57,13 @@ def test_reference_that_is_not_whole_increments_is_recorded_as_the_drives_applie
     np.testing.assert_allclose(trace.reference / 1e-6, np.rint(trace.reference / 1e-6), atol=1e-6)
 
 
+def test_time_goes_on_however_little_is_left_to_wait(loop):
+    rig = loop()
+    rig.system.advance(0.5)
+    rig.link.wait(1e-16)  # what is left of the end of a run after rounding
+    assert rig.link.clock.now() > 0.5
+
+
 def test_experiments_follow_one_another_from_where_the_motors_stand(make_robot, make_experiment, open_can):
     robot = make_robot()
     experiment = make_experiment(robot)

@@ -54,8 +54,8 @@ def status(project: Path) -> str:
     sees="nothing where the log's disk is full, and the run goes on: exit 0",
     mutant=(
         STREAMS,
-        "        with contextlib.suppress(OSError):\n            super().write(data)\n",
-        "        super().write(data)\n",
+        "        except OSError as error:\n            self.lost",
+        "        except KeyError as error:\n            self.lost",
     ),
 )
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a disk that is always full")
@@ -108,3 +108,42 @@ def test_R03_a_listener_that_fails_ends_no_run(project: Path) -> None:
     assert result.outcomes == {"where": "made"}
     log = (project / "runs" / "shown" / "log.txt").read_text(encoding="utf-8")
     assert log.count("the run could not be shown") == 2
+
+
+@fault(
+    "R03",
+    sees="exit 7 of a command whose words are its result, and why they could not be written: no space left",
+    mutant=(
+        "robid_core/commands/__init__.py",
+        "        code = _exit_code(arguments) or _undelivered()\n",
+        "        code = _exit_code(arguments)\n",
+    ),
+)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_R03_a_result_that_could_not_be_printed_is_no_success(project: Path, unbuffered: str) -> None:
+    assert robid(project, ">/dev/full", "stages", unbuffered=unbuffered) == 7
+    assert robid(project, ">/dev/full", "run", "pipeline.yaml", unbuffered=unbuffered) == 0  # it is stored
+    assert status(project) == "done"
+
+
+@fault(
+    "R03",
+    sees="nothing where a pipe is closed, as by `head -1`: exit 0, and no traceback",
+    mutant=(
+        STREAMS,
+        "    return None if isinstance(error, BrokenPipeError) else error\n",
+        "    return error\n",
+    ),
+)
+def test_R03_who_closes_the_pipe_wanted_no_more(project: Path) -> None:
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    script = '"$@" | true; exit ${PIPESTATUS[0]}'
+    done = subprocess.run(
+        ["bash", "-c", script, "bash", *ROBID, "stages"],
+        cwd=project,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")

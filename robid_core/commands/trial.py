@@ -1,0 +1,98 @@
+"""What plugins of third parties do while a pipeline is read or planned, in a copy of this process.
+
+Settings, checks and `plan_lines` of a plugin are its author's code, as its stages are: one that crashes or calls
+`os._exit` there ended the command without a word, `os._exit(0)` as if all were well. A fork of the command costs
+milliseconds, and only where a plugin of a third party is named; what it returns or raises comes back through a pipe.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Collection
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TypeVar
+
+from robid_core.errors import PluginError
+from robid_core.executors.task import surviving
+from robid_core.registry import GROUPS, Plugin, registry
+from robid_core.run.confined_stage import last_frame
+
+R = TypeVar("R")
+
+
+def foreign_plugins(file: Path) -> list[Plugin]:
+    """Return the plugins of third parties whose names stand in a file; none where it cannot be read."""
+    try:
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return []
+    found = [plugin for group in GROUPS for plugin in registry().plugins(group) if plugin.is_foreign]
+    return [plugin for plugin in found if plugin.name in text]
+
+
+def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) -> R:
+    """Return what an action gives in a copy of this process, or raise what it raises.
+
+    Raises PluginError where the copy ended without either: the code of one of the plugins ended or crashed it.
+    """
+    if not plugins:
+        return action()
+    here, there = multiprocessing.Pipe(duplex=False)
+    with tempfile.NamedTemporaryFile(prefix="robid-crash-") as crash:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        pid = os.fork()
+        if not pid:
+            here.close()
+            _work(action, there, Path(crash.name))
+        there.close()
+        status = 0
+        try:
+            kind, value = here.recv()
+        except EOFError:
+            kind, value = "nothing", None
+        except BaseException:
+            os.kill(pid, signal.SIGKILL)
+            raise
+        finally:
+            here.close()
+            status = os.waitpid(pid, 0)[1]
+        if kind == "nothing":
+            raise PluginError(
+                _how_it_ended(os.waitstatus_to_exitcode(status), plugins, doing, Path(crash.name))
+            )
+    if kind == "error":
+        raise value
+    result: R = value
+    return result
+
+
+def _work(action: Callable[[], object], there: Connection, crash: Path) -> None:
+    """Do it in the copy, tell, and end without what the original still has to do."""
+    with crash.open("w", encoding="utf-8") as file:
+        faulthandler.enable(file, all_threads=False)
+        try:
+            message = "result", action()
+        except BaseException as error:
+            message = "error", surviving(error)
+        with contextlib.suppress(BrokenPipeError):  # nobody listens any more
+            there.send(message)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
+
+
+def _how_it_ended(code: int, plugins: Collection[Plugin], doing: str, crash: Path) -> str:
+    whose = " or of ".join(sorted({f"{plugin.distribution} {plugin.version}" for plugin in plugins}))
+    if code < 0:
+        how = f"crashed with {signal.Signals(-code).name}{last_frame(crash)}"
+    else:
+        how = f"ended the process with exit code {code}, which no plugin may"
+    return f"R09: while {doing}, the code of {whose} {how}; nothing was done; tell the author of the plugin"
