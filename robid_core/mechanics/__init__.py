@@ -29,7 +29,7 @@ from robid_core.mechanics.mechanical_model import MechanicalModel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.prescribed import (
     MotorMotion,
-    mean_over_held,
+    mean_over_smooth,
     periodic_motion,
     prescribe,
 )
@@ -88,7 +88,7 @@ __all__ = [
     "friction_torque",
     "kernel",
     "linear_model",
-    "mean_over_held",
+    "mean_over_smooth",
     "natural_logarithm",
     "periodic_motion",
     "pose_of",

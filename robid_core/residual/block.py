@@ -19,7 +19,6 @@ from robid_core.effect import SignalEffect
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
-from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
 from robid_core.residual.between_samples import friction_between_samples
 from robid_core.residual.columns import BodyDerivatives, LinearSlopes, body_derivatives, parameter_columns
@@ -93,7 +92,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     @abstractmethod
     def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
-        """Spectra of the torque that this motion takes of each robot, smooth between samples.
+        """Spectra of the torque that this motion takes of each robot, smooth between samples, as the record shows it.
 
         Shape (n_config, n_exp, n_bin, n_axis) each. `final` tells that there is one robot, that of the present point,
         not one beside it.
@@ -200,7 +199,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     def linear_torque(self, robot: Robot) -> ComplexArray:
         """Torque spectra of a robot's linear model, (n_config, n_exp, n_bin, n_axis)."""
-        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        z = impedance(robot, self.angle, self.motion)
         torque: ComplexArray = np.matmul(z[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
         torque += self._weight_torque(robot)
         return torque
@@ -239,7 +238,7 @@ class TorqueBlock(ABC, Generic[M]):
         residual[..., only_recorded] = 0.0
         expected = self.expected(residual, delay)
         self.added = added_torque(robot, expected)
-        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        z = impedance(robot, self.angle, self.motion)
         self.signal_columns = signal_columns(free, coordinates, robot, expected, z)
         self.signals_about = coordinates.copy()
         if any(term.channel == "torque_measurement" for term in robot.signals):
@@ -316,7 +315,6 @@ class TorqueBlock(ABC, Generic[M]):
         """
         motion, found = self.motion, self.simulated_torques(robots, final)
         for robot, torque in zip(robots, found, strict=True):
-            torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
             smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
             torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
             torque -= self._weight_torque(robot)

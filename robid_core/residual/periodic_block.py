@@ -67,7 +67,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         if final:
             runs = [self._rung_out(robots[0], whole, runs[0])]
             self.state = _shifted(runs[0].state, linear[0], -1.0)
-        return [motion.spectrum_of(run.torque[:, -n_sample:].reshape(motion.angle.shape)) for run in runs]
+        steady = [run.torque[:, -n_sample:].reshape(motion.angle.shape) for run in runs]
+        return [motion.spectrum_of_means(torque, robots[0].step_s) for torque in steady]
 
     def _rung_out(self, robot: Robot, whole: MotorMotion, run: Simulation) -> Simulation:
         """Go on with a motion until a period is like the one before: a gap rings for seconds, however short they are.
@@ -124,7 +125,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         Noise of the angles is in it as it comes through inertia, springs and friction.
         """
         motion = self.motion
-        z = impedance(robot, self.angle, motion, "zero_order_hold")
+        z = impedance(robot, self.angle, motion)
         moved = np.matmul(z[:, None, None], motion.acceleration_deviation[..., None])[..., 0]
         for law, size in zip(self.friction_deviation, coefficient[:-1], strict=True):
             moved += law * size

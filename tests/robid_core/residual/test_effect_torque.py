@@ -8,7 +8,6 @@ import pytest
 from robid_core import FreeParameters, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-from robid_core.mechanics import mean_over_held
 from robid_core.residual import EffectTorque, PeriodicBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.robot.effects import BoundEffect
@@ -72,7 +71,7 @@ def test_an_effect_adds_what_a_prescribed_motion_takes_more(
     expected = (after - before)[:, :, 1:]
     along = EffectTorque(block, robot, np.zeros_like(block.motion.torque_spectrum), np.zeros(1))
     found = along.of_effect(bound)[:, :, 1:]
-    held = mean_over_held(block.motion.frequency_hz[1:], T, robot.step_s)[:, None]
+    held = block.motion.mean_share(block.motion.omega[1:], robot.step_s)[:, None]
     error = abs(found - expected / held).max() / abs(expected).max()
     assert error < 0.02
 
