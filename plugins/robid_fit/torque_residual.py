@@ -84,6 +84,11 @@ class TorqueResidualFit(Estimator):
     """Relative error of the model's torque per bin and axis, beside the noise."""
     delays: Literal["common", "each"] = "common"
     """Whether the measured torques of all axes have one delay, or each its own."""
+    arm_side: tuple[Literal["joint_position", "joint_torque"], ...] = ()
+    """Channels of sensors behind the gears that are fitted beside the torques, of the axes that have them: encoders at
+    the links, torque sensors in the joints. Their zeros do not count; gain and delay of each are unknowns."""
+    arm_side_gain: PositiveFloat = 0.01
+    """Standard deviation of the gains of these sensors, relative."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
@@ -160,6 +165,8 @@ class TorqueResidualFit(Estimator):
             discard=leading_periods((record,), self.discard, log),
             highest_hz=self.highest_hz,
             each_delay=self.delays == "each",
+            arm_side=self.arm_side,
+            gain_prior=self.arm_side_gain,
         )
 
     # What is stated
@@ -177,7 +184,9 @@ class TorqueResidualFit(Estimator):
         at_bound = np.concatenate(
             (np.abs(point[:n]) >= free.upper * (1 - 1e-9), np.zeros(len(nuisances), dtype=bool))
         )
-        units = ["N m"] * (len(nuisances) - problem.n_delay) + ["s"] * problem.n_delay
+        n_sensor = len(problem.sensors)
+        n_friction = len(nuisances) - problem.n_delay - 2 * n_sensor
+        units = ["N m"] * n_friction + ["1"] * n_sensor + ["s"] * (n_sensor + problem.n_delay)
         table = ParameterTable(
             names=free.names + nuisances,
             units=tuple(robot.parameter_unit(name) for name in free.names) + tuple(units),

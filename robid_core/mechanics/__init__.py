@@ -49,6 +49,7 @@ from robid_core.mechanics.simulate import (
 )
 from robid_core.mechanics.slopes import (
     SecondOrderSlopes,
+    output_slopes,
     response_slopes,
     second_order_slopes,
     torque_slopes,
@@ -104,6 +105,7 @@ __all__ = [
     "sine_and_cosine",
     "smooth_sign",
     "solve_equilibrium",
+    "output_slopes",
     "torque_slopes",
     "where",
     "with_motor_impedance",

@@ -14,6 +14,7 @@ from robid_core.estimation.torque.quick_lengths import quick_length
 from robid_core.estimation.torque.spectra import Hold, MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
+from robid_core.residual.arm_sensors import ArmSpectra, arm_spectra_of
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
@@ -77,12 +78,28 @@ def functions_of_speed(
     return SpeedFunctions.about(robot.drives.friction_speed, np.sqrt(np.max(power, axis=0)))
 
 
+def arm_side_of(
+    record: Record, motion: PeriodicMotion | WindowedMotion, discard: int, channels: Sequence[str]
+) -> ArmSpectra | None:
+    """Return the spectra of sensors behind the gears; none where no channel is asked for."""
+    if not channels:
+        return None
+    if not isinstance(motion, PeriodicMotion):
+        raise DataRejected(
+            "arm_side: sensors behind the gears count in records that repeat; measure periods, or leave arm_side out"
+        )
+    return arm_spectra_of(record.run, discard, len(motion.bin), channels)
+
+
 def block_of(
-    motion: PeriodicMotion | WindowedMotion, robot: Robot, laws: SpeedFunctions
+    motion: PeriodicMotion | WindowedMotion,
+    robot: Robot,
+    laws: SpeedFunctions,
+    arm: ArmSpectra | None = None,
 ) -> PeriodicBlock | WindowedBlock:
     """Return the block of one record under its robot."""
     if isinstance(motion, PeriodicMotion):
-        return PeriodicBlock.of_record(robot, motion, laws)
+        return PeriodicBlock.of_record(robot, motion, laws, arm)
     return WindowedBlock.of_record(robot, motion, laws)
 
 

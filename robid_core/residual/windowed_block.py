@@ -86,7 +86,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         super().renew_signals(free, coordinates, residual, delay)
         self.prescribed = None if self.signal_columns else self.prescribed
 
-    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+    def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         motion = self._prescribed(robots[0].step_s)
         begin = motion.angle, motion.speed, self.deviation

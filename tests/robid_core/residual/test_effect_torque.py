@@ -44,11 +44,11 @@ def block(robot: Robot) -> PeriodicBlock:
         angle += 4.0 / bin_ * np.sin(2 * np.pi * bin_ / (N * T) * time[:, None] + phase)
     motion: PeriodicMotion = periodic_motion_of(angle, np.zeros_like(angle), T, np.array([5, 21, 70]), 80.0)
     block = PeriodicBlock.of_record(robot, motion, SpeedFunctions.of_widths((0.5,), 6))
-    (torque,) = block.simulated_torques([robot], final=True)
+    (torque,) = block.simulated_rows([robot], final=True)
     moved = motion.with_signals(motion.angle, motion.over_time(torque))
     block = PeriodicBlock.of_record(robot, moved, block.laws)
     for _ in range(ROUNDS):
-        block.simulated_torques([robot], final=True)
+        block.simulated_rows([robot], final=True)
     return block
 
 
@@ -67,7 +67,7 @@ def test_an_effect_adds_what_a_prescribed_motion_takes_more(
     joint is bent by no mean torque, which would move the arm."""
     changed, bound = bound_at(robot, place, SMALL)
     plain, _ = bound_at(robot, place, 0.0)
-    before, after = block.simulated_torques([plain, changed], final=False)
+    before, after = block.simulated_rows([plain, changed], final=False)
     expected = (after - before)[:, :, 1:]
     along = EffectTorque(block, robot, np.zeros_like(block.motion.torque_spectrum), np.zeros(1))
     found = along.of_effect(bound)[:, :, 1:]
