@@ -219,18 +219,28 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=_late(delay, problem.blocks[0].motion.sample_time_s),
+            stated_doubts=_late(problem, point),
         )
 
 
-def _late(delay: FloatArray, sample_time: float) -> tuple[Doubt, ...]:
+def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
     """Doubt channels that are further apart than those of one drive are."""
-    samples = float(delay[np.argmax(np.abs(delay))]) / sample_time
-    if abs(samples) <= LATEST:
-        return ()
-    way = "lags" if samples > 0 else "leads"
-    sentence = (
-        f"the torque {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
-    )
-    remedy = "look at the clocks of both channels, and shift the recorded torque until a fit finds less than a sample"
-    return (Doubt("timing", sentence, remedy),)
+    delay, sample_time = problem.delay(point), problem.blocks[0].motion.sample_time_s
+    axes = problem.free.robot.axis_names
+    lags = {"the torque": float(delay[np.argmax(np.abs(delay))])}
+    lags |= {
+        f"{one.channel} of {axes[one.axis]}": float(late)
+        for one, late in zip(problem.sensors, problem.sensing(point)[1], strict=True)
+    }
+    found = []
+    for channel, lag in lags.items():
+        samples = lag / sample_time
+        if abs(samples) <= LATEST:
+            continue
+        way = "lags" if samples > 0 else "leads"
+        sentence = (
+            f"{channel} {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
+        )
+        remedy = "look at the clocks of both channels, and shift the recorded one until a fit finds less than a sample"
+        found.append(Doubt("timing", sentence, remedy))
+    return tuple(found)

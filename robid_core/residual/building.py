@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from robid_core.artifacts import Record
+from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
@@ -96,6 +97,10 @@ def torque_problem(
         arm_side_of(part, motion, discard, arm_side)
         for (part, _), (motion, _) in zip(measured, parts, strict=True)
     ]
+    if len({None if arm is None else arm.sensors for arm in arms}) > 1:
+        raise DataRejected(
+            f"arm_side: records or variants have {' and '.join(arm_side)} of different axes; choose those with the same"
+        )
     laws = speed_functions(robot, [motion for motion, _ in parts])
     blocks: tuple[Any, ...] = tuple(
         block_of(motion, under, laws, arm) for (motion, under), arm in zip(parts, arms, strict=True)

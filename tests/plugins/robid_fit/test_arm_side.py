@@ -153,6 +153,30 @@ def test_a_gain_and_a_delay_of_a_sensor_are_found() -> None:
     assert late == pytest.approx(T, abs=0.02 * T)
 
 
+def test_axes_without_a_sensor_and_one_that_is_late_are_known() -> None:
+    """Of two configurations each sensor is asked for once; a channel four samples late is doubted."""
+    robot = quiet("six_axis")
+    record = record_of(robot, POSES, 1, 2)
+    (run,) = record.runs
+    some = run.channels["joint_position"].values.copy()
+    some[..., 3:] = np.nan
+    fewer = {**run.channels, "joint_position": run.channels["joint_position"].replace(values=some)}
+    problem = TorqueResidualFit(arm_side=BOTH, highest_hz=90.0).problem(
+        record.replace(runs=(run.replace(channels=fewer),)), robot
+    )
+    assert [(one.channel, one.axis) for one in problem.sensors] == [
+        *(("joint_position", axis) for axis in range(3)), *(("joint_torque", axis) for axis in range(6)),
+    ]  # fmt: skip
+    plant = quiet("one_axis")
+    record = record_of(plant, np.array([[0.3]]), 2, 1)
+    (run,) = record.runs
+    link = run.channels["joint_position"]
+    late = {**run.channels, "joint_position": link.replace(values=np.roll(link.values, 4, axis=4))}
+    fit = fit_of(record.replace(runs=(run.replace(channels=late),)), plant, BOTH[:1])
+    (doubt,) = [str(one) for one in fit.doubts if one.kind == "timing"]
+    assert "joint_position of axis_1 lags the angles by" in doubt
+
+
 def test_what_cannot_be_predicted_is_refused() -> None:
     robot = quiet("one_axis")
     record = record_of(robot, np.array([[0.3]]), 2, 1)
