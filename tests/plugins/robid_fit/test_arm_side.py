@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from robid_core import Channel, ConfigurationError, Context, DataRejected, DenseRun, Fit, Record, Robot
+from robid_core.estimation.torque.weights import whitener
 from robid_core.residual.derivatives import derivatives
 from robid_core.stage import map_in_process
 from robid_fit.torque_residual import TorqueResidualFit
+from studies.arm_side_sensors.sensors import Experiment, Sensor, Study, errors
 
 T, N, N_PERIOD = 1e-3, 1000, 3
 LINES = np.arange(5, 80, 3)  # of one second
@@ -120,6 +122,34 @@ def test_a_right_robot_leaves_nothing_in_any_row() -> None:
     )
     assert left[6:].max() < 1e-9
     assert left.max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("arm_side", "most"), [((), 1.02), (BOTH[:1], 1.02), (BOTH, 1.5)], ids=["none", "encoders", "both"]
+)
+def test_errors_of_springs_are_those_that_the_study_of_sensors_says(
+    arm_side: tuple[str, ...], most: float
+) -> None:
+    """The study goes from torques to all sensors, the fit from motor angles to torques and sensors: one information.
+
+    The fit does not know the delays of sensors, and where both sides of a spring are seen that costs up to 40 %.
+    """
+    robot = quiet("six_axis")
+    record = record_of(robot, POSES, 6, 4)
+    torque = np.fft.rfft(record.run.values("motor_torque")[:, 0].mean(axis=2), axis=2)[:, :, LINES] / N
+    seen = {"joint_position": "arm_angle", "joint_torque": "joint_torque"}
+    sensors = [Sensor(("motor_angle",), NOISE["motor_position"])]
+    sensors += [Sensor((seen[name],), NOISE[name]) for name in arm_side]
+    experiment = Experiment(POSES, LINES / (N * T), torque, N * N_PERIOD, TORQUE_NOISE)
+    expected = errors(Study(robot, experiment, tuple(sensors)))
+    problem = TorqueResidualFit(arm_side=arm_side, highest_hz=90.0, arm_side_gain=1e-9).problem(record, robot)
+    point, (block,) = np.zeros(problem.n_unknown), problem.blocks
+    weights = problem.weightings(point, [whitener(block.noise(robot, problem.friction_size(point)))])
+    covariance = np.linalg.inv(problem.linearise(point, weights).whole)
+    index = [problem.free.names.index(name) for name in robot.stiffness_names]
+    ratio = np.sqrt(np.diag(covariance))[index] / expected
+    assert ratio.min() > 0.97  # noise is estimated from 136 differences a bin and more
+    assert ratio.max() < most
 
 
 @pytest.mark.parametrize(
