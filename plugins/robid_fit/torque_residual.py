@@ -84,6 +84,11 @@ class TorqueResidualFit(Estimator):
     """Relative error of the model's torque per bin and axis, beside the noise."""
     delays: Literal["common", "each"] = "common"
     """Whether the measured torques of all axes have one delay, or each its own."""
+    arm_side: tuple[Literal["joint_position", "joint_torque"], ...] = ()
+    """Channels of sensors behind the gears that are fitted beside the torques, of the axes that have them: encoders at
+    the links, torque sensors in the joints. Their zeros do not count; gain and delay of each are unknowns."""
+    arm_side_gain: PositiveFloat = 0.01
+    """Standard deviation of the gains of these sensors, relative."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
@@ -160,6 +165,8 @@ class TorqueResidualFit(Estimator):
             discard=leading_periods((record,), self.discard, log),
             highest_hz=self.highest_hz,
             each_delay=self.delays == "each",
+            arm_side=self.arm_side,
+            gain_prior=self.arm_side_gain,
         )
 
     # What is stated
@@ -177,7 +184,9 @@ class TorqueResidualFit(Estimator):
         at_bound = np.concatenate(
             (np.abs(point[:n]) >= free.upper * (1 - 1e-9), np.zeros(len(nuisances), dtype=bool))
         )
-        units = ["N m"] * (len(nuisances) - problem.n_delay) + ["s"] * problem.n_delay
+        n_sensor = len(problem.sensors)
+        n_friction = len(nuisances) - problem.n_delay - 2 * n_sensor
+        units = ["N m"] * n_friction + ["1"] * n_sensor + ["s"] * (n_sensor + problem.n_delay)
         table = ParameterTable(
             names=free.names + nuisances,
             units=tuple(robot.parameter_unit(name) for name in free.names) + tuple(units),
@@ -210,18 +219,28 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=_late(delay, problem.blocks[0].motion.sample_time_s),
+            stated_doubts=_late(problem, point),
         )
 
 
-def _late(delay: FloatArray, sample_time: float) -> tuple[Doubt, ...]:
+def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
     """Doubt channels that are further apart than those of one drive are."""
-    samples = float(delay[np.argmax(np.abs(delay))]) / sample_time
-    if abs(samples) <= LATEST:
-        return ()
-    way = "lags" if samples > 0 else "leads"
-    sentence = (
-        f"the torque {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
-    )
-    remedy = "look at the clocks of both channels, and shift the recorded torque until a fit finds less than a sample"
-    return (Doubt("timing", sentence, remedy),)
+    delay, sample_time = problem.delay(point), problem.blocks[0].motion.sample_time_s
+    axes = problem.free.robot.axis_names
+    lags = {"the torque": float(delay[np.argmax(np.abs(delay))])}
+    lags |= {
+        f"{one.channel} of {axes[one.axis]}": float(late)
+        for one, late in zip(problem.sensors, problem.sensing(point)[1], strict=True)
+    }
+    found = []
+    for channel, lag in lags.items():
+        samples = lag / sample_time
+        if abs(samples) <= LATEST:
+            continue
+        way = "lags" if samples > 0 else "leads"
+        sentence = (
+            f"{channel} {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
+        )
+        remedy = "look at the clocks of both channels, and shift the recorded one until a fit finds less than a sample"
+        found.append(Doubt("timing", sentence, remedy))
+    return tuple(found)

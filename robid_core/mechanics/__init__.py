@@ -29,7 +29,7 @@ from robid_core.mechanics.mechanical_model import MechanicalModel
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.prescribed import (
     MotorMotion,
-    mean_over_held,
+    mean_over_smooth,
     periodic_motion,
     prescribe,
 )
@@ -49,6 +49,7 @@ from robid_core.mechanics.simulate import (
 )
 from robid_core.mechanics.slopes import (
     SecondOrderSlopes,
+    output_slopes,
     response_slopes,
     second_order_slopes,
     torque_slopes,
@@ -88,7 +89,7 @@ __all__ = [
     "friction_torque",
     "kernel",
     "linear_model",
-    "mean_over_held",
+    "mean_over_smooth",
     "natural_logarithm",
     "periodic_motion",
     "pose_of",
@@ -104,6 +105,7 @@ __all__ = [
     "sine_and_cosine",
     "smooth_sign",
     "solve_equilibrium",
+    "output_slopes",
     "torque_slopes",
     "where",
     "with_motor_impedance",

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from robid_core.arrays import FloatArray, IntArray
+from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.compiled.lanes import LANES
 from robid_core.errors import ConfigurationError
 from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
@@ -240,17 +240,18 @@ def periodic_motion(angle: FloatArray, sample_time: float, step: float, highest_
     return MotorMotion(first, (second - first) / step - 0.5 * step * acceleration[:, 0], acceleration)
 
 
-def mean_over_held(frequency_hz: FloatArray, sample_time: float, step: float) -> FloatArray:
-    """Spectrum of `Simulation.torque` over that of the held torque that moves a rotor alike, shape (n_freq,).
+def mean_over_smooth(frequency_hz: FloatArray, sample_time: float, step: float) -> ComplexArray:
+    """Spectrum of `Simulation.torque` over that of the smooth torque that moves a rotor alike, shape (n_freq,).
 
-    A held torque acts on the motion as sinc(f T) e^(-i pi f T) of its samples; the torque that a band-limited motion
-    takes has the mean sinc(f T) e^(i pi f T) over an interval, and steps of constant acceleration that pass through
-    the same angles take tan(w h / 2) / (w h / 2) as much. The quotient is real.
+    The torque that a band-limited motion takes has the mean sinc(f T) e^(i pi f T) over an interval, and steps of
+    constant acceleration that pass through the same angles take tan(w h / 2) / (w h / 2) as much. A held torque acts
+    on the motion as sinc(f T) e^(-i pi f T) of its samples: over their spectrum the quotient is real.
     """
     frequency = np.asarray(frequency_hz, dtype=float)
     half = np.pi * frequency * step
     steps = np.divide(np.tan(half), half, out=np.ones_like(half), where=half > 0)
-    ratio: FloatArray = steps * np.sinc(frequency * sample_time) ** 2
+    turn = np.pi * frequency * sample_time
+    ratio: ComplexArray = steps * np.sinc(frequency * sample_time) * np.exp(1j * turn)
     return ratio
 
 

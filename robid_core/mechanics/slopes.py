@@ -183,6 +183,44 @@ def torque_slopes(
     return found
 
 
+def output_slopes(
+    model: SecondOrderModel,
+    slopes: SecondOrderSlopes,
+    omega: FloatArray,
+    swing: ComplexArray,
+    outputs: ComplexArray,
+) -> tuple[ComplexArray, ComplexArray]:
+    """Differentiate what is seen of the coordinates while the motors move as told, ``C x``, and return x, too.
+
+    What is behind the motors follows by ``x_p = -Z_pp^-1 Z_pm Q``, and changes by ``-Z_pp^-1 (dZ x)_p``.
+
+    Parameters
+    ----------
+    model, slopes
+        At one configuration, with a leading axis of one.
+    omega
+        rad/s, > 0, shape (n_freq,).
+    swing
+        Spectra of the motor angles, rad, shape (n_freq, n_exp, n_axis).
+    outputs
+        C, which does not change, shape (n_freq, n_output, n_coordinate).
+
+    Returns
+    -------
+    Shape (n_freq, n_exp, n_output, n_change), and (n_freq, n_coordinate, n_exp).
+    """
+    n_axis, w = model.n_axis, omega[:, None, None]
+    impedance = model.stiffness[0] - w**2 * model.mass[0] + 1j * w * model.damping[0]
+    behind = impedance[:, n_axis:, n_axis:]
+    motors = np.swapaxes(swing, 1, 2)
+    moving = np.concatenate(
+        (motors, -np.linalg.solve(behind, impedance[:, n_axis:, :n_axis] @ motors)), axis=1
+    )
+    seen = np.zeros((len(omega), model.mass.shape[-1], outputs.shape[1]), dtype=np.complex128)
+    seen[:, n_axis:] = np.linalg.solve(np.swapaxes(behind, 1, 2), np.swapaxes(outputs[:, :, n_axis:], 1, 2))
+    return -_along(model, slopes, 0, omega, moving, seen), moving
+
+
 def _moved(
     model: SecondOrderModel, config: int, omega: FloatArray, motor_impedance: ComplexArray | None
 ) -> ComplexArray:

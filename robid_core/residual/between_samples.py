@@ -1,8 +1,8 @@
 """Friction between the samples: what a held torque does to the speed there, and what samples do not resolve of it.
 
-Motion through the samples is band-limited. Torque that jumps at them, and friction that jumps where the speed turns,
-put on it what lies above half the sampling rate. Motors move alone there: acceleration is torque over inertia. One step
-of that from the band-limited speed is enough where a motor follows its friction slowly, over samples (``J / F'``).
+Motion through the samples is band-limited. A held torque, which jumps at them, and friction that jumps where the speed
+turns put on it what lies above half the sampling rate. Motors move alone there: acceleration is torque over inertia.
+One step of that from the band-limited speed is enough where a motor follows its friction slowly (``J / F'``: samples).
 Where friction is sharp and the motor light, it follows within one: an explicit step then overshoots, an implicit one
 hardly moves, and by how much their friction torques differ is what these samples do not resolve.
 """
@@ -17,7 +17,6 @@ from robid_core.estimation.torque.spectra import (
     SPEED_BAND,
     MotionSpectra,
     friction_spectra,
-    held_between,
     speed_between_samples,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
@@ -57,8 +56,8 @@ def friction_between_samples(
         own = motion.of_configuration(c)
         speed = own.fine_speed()
         band_limited: FloatArray = speed.astype(np.float32)
-        held = held_between(own.torque) - coefficient[-1]
-        acceleration = np.matmul(held - laws.total(band_limited, size), mobility[c])
+        pushing = own.fine_torque() - coefficient[-1]
+        acceleration = np.matmul(pushing - laws.total(band_limited, size), mobility[c])
         explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s)
         follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * laws.slope(band_limited, size)
         implicit = speed + (explicit - speed) / (1.0 + follows**2 / (1.0 + follows))

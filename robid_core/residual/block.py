@@ -8,7 +8,7 @@ inverse response of the linear model and g what holds its weight, N what a presc
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, Self, TypeVar
 
@@ -19,10 +19,10 @@ from robid_core.effect import SignalEffect
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of, whitener
-from robid_core.mechanics import mean_over_held
 from robid_core.parameters import FreeParameters
+from robid_core.residual.arm_sensors import ArmSpectra
 from robid_core.residual.between_samples import friction_between_samples
-from robid_core.residual.columns import BodyDerivatives, LinearSlopes, body_derivatives, parameter_columns
+from robid_core.residual.columns import BodyDerivatives
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
@@ -30,7 +30,6 @@ from robid_core.robot.effects import channel_gain
 
 M = TypeVar("M", bound=MotionSpectra)
 
-BINS_AT_ONCE = 32  # of derivatives: what the processor's cache holds
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
 LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
 
@@ -42,9 +41,9 @@ class SimulatedColumn:
     index: int
     """Number of the parameter among the free ones."""
     remainder: ComplexArray
-    """Of the remainder, shape (n_config, n_exp, n_bin, n_axis)."""
+    """Of the remainder, shape (n_config, n_exp, n_bin, n_row)."""
     linear: ComplexArray
-    """Of the linear model's torque, likewise."""
+    """Of the linear model's rows, likewise."""
 
 
 @dataclass(eq=False)
@@ -65,13 +64,15 @@ class TorqueBlock(ABC, Generic[M]):
     """What laws on motor torques add to the commanded ones, shape (n_config, n_exp, n_bin, n_axis)."""
     angle: FloatArray
     """Joint-side angles about which the model is linear, rad, shape (n_config, n_axis)."""
+    arm: ArmSpectra | None = field(default=None, kw_only=True)
+    """What sensors behind the gears show: rows after those of the motors' torques. None: there are none."""
     remainder: ComplexArray = field(init=False)
-    """Shape (n_config, n_exp, n_bin, n_axis)."""
+    """Shape (n_config, n_exp, n_bin, n_row)."""
     reported: ComplexArray | None = field(init=False, default=None)
     """Gain of laws on reported torques, (n_bin, n_axis); None: there is none. Residuals and derivatives are told as
     they are reported: noise is, and a gain that is taken off a record must not make it smaller."""
     unresolved: ComplexArray = field(init=False)
-    """Covariance of what samples do not resolve of friction, (n_bin, n_axis, n_axis)."""
+    """Covariance of what samples do not resolve of friction, (n_bin, n_row, n_row)."""
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
@@ -85,17 +86,23 @@ class TorqueBlock(ABC, Generic[M]):
     """Derivatives by inertial parameters where they were last taken."""
 
     def __post_init__(self) -> None:
-        self.remainder = np.zeros_like(self.motion.torque_spectrum)
-        _, _, n_bin, n_axis = self.remainder.shape
-        self.unresolved = np.zeros((n_bin, n_axis, n_axis), dtype=np.complex128)
+        self.remainder = np.zeros_like(self.measured)
+        _, _, n_bin, n_row = self.remainder.shape
+        self.unresolved = np.zeros((n_bin, n_row, n_row), dtype=np.complex128)
+
+    @property
+    def measured(self) -> ComplexArray:
+        """Spectra of the motors' torques, then of sensors behind the gears, (n_config, n_exp, n_bin, n_row)."""
+        torque = self.motion.torque_spectrum
+        return torque if self.arm is None else np.concatenate((torque, self.arm.spectrum), axis=-1)
 
     # What kinds of records differ in
 
     @abstractmethod
-    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
-        """Spectra of the torque that this motion takes of each robot, smooth between samples.
+    def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+        """Spectra of the torque that this motion takes of each robot, smooth between samples, and of sensors behind it.
 
-        Shape (n_config, n_exp, n_bin, n_axis) each. `final` tells that there is one robot, that of the present point,
+        Shape (n_config, n_exp, n_bin, n_row) each. `final` tells that there is one robot, that of the present point,
         not one beside it.
         """
 
@@ -108,7 +115,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     @abstractmethod
     def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance that sensors leave in the residual, (n_bin, n_axis, n_axis); arguments as of `predicted`."""
+        """Covariance that sensors leave in the residual, (n_bin, n_row, n_row); arguments as of `predicted`."""
 
     @property
     @abstractmethod
@@ -145,7 +152,7 @@ class TorqueBlock(ABC, Generic[M]):
         self.bodies = other.bodies
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance of the residual where the model is right, (n_bin, n_axis, n_axis); arguments as of `predicted`."""
+        """Covariance of the residual where the model is right, (n_bin, n_row, n_row); arguments as of `predicted`."""
         return self.measured_noise(robot, coefficient) + self.unresolved
 
     def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
@@ -153,9 +160,11 @@ class TorqueBlock(ABC, Generic[M]):
 
         Arguments as of `predicted`.
         """
-        self.friction, self.unresolved = friction_between_samples(
+        n_axis = robot.n_axis
+        self.friction, unresolved = friction_between_samples(
             robot, self.motion, self.laws, self.angle, coefficient
         )
+        self.unresolved[:, :n_axis, :n_axis] = unresolved
 
     def thinned(self, keep: IntArray) -> Self:
         """Return the block with some of its bins, before any motion was prescribed."""
@@ -165,6 +174,7 @@ class TorqueBlock(ABC, Generic[M]):
             motion=self.motion.thinned(keep),
             friction=self.friction[:, :, :, keep],
             added=self.added[:, :, keep],
+            arm=None if self.arm is None else self.arm.thinned(keep),
         )
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
@@ -174,7 +184,7 @@ class TorqueBlock(ABC, Generic[M]):
     # Torque
 
     def predicted(self, robot: Robot, coordinates: FloatArray, coefficient: FloatArray) -> ComplexArray:
-        """Torque spectra without the delay, shape (n_config, n_exp, n_bin, n_axis).
+        """Spectra without delays, torques and sensors behind the gears, shape (n_config, n_exp, n_bin, n_row).
 
         Parameters
         ----------
@@ -185,33 +195,52 @@ class TorqueBlock(ABC, Generic[M]):
         coefficient
             Of the functions of speed, N m, shape (n_law, n_axis).
         """
-        torque = self.linear_torque(robot)
-        torque += self.remainder
+        rows = self._linear_rows(robot)
+        rows += self.remainder
         if self.about is not None:
             for column in self.simulated:
-                torque += (coordinates - self.about)[column.index] * column.remainder
+                rows += (coordinates - self.about)[column.index] * column.remainder
+        torque = rows[..., : robot.n_axis]
         for law, size in zip(self.friction, coefficient, strict=True):
             torque += law * size
         torque -= self.added
         if self.signals_about is not None:
             for of_signal in self.signal_columns:
                 torque += (coordinates - self.signals_about)[of_signal.index] * of_signal.torque
-        return torque
+        return rows
 
     def linear_torque(self, robot: Robot) -> ComplexArray:
         """Torque spectra of a robot's linear model, (n_config, n_exp, n_bin, n_axis)."""
-        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        z = impedance(robot, self.angle, self.motion)
         torque: ComplexArray = np.matmul(z[:, None], self.motion.acceleration_spectrum[..., None])[..., 0]
         torque += self._weight_torque(robot)
         return torque
 
-    def residual(self, predicted: ComplexArray, delay: FloatArray) -> ComplexArray:
-        """Measured torque, its delay taken off, less the predicted one, N m, (n_config, n_exp, n_bin, n_axis).
+    def _linear_rows(self, robot: Robot) -> ComplexArray:
+        """Spectra of a robot's linear model, torques and sensors behind the gears, (n_config, n_exp, n_bin, n_row)."""
+        torque, motion = self.linear_torque(robot), self.motion
+        if self.arm is None:
+            return torque
+        shown = self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
+        return np.concatenate((torque, shown), axis=-1)
 
-        `delay` has shape (1,), or (n_axis,).
+    def residual(
+        self, predicted: ComplexArray, delay: FloatArray, sensing: FloatArray | None = None
+    ) -> ComplexArray:
+        """Measured spectra, delays taken off, less predicted ones, (n_config, n_exp, n_bin, n_row).
+
+        `delay` of the torques has shape (1,), or (n_axis,); `sensing` holds errors of the gains and delays of sensors
+        behind the gears, (2, n_sensor).
         """
-        difference: ComplexArray = self.motion.advanced_torque(delay) - predicted
-        return difference if self.reported is None else difference * self.reported
+        n_axis = self.robot.n_axis
+        difference: ComplexArray = self.motion.advanced_torque(delay) - predicted[..., :n_axis]
+        if self.reported is not None:
+            difference *= self.reported
+        if self.arm is None:
+            return difference
+        sensing = np.zeros((2, len(self.arm.sensors))) if sensing is None else sensing
+        behind = self.arm.residual(predicted[..., n_axis:], sensing, self.motion.omega)
+        return np.concatenate((difference, behind), axis=-1)
 
     def expected(self, residual: ComplexArray, delay: FloatArray) -> M:
         """Return the motion with the torques that the model predicts: measured without their delay and residual."""
@@ -235,11 +264,11 @@ class TorqueBlock(ABC, Generic[M]):
             for bound in robot.effects
             if issubclass(bound.effect, SignalEffect) and not bound.effect.invertible
         ]
-        residual = residual.copy()
+        residual = residual[..., : robot.n_axis].copy()
         residual[..., only_recorded] = 0.0
         expected = self.expected(residual, delay)
         self.added = added_torque(robot, expected)
-        z = impedance(robot, self.angle, self.motion, "zero_order_hold")
+        z = impedance(robot, self.angle, self.motion)
         self.signal_columns = signal_columns(free, coordinates, robot, expected, z)
         self.signals_about = coordinates.copy()
         if any(term.channel == "torque_measurement" for term in robot.signals):
@@ -263,12 +292,12 @@ class TorqueBlock(ABC, Generic[M]):
         known = {*columns, *(column.index for column in self.signal_columns)}
         known |= {i for i, name in enumerate(free.names) if name not in robot.layout}
         numbers = [i for i, kind in enumerate(kinds) if self._needs_motion(kind, robot) and i not in known]
-        here, still = self.linear_torque(robot), np.zeros_like(self.remainder[:1, :1, :1, :1])
+        here, still = self._linear_rows(robot), np.zeros_like(self.remainder[:1, :1, :1, :1])
         laws = {bound.label for bound in robot.effects}
         structural = [i for i in numbers if self._is_structure(free.names[i], kinds[i], laws, robot)]
         for i in structural:
             other, step = self._moved(free, coordinates, i)
-            slope = (self.linear_torque(other) - here) / step
+            slope = (self._linear_rows(other) - here) / step
             columns[i] = SimulatedColumn(i, np.broadcast_to(still, slope.shape), slope)
         numbers = [i for i in numbers if i not in structural]
         if numbers:
@@ -281,7 +310,7 @@ class TorqueBlock(ABC, Generic[M]):
                 moved = [self._moved(free, coordinates, i) for i in batch]
                 remainders = self._remainders([other for other, _ in moved], final=False)
                 for i, (other, step), remainder in zip(batch, moved, remainders, strict=True):
-                    linear = self.linear_torque(other) - here
+                    linear = self._linear_rows(other) - here
                     columns[i] = SimulatedColumn(i, (remainder - about) / step, linear / step)
         self.simulated = tuple(columns[i] for i in sorted(columns))
 
@@ -312,14 +341,16 @@ class TorqueBlock(ABC, Generic[M]):
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.
 
         Prescribed motion less the linear model, both of a smooth motion between the samples, so that what a held torque
-        does there cancels. Arguments as of `simulated_torques`.
+        does there cancels. Arguments as of `simulated_rows`.
         """
-        motion, found = self.motion, self.simulated_torques(robots, final)
-        for robot, torque in zip(robots, found, strict=True):
-            torque /= mean_over_held(motion.frequency_hz, motion.sample_time_s, robot.step_s)[:, None]
+        motion, found = self.motion, self.simulated_rows(robots, final)
+        for robot, rows in zip(robots, found, strict=True):
+            torque, shown = rows[..., : robot.n_axis], rows[..., robot.n_axis :]
             smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
             torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
             torque -= self._weight_torque(robot)
+            if self.arm is not None:
+                shown -= self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
         return found
 
     def _weight_torque(self, robot: Robot) -> ComplexArray:
@@ -327,53 +358,8 @@ class TorqueBlock(ABC, Generic[M]):
         return self.motion.constant[:, None] * robot.gravity_torque(self.angle)[:, None, None]
 
     def weight(self, robot: Robot, coefficient: FloatArray, model_error: float) -> ComplexArray:
-        """Whitener of the noise and of a model error relative to the torque, shape (n_bin, n_axis, n_axis)."""
-        torque = self.motion.torque_spectrum
-        size = covariance_of(torque)
-        size[0] = (np.abs(torque[:, :, 0]) ** 2).mean(axis=(0, 1))  # no neighbour of the lowest bins
+        """Whitener of the noise and of a model error relative to what is measured, (n_bin, n_row, n_row)."""
+        rows = self.measured
+        size = covariance_of(rows)
+        size[0] = (np.abs(rows[:, :, 0]) ** 2).mean(axis=(0, 1))  # no neighbour of the lowest bins
         return whitener(self.noise(robot, coefficient) + model_error**2 * size * np.eye(size.shape[-1]))
-
-    # Derivatives
-
-    def columns(
-        self, free: FreeParameters, coordinates: FloatArray, predicted: ComplexArray, each_delay: bool
-    ) -> Iterator[Iterator[ComplexArray]]:
-        """Derivatives of the torque: of one configuration after another, a few bins at a time.
-
-        Shape (n_bin, n_exp, n_axis, n_unknown) each; unknowns are the free parameters, the size of each function of
-        speed at each axis, the delay (of each axis). Whole they would fill the memory.
-        """
-        robot, motion, n_free = self.robot_at(free, coordinates), self.motion, len(free.names)
-        n_law, n_config, n_exp, n_bin, n_axis = self.friction.shape
-        bodies = self.bodies = body_derivatives(free, self.robot, coordinates, self.angle, self.bodies)
-        linear = LinearSlopes.of_robot(free, robot, self.angle, bodies)
-        late = -motion.advancing(predicted)
-
-        def of_configuration(c: int) -> Iterator[ComplexArray]:
-            swing, here = motion.angle_spectrum[c].transpose(1, 0, 2), linear.at(c)
-            for first in range(0, n_bin, BINS_AT_ONCE):
-                bins = slice(first, first + BINS_AT_ONCE)
-                omega = motion.omega[bins]
-                n_delay = n_axis if each_delay else 1
-                shape = (len(omega), n_exp, n_axis, n_free + n_law * n_axis + n_delay)
-                found = np.zeros(shape, dtype=np.complex128)
-                parameter_columns(robot, motion, bins, swing[bins], here, found[..., :n_free])
-                for column in self.simulated:
-                    slope = (column.remainder[c][:, bins] + column.linear[c][:, bins]).transpose(1, 0, 2)
-                    found[..., column.index] = slope
-                for of_signal in self.signal_columns:
-                    found[..., of_signal.index] = of_signal.torque[c][:, bins].transpose(1, 0, 2)
-                for a in range(n_axis):
-                    laws = self.friction[:, c, :, bins, a].transpose(2, 1, 0)
-                    found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws
-                later = late[c][:, bins].transpose(1, 0, 2)
-                if each_delay:
-                    for a in range(n_axis):
-                        found[:, :, a, a - n_axis] = later[:, :, a]
-                else:
-                    found[..., -1] = later
-                if self.reported is not None:
-                    found *= self.reported[bins, None, :, None]
-                yield found
-
-        return (of_configuration(c) for c in range(n_config))

@@ -6,10 +6,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from robid_core.artifacts import Record
+from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
 from robid_core.residual.measured import (
+    arm_side_of,
     block_of,
     check_sampling,
     check_variants,
@@ -43,6 +45,8 @@ def torque_problem(
     discard: int = 0,
     highest_hz: float = 100.0,
     each_delay: bool = False,
+    arm_side: Sequence[str] = (),
+    gain_prior: float = 0.01,
 ) -> TorqueProblem:
     """Prepare what is minimised.
 
@@ -66,6 +70,10 @@ def torque_problem(
         Bins above are left out.
     each_delay
         Whether each axis has a delay of its own.
+    arm_side
+        Channels of sensors behind the gears that count, too.
+    gain_prior
+        Standard deviation of their gains, relative.
 
     Raises
     ------
@@ -85,9 +93,19 @@ def torque_problem(
         for run in part.runs:
             check_sampling(run, under)
     parts = [(spectra_of(part, discard, highest_hz), _bare(under)) for part, under in measured]
+    arms = [
+        arm_side_of(part, motion, discard, arm_side)
+        for (part, _), (motion, _) in zip(measured, parts, strict=True)
+    ]
+    if len({None if arm is None else arm.sensors for arm in arms}) > 1:
+        raise DataRejected(
+            f"arm_side: records or variants have {' and '.join(arm_side)} of different axes; choose those with the same"
+        )
     laws = speed_functions(robot, [motion for motion, _ in parts])
-    blocks: tuple[Any, ...] = tuple(block_of(motion, under, laws) for motion, under in parts)
-    return TorqueProblem(free, blocks, laws.names, each_delay=each_delay)
+    blocks: tuple[Any, ...] = tuple(
+        block_of(motion, under, laws, arm) for (motion, under), arm in zip(parts, arms, strict=True)
+    )
+    return TorqueProblem(free, blocks, laws.names, each_delay=each_delay, gain_prior=gain_prior)
 
 
 def _bare(robot: Robot) -> Robot:

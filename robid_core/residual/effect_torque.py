@@ -66,7 +66,8 @@ class EffectTorque:
     def along(self) -> RobotMotion:
         """All coordinates between the samples, and the torques of the motors, one lane an experiment."""
         motion, coordinates = self.motion, self.block.coordinates(self.robot)
-        torque = np.repeat(motion.torque.reshape(-1, *motion.torque.shape[2:]), FINER, axis=1)
+        torque = motion.torque_between(FINER)
+        torque = torque.reshape(-1, *torque.shape[2:])
         time = motion.sample_time_s
         if isinstance(motion, PeriodicMotion):
             moved = RobotMotion.periodic(coordinates, time, FINER)
@@ -186,7 +187,7 @@ class EffectTorque:
     @functools.cached_property
     def impedance(self) -> ComplexArray:
         """Motor torque per motor acceleration, (n_config, n_bin, n_axis, n_axis)."""
-        return impedance(self.robot, self.block.angle, self.motion, "zero_order_hold")
+        return impedance(self.robot, self.block.angle, self.motion)
 
     def _of_signal(self, bound: BoundEffect, change: FloatArray) -> ComplexArray:
         with_law = (bound.label, bound.place.axis, bound.place.side, change, self.motion, self.impedance)

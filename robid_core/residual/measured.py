@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import cast, get_args
 
 import numpy as np
 
@@ -10,9 +11,10 @@ from robid_core.artifacts import DenseRun, Record
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.quick_lengths import quick_length
-from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.estimation.torque.spectra import Hold, MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
+from robid_core.residual.arm_sensors import ArmSpectra, arm_spectra_of
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
@@ -29,15 +31,18 @@ def check_sampling(run: DenseRun, robot: Robot) -> None:
         )
 
 
+def hold_of(record: Record) -> Hold:
+    """Return how a record's torques go between samples; DataRejected where it says what nobody knows."""
+    if record.torque_hold not in get_args(Hold):
+        raise DataRejected(
+            f"torque_hold is '{record.torque_hold}', and must be one of {', '.join(get_args(Hold))}"
+        )
+    return cast(Hold, record.torque_hold)
+
+
 def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotion | WindowedMotion:
     """Return the spectra of a record: of its periods, or of all of it where nothing repeats."""
     run = record.run
-    if record.torque_hold != "zero_order_hold":
-        raise DataRejected(
-            f"torque_hold of the record is {record.torque_hold}; the torque residual needs a torque that a controller "
-            "holds from sample to sample: where it does, give torque_hold zero_order_hold to acquisition.recorded or "
-            "Record.from_arrays"
-        )
     if not run.valid[:, :, :, discard:].all():
         raise DataRejected(
             "a sample is missing in a period that is kept; drop its period, or read the record with gaps: split"
@@ -52,13 +57,15 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
             torque.reshape(shape)[:, :, :kept],
             run.sample_time_s,
             highest_hz,
+            hold_of(record),
         )
     if run.n_period - discard < 2:
         raise DataRejected(
             f"{run.n_period - discard} period is left; two are needed to estimate the noise: measure "
             "more periods (acquisition: periods)"
         )
-    return periodic_motion_of(position, torque, run.sample_time_s, record.line, highest_hz)
+    sampled = run.sample_time_s, record.line, highest_hz, hold_of(record)
+    return periodic_motion_of(position, torque, *sampled)
 
 
 def functions_of_speed(
@@ -71,12 +78,28 @@ def functions_of_speed(
     return SpeedFunctions.about(robot.drives.friction_speed, np.sqrt(np.max(power, axis=0)))
 
 
+def arm_side_of(
+    record: Record, motion: PeriodicMotion | WindowedMotion, discard: int, channels: Sequence[str]
+) -> ArmSpectra | None:
+    """Return the spectra of sensors behind the gears; none where no channel is asked for."""
+    if not channels:
+        return None
+    if not isinstance(motion, PeriodicMotion):
+        raise DataRejected(
+            "arm_side: sensors behind the gears count in records that repeat; measure periods, or leave arm_side out"
+        )
+    return arm_spectra_of(record.run, discard, len(motion.bin), channels)
+
+
 def block_of(
-    motion: PeriodicMotion | WindowedMotion, robot: Robot, laws: SpeedFunctions
+    motion: PeriodicMotion | WindowedMotion,
+    robot: Robot,
+    laws: SpeedFunctions,
+    arm: ArmSpectra | None = None,
 ) -> PeriodicBlock | WindowedBlock:
     """Return the block of one record under its robot."""
     if isinstance(motion, PeriodicMotion):
-        return PeriodicBlock.of_record(robot, motion, laws)
+        return PeriodicBlock.of_record(robot, motion, laws, arm)
     return WindowedBlock.of_record(robot, motion, laws)
 
 

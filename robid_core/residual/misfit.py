@@ -33,8 +33,10 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
     """By axis and band: power of the residual over that of the noise, lines and other bins apart."""
     highest = max(block.motion.frequency_hz[-1] for block in problem.blocks)
     edges = np.array([*(edge for edge in EDGES_HZ if edge < highest), highest * (1 + 1e-9)])
-    n_axis, n_band = problem.free.robot.n_axis, len(edges) - 1
-    total, count = np.zeros((2, n_axis, n_band)), np.zeros((2, n_axis, n_band))
+    axes = problem.free.robot.axis_names
+    names = (*axes, *(f"{one.channel}.{axes[one.axis]}" for one in problem.sensors))
+    n_row, n_band = len(names), len(edges) - 1
+    total, count = np.zeros((2, n_row, n_band)), np.zeros((2, n_row, n_band))
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         noise = np.einsum("faa->fa", block.noise(robot, size)).real
@@ -46,7 +48,7 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
                 total[which, :, b] += ratio[chosen].sum(axis=0)
                 count[which, :, b] += np.count_nonzero(chosen) * residual.shape[0] * residual.shape[1]
     values = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
-    return MisfitTable(problem.free.robot.axis_names, edges, values[0], values[1])
+    return MisfitTable(names, edges, values[0], values[1])
 
 
 def _without_mean(whitener: ComplexArray) -> ComplexArray:
@@ -56,4 +58,4 @@ def _without_mean(whitener: ComplexArray) -> ComplexArray:
 def _correction(block: TorqueBlock[Any]) -> float:
     """What few periods add to the mean of an inverse estimated covariance, taken off."""
     freedom = block.noise_freedom
-    return (freedom - block.robot.n_axis) / freedom if np.isfinite(freedom) else 1.0
+    return (freedom - block.measured.shape[-1]) / freedom if np.isfinite(freedom) else 1.0

@@ -14,6 +14,7 @@ from robid_core.estimation.torque.spectra import MOTION_BAND_HZ, friction_spectr
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
 from robid_core.mechanics import MotorMotion, Simulation, SimulationState, periodic_motion
+from robid_core.residual.arm_sensors import ArmSpectra, check_sensors
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
@@ -44,30 +45,44 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     """A motion, and what of it is prescribed."""
 
     @classmethod
-    def of_record(cls, robot: Robot, motion: PeriodicMotion, laws: SpeedFunctions) -> PeriodicBlock:
+    def of_record(
+        cls, robot: Robot, motion: PeriodicMotion, laws: SpeedFunctions, arm: ArmSpectra | None = None
+    ) -> PeriodicBlock:
         """Prepare a block."""
         recorded, motion = motion, true_motion(robot, motion)
         angle = robot.joint_angle(motion.angle.mean(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
         deviation = friction_deviation(motion, laws)
-        return cls(robot, recorded, motion, laws, friction, added, angle, deviation)
+        if arm is not None:
+            check_sensors(robot, arm.sensors)
+        return cls(robot, recorded, motion, laws, friction, added, angle, deviation, arm=arm)
 
     def thinned(self, keep: npt.NDArray[np.int64]) -> PeriodicBlock:
         """Return the block with some of its bins, before any motion was prescribed."""
         return replace(super().thinned(keep), friction_deviation=self.friction_deviation[..., keep, :])
 
-    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
-        """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
+    def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+        """Spectra of the torque that this motion takes of each robot, and of sensors behind its gears."""
         motion, whole = self.motion, self._smooth(robots[0].step_s)
         n_sample = motion.angle.shape[2]
         periods = FIRST_PERIODS if self.state is None else NEXT_PERIODS if final else self.periods
         linear = [linear_state(robot, motion, whole) for robot in robots]
         starts = linear if self.state is None else [_shifted(state, self.state, 1.0) for state in linear]
-        runs = prescribe_many(robots, whole, starts, periods=periods)
+        seen = self.arm is not None
+        runs = prescribe_many(robots, whole, starts, periods=periods, keep_coordinates=seen)
         if final:
             runs = [self._rung_out(robots[0], whole, runs[0])]
             self.state = _shifted(runs[0].state, linear[0], -1.0)
-        return [motion.spectrum_of(run.torque[:, -n_sample:].reshape(motion.angle.shape)) for run in runs]
+        steady = [run.torque[:, -n_sample:].reshape(motion.angle.shape) for run in runs]
+        torques = [motion.spectrum_of_means(torque, robots[0].step_s) for torque in steady]
+        if self.arm is None:
+            return torques
+        rows = []
+        for robot, run, torque in zip(robots, runs, torques, strict=True):
+            assert run.coordinates is not None
+            shown = self.arm.simulated(robot, motion, run.coordinates[:, -n_sample:])
+            rows.append(np.concatenate((torque, shown), axis=-1))
+        return rows
 
     def _rung_out(self, robot: Robot, whole: MotorMotion, run: Simulation) -> Simulation:
         """Go on with a motion until a period is like the one before: a gap rings for seconds, however short they are.
@@ -88,7 +103,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
             changes.append(float(np.sqrt((moved / least).max())))
             if changes[-1] <= STEADY:
                 break
-            run = robot.prescribe(whole, run.state, periods=NEXT_PERIODS)
+            seen = self.arm is not None
+            run = robot.prescribe(whole, run.state, periods=NEXT_PERIODS, keep_coordinates=seen)
         if len(changes) > 1:
             self.periods = periods_until(REMAINS, changes[-1] / changes[-2], most)
         return run
@@ -119,18 +135,28 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         return self.smooth[1]
 
     def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance of the residual from differences between periods, shape (n_bin, n_axis, n_axis).
+        """Covariance of the residual from differences between periods, shape (n_bin, n_row, n_row).
 
         Noise of the angles is in it as it comes through inertia, springs and friction.
         """
         motion = self.motion
-        z = impedance(robot, self.angle, motion, "zero_order_hold")
+        z = impedance(robot, self.angle, motion)
         moved = np.matmul(z[:, None, None], motion.acceleration_deviation[..., None])[..., 0]
         for law, size in zip(self.friction_deviation, coefficient[:-1], strict=True):
             moved += law * size
         n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
         freedom = n_config * n_exp * n_period * (n_period - 1)
-        return covariance_of(motion.torque_deviation - moved, freedom)
+        left = motion.torque_deviation - moved
+        if self.arm is None:
+            return covariance_of(left, freedom)
+        swing = np.zeros_like(left)
+        swing[..., 1:, :] = -motion.acceleration_deviation[..., 1:, :] / motion.omega[1:, None] ** 2
+        shown = self.arm.deviation - self.arm.linear(robot, self.angle, motion.omega, swing)
+        covariance, n_axis = covariance_of(np.concatenate((left, shown), axis=-1), freedom), robot.n_axis
+        covariance[0, :n_axis, n_axis:] = covariance[0, n_axis:, :n_axis] = (
+            0.0  # sensors do not show the mean
+        )
+        return covariance
 
     @property
     def noise_source(self) -> str:

@@ -13,10 +13,10 @@ import numpy as np
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import Channel, DenseRun, Record, frozen
 from robid_core.errors import DataRejected
+from robid_core.estimation.torque.spectra import Hold
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
-from robid_core.mechanics import mean_over_held
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
-from robid_core.residual.measured import check_sampling
+from robid_core.residual.measured import check_sampling, hold_of
 from robid_core.residual.signals import commanded_torque, reported_torque, true_motion
 from robid_core.robot import Robot
 
@@ -49,11 +49,11 @@ def prescribe_record(robot: Robot, record: Record) -> Record:
     SimulationDiverged
         Where an experiment leaves all bounds.
     """
-    runs = tuple(_prescribed(robot, run) for run in record.runs)
+    runs = tuple(_prescribed(robot, run, hold_of(record)) for run in record.runs)
     return record.replace(source=f"{record.source}, torque of {robot.name}", runs=runs)
 
 
-def _prescribed(robot: Robot, run: DenseRun) -> DenseRun:
+def _prescribed(robot: Robot, run: DenseRun, torque_hold: Hold) -> DenseRun:
     check_sampling(run, robot)
     if not run.valid.all():
         raise DataRejected(
@@ -63,13 +63,13 @@ def _prescribed(robot: Robot, run: DenseRun) -> DenseRun:
     lanes = (run.lanes(name) for name in ("motor_position", "motor_torque"))
     position, torque = (values.reshape(len(run.valid), -1, *values.shape[1:]) for values in lanes)
     highest = min(HIGHEST_HZ, 0.4 / run.sample_time_s)
-    motion = true_motion(robot, windowed_motion_of(position, torque, run.sample_time_s, highest))
+    measured = windowed_motion_of(position, torque, run.sample_time_s, highest, torque_hold)
+    motion = true_motion(robot, measured)
 
-    def held(omega: FloatArray) -> ComplexArray:
-        share = mean_over_held(omega / (2 * np.pi), run.sample_time_s, robot.step_s)
-        return share[:, None].astype(np.complex128)
+    def means(omega: FloatArray) -> ComplexArray:
+        return motion.mean_share(omega, robot.step_s)[:, None]
 
-    acting = motion.divided(_ringing_as_recorded(robot, motion), held)
+    acting = motion.divided(_ringing_as_recorded(robot, motion), means)
     commanded = commanded_torque(robot, replace(motion, torque=acting))
     reported = reported_torque(robot, replace(motion, torque=commanded))
     values = frozen(reported.reshape(channel.values.shape))

@@ -1,7 +1,8 @@
 """The torque residual as a least-squares problem: blocks of records that share parameters, and priors.
 
 Unknowns, in this order: coordinates of the free parameters (natural scales, zero at the start); sizes of the friction
-functions, of each axis; delays of the measured torques, one in common or one of each axis.
+functions, of each axis; errors of the gains of sensors behind the gears, and their delays; delays of the measured
+torques, one in common or one of each axis.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.parameters import FreeParameters
+from robid_core.residual.arm_sensors import ArmSensor
 from robid_core.residual.block import TorqueBlock
+from robid_core.residual.derivatives import derivatives
 from robid_core.residual.weighting import Weighting
 from robid_core.robot import Robot
 
@@ -50,6 +53,8 @@ class TorqueProblem:
     mean_counts: bool = True
     """Whether the mean torque is among the data."""
     each_delay: bool = False
+    gain_prior: float = 0.01
+    """Standard deviation of the gains of sensors behind the gears, relative."""
     doubt: float = 1.0
     """Misfit by which weights are too large, where that is known: functions of speed are believed as much less."""
     """Whether each axis has a delay of its own."""
@@ -64,7 +69,18 @@ class TorqueProblem:
     @property
     def n_unknown(self) -> int:
         """Number of all unknowns."""
-        return self.n_free + len(self.friction_names) * self.free.robot.n_axis + self.n_delay
+        return self._n_robot + 2 * len(self.sensors) + self.n_delay
+
+    @property
+    def _n_robot(self) -> int:
+        """Number of free parameters and of sizes of friction functions."""
+        return self.n_free + len(self.friction_names) * self.free.robot.n_axis
+
+    @property
+    def sensors(self) -> tuple[ArmSensor, ...]:
+        """Sensors behind the gears, the same in all blocks."""
+        arm = self.blocks[0].arm
+        return () if arm is None else arm.sensors
 
     @property
     def n_delay(self) -> int:
@@ -76,8 +92,10 @@ class TorqueProblem:
         """Standard deviation of each unknown about zero, shape (n_unknown,)."""
         limit = self.free.robot.drives.torque_limit_or(self.largest_torque)
         limit = FRICTION_PRIOR * limit / np.sqrt(self.doubt)
-        delay = np.full(self.n_delay, self.blocks[0].motion.sample_time_s)
-        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), delay))
+        n_sensor = len(self.sensors)
+        gain = np.full(n_sensor, self.gain_prior)
+        delay = np.full(n_sensor + self.n_delay, self.blocks[0].motion.sample_time_s)
+        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), gain, delay))
 
     @functools.cached_property
     def largest_torque(self) -> FloatArray:
@@ -91,6 +109,11 @@ class TorqueProblem:
         axes = self.free.robot.axis_names
         return (
             *(f"friction_function.{a}.{law}" for law in self.friction_names for a in axes),
+            *(
+                f"{kind}.{one.channel}.{axes[one.axis]}"
+                for kind in ("gain_error", "delay")
+                for one in self.sensors
+            ),
             *((f"torque_delay.{a}" for a in axes) if self.each_delay else ("torque_delay",)),
         )
 
@@ -116,7 +139,11 @@ class TorqueProblem:
 
     def friction_size(self, point: FloatArray) -> FloatArray:
         """Sizes of the functions of speed, N m, shape (n_law, n_axis)."""
-        return point[self.n_free : -self.n_delay].reshape(len(self.friction_names), -1)
+        return point[self.n_free : self._n_robot].reshape(len(self.friction_names), -1)
+
+    def sensing(self, point: FloatArray) -> FloatArray:
+        """Errors of the gains and delays, s, of sensors behind the gears, shape (2, n_sensor)."""
+        return point[self._n_robot : -self.n_delay].reshape(2, -1)
 
     def delay(self, point: FloatArray) -> FloatArray:
         """Delays of the measured torques, s, shape (1,) or (n_axis,)."""
@@ -125,13 +152,13 @@ class TorqueProblem:
     # Residuals
 
     def residuals(self, point: FloatArray) -> list[ComplexArray]:
-        """Measured less predicted torque of each block, N m, shape (n_config, n_exp, n_bin, n_axis)."""
+        """Measured less predicted rows of each block, shape (n_config, n_exp, n_bin, n_row)."""
         predicted = self.predicted(point)
-        delay = self.delay(point)
-        return [block.residual(p, delay) for block, p in zip(self.blocks, predicted, strict=True)]
+        sensed = self.delay(point), self.sensing(point)
+        return [block.residual(p, *sensed) for block, p in zip(self.blocks, predicted, strict=True)]
 
     def predicted(self, point: FloatArray) -> list[ComplexArray]:
-        """Torque spectra of each block without the delay."""
+        """Spectra of each block without delays."""
         size = self.friction_size(point)
         return [
             block.predicted(robot, point[: self.n_free], size)
@@ -162,7 +189,8 @@ class TorqueProblem:
         """Weighted derivatives at a point."""
         coordinates, rows, matrices = point[: self.n_free], [], []
         for block, weight, predicted in zip(self.blocks, weights, self.predicted(point), strict=True):
-            for config, runs in enumerate(block.columns(self.free, coordinates, predicted, self.each_delay)):
+            at = coordinates, predicted, self.each_delay, self.sensing(point)
+            for config, runs in enumerate(derivatives(block, self.free, *at)):
                 rows.append(weight.columns(config, runs))
                 matrices.append(rows[-1].T @ rows[-1])
         whole = np.sum(matrices, axis=0) + np.diag(1 / self.prior**2)

@@ -6,7 +6,7 @@ the law's gain as the derivative; a law on the commanded torque is evaluated alo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -76,9 +76,9 @@ def commanded_torque(robot: Robot, motion: MotionSpectra) -> FloatArray:
     angle, speed, _ = _within_steps(robot, motion)
     n, before = _steps(robot), np.inf
     for _ in range(ROUNDS):
-        held = np.repeat(commanded, n, axis=2)
-        heard = _heard(robot, "torque", held, angle, speed, robot.step_s, n * motion.settling)
-        off = acting - heard.reshape(*acting.shape[:3], n, -1).mean(axis=3)
+        given = replace(motion, torque=commanded).torque_between(n, 0.5 * robot.step_s)
+        heard = _heard(robot, "torque", given, angle, speed, robot.step_s, n * motion.settling)
+        off = acting - _at_samples(heard, n, motion)
         left = float(np.sqrt((off**2).mean()))
         if left <= EXACT * np.ptp(acting) or left > STUCK * before:
             break
@@ -150,7 +150,9 @@ def channel_signals(
     finer = _steps(robot) if side == "torque" else 1
     shift = 0.5 * robot.step_s if side == "torque" else 0.0
     angle, speed = (np.ascontiguousarray(motion.rate(order, finer, shift)[..., axis]) for order in (0, 1))
-    signal = angle if side == "position" else np.repeat(motion.torque[..., axis], finer, axis=2)
+    signal = (
+        angle if side == "position" else np.ascontiguousarray(motion.torque_between(finer, shift)[..., axis])
+    )
     return signal, angle, speed
 
 
@@ -270,19 +272,32 @@ def _steps(robot: Robot) -> int:
 
 
 def _within_steps(robot: Robot, motion: MotionSpectra) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angles and speeds in the middle of the steps of integration, and the held torques there."""
+    """Angles and speeds in the middle of the steps of integration, and the torques there."""
     n = _steps(robot)
-    angle, speed = (motion.rate(order, n, 0.5 * robot.step_s) for order in (0, 1))
-    return angle, speed, np.repeat(motion.torque, n, axis=2)
+    middle = 0.5 * robot.step_s
+    angle, speed = (motion.rate(order, n, middle) for order in (0, 1))
+    return angle, speed, motion.torque_between(n, middle)
+
+
+def _at_samples(torque: FloatArray, n: int, motion: MotionSpectra) -> FloatArray:
+    """Torques in the middle of the steps, n a sample, as those of the samples: of held ones their mean."""
+    if motion.torque_hold == "zero_order_hold":
+        mean: FloatArray = torque.reshape(*torque.shape[:2], -1, n, torque.shape[3]).mean(axis=3)
+        return mean
+    before = np.concatenate((2 * torque[:, :, :1] - torque[:, :, 1:2], torque[:, :, :-1]), axis=2)
+    at_steps: FloatArray = 0.5 * (before + torque)
+    return at_steps[:, :, ::n]
 
 
 def _of_steps(robot: Robot, motion: MotionSpectra, torque: FloatArray) -> ComplexArray:
     """Spectrum of a torque that is constant within each step, as that of one that is held for a sample.
 
     What images of either do to the samples differs by 3e-4 at most (lag of a sample, bins to a tenth of the rate; by
-    hand).
+    hand). Of a continuous torque these are the values in the middle of the steps.
     """
     within = 0.5 * motion.omega * robot.step_s
-    step = np.sinc(within / np.pi) * np.exp(-1j * within)
+    step = np.exp(-1j * within)
+    if motion.torque_hold == "zero_order_hold":
+        step *= np.sinc(within / np.pi)
     spectrum: ComplexArray = step[:, None] * motion.held_spectrum(torque)
     return spectrum

@@ -17,7 +17,7 @@ class Weighting:
     """Whitening matrices of each bin, and for each experiment an orthonormal basis of its free vibration."""
 
     matrix: ComplexArray
-    """By how often a bin counts, shape (n_bin, n_axis, n_axis)."""
+    """By how often a bin counts, shape (n_bin, n_row, n_row)."""
     free_vibration: tuple[tuple[FloatArray, ...], ...] = ()
     """Of each configuration and experiment, (n_row, n_state), n_row = 2 n_bin n_axis; empty where motions repeat."""
 

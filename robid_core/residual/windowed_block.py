@@ -86,12 +86,13 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         super().renew_signals(free, coordinates, residual, delay)
         self.prescribed = None if self.signal_columns else self.prescribed
 
-    def simulated_torques(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+    def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
         motion = self._prescribed(robots[0].step_s)
         begin = motion.angle, motion.speed, self.deviation
         runs = prescribe_many(robots, motion, [state_at_first(robot, *begin) for robot in robots])
-        return [self.motion.spectrum_of(run.torque.reshape(self.motion.angle.shape)) for run in runs]
+        shape, step = self.motion.angle.shape, robots[0].step_s
+        return [self.motion.spectrum_of_means(run.torque.reshape(shape), step) for run in runs]
 
     def coordinates(self, robot: Robot) -> FloatArray:
         """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
@@ -130,7 +131,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from the noise that the robot file tells, shape (n_bin, n_axis, n_axis)."""
         motion, drives = self.motion, robot.drives
-        z = impedance(robot, self.angle, motion, "zero_order_hold") * (motion.omega**2)[:, None, None]
+        z = impedance(robot, self.angle, motion) * (motion.omega**2)[:, None, None]
         moved = np.einsum("cfab,b,cfdb->fad", z, drives.position_noise**2, z.conj()) / len(z)
         covariance: ComplexArray = (moved + np.diag(drives.torque_noise**2)) / motion.n_sample
         return covariance

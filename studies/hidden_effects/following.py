@@ -16,7 +16,7 @@ import numpy as np
 from robid_core import ComplexArray, FloatArray, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.spectra import MOTION_BAND_HZ
-from robid_core.mechanics import Simulation, mean_over_held, periodic_motion
+from robid_core.mechanics import Simulation, periodic_motion
 from robid_core.mechanics.tool import pose_of
 from robid_core.residual.signals import commanded_torque, true_motion
 
@@ -68,8 +68,7 @@ def computed_torque(model: Robot, wanted: FloatArray) -> FloatArray:
     motion = _measured_motion(model, wanted)
 
     def held(omega: FloatArray) -> ComplexArray:
-        share = mean_over_held(omega / (2 * np.pi), model.sample_time_s, model.step_s)
-        return share[:, None].astype(np.complex128)
+        return motion.mean_share(omega, model.step_s)[:, None]
 
     acting = motion.divided(_prescribed(model, motion).torque[None, :, -len(wanted) :], held)
     commanded: FloatArray = commanded_torque(model, replace(motion, torque=acting))[0, 0]

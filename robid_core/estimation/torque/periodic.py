@@ -13,6 +13,7 @@ from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
     SPEED_BAND,
+    Hold,
     MotionSpectra,
     divided_period,
     periodic_derivative,
@@ -60,12 +61,16 @@ class PeriodicMotion(MotionSpectra):
         spectrum: ComplexArray = scipy.fft.rfft(values, axis=2)[:, :, self.bin] / values.shape[2]
         return spectrum
 
+    def between(self, values: FloatArray, order: int, finer: int, shift_s: float) -> FloatArray:
+        """Derivative of one period at the samples, band-limited, on a grid so many times finer and so much later."""
+        highest = SPEED_BAND / self.sample_time_s
+        return periodic_derivative(values, self.sample_time_s, order, highest, finer, shift_s)
+
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
-        """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""
+        """Likewise of the motor angles, which drift."""
         key = (order, finer, shift_s)
         if key not in self._rates:
-            highest = SPEED_BAND / self.sample_time_s
-            rate = periodic_derivative(self.angle, self.sample_time_s, order, highest, finer, shift_s)
+            rate = self.between(self.angle, order, finer, shift_s)
             self._rates[key] = rate + self.drift.mean(axis=2) if order == 1 else rate
             self._rates[key].setflags(write=False)
         return self._rates[key]
@@ -97,6 +102,7 @@ def periodic_motion_of(
     sample_time_s: float,
     lines: npt.NDArray[np.int64],
     highest_hz: float,
+    torque_hold: Hold = "zero_order_hold",
 ) -> PeriodicMotion:
     """Transform whole periods.
 
@@ -108,6 +114,8 @@ def periodic_motion_of(
         Excited bins.
     highest_hz
         Bins above are left out.
+    torque_hold
+        How torques go between samples.
 
     Raises
     ------
@@ -150,6 +158,7 @@ def periodic_motion_of(
         accelerations - accelerations.mean(axis=2, keepdims=True),
         angle - angle.mean(axis=2, keepdims=True),
         drift / (n_sample * sample_time_s),
+        torque_hold=torque_hold,
     )
 
 

@@ -1,16 +1,16 @@
 """Spectra of records in all bins, and functions of the measured speed as spectra of a held torque.
 
 Friction, ripple and moving inertia are functions of the measured motion. A function of speed is evaluated on a grid
-finer than the samples, where its corners are resolved, and then cut to the band: what a held torque of these samples
-would have to be (its spectrum over the hold's factor).
+finer than the samples, where its corners are resolved, and then cut to the band: what a torque of these samples would
+have to be (of a held one its spectrum over the hold's factor).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, Self
 
 import numpy as np
 import scipy
@@ -18,7 +18,10 @@ import scipy
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import running_mean
+from robid_core.mechanics import mean_over_smooth
 from robid_core.mechanics.response import hold_factor
+
+Hold = Literal["zero_order_hold", "continuous"]
 
 EVERY = 5  # of the bins that are no lines stands for the others
 FINER = 8  # points a sample on which laws are evaluated
@@ -46,13 +49,15 @@ class MotionSpectra(ABC):
     angle: FloatArray
     """Motor angles over time, rad, shape (n_config, n_exp, n_time, n_axis)."""
     torque: FloatArray
-    """Motor torques over time, held between samples, N m, likewise."""
+    """Motor torques over time, N m, likewise."""
     torque_spectrum: ComplexArray
     """Of the motor torques, N m, shape (n_config, n_exp, n_bin, n_axis)."""
     acceleration_spectrum: ComplexArray
     """Of the motor accelerations, likewise, rad/s^2."""
     angle_noise: FloatArray
     """Variance of `angle` at each sample, white, rad^2, shape (n_axis,)."""
+    torque_hold: Hold = field(default="zero_order_hold", kw_only=True)
+    """Whether a torque acts from its sample to the next, or the samples are those of a continuous one."""
 
     def of_configuration(self, config: int) -> Self:
         """Return angles and mean spectra of one configuration; by how much periods differ stays that of all."""
@@ -80,13 +85,33 @@ class MotionSpectra(ABC):
 
     @property
     def hold(self) -> ComplexArray:
-        """Factor of a held torque, 1 for the mean, shape (n_bin,)."""
-        factor = np.ones(len(self.bin), dtype=np.complex128)
-        factor[1:] = hold_factor(self.omega[1:], self.sample_time_s)[0]
+        """Spectrum of the torque that acts over that of its samples, 1 for the mean, shape (n_bin,)."""
+        return self.hold_at(self.omega)
+
+    def hold_at(self, omega: FloatArray) -> ComplexArray:
+        """Likewise at any angular frequencies, rad/s, shape (n_omega,)."""
+        factor = np.ones(len(omega), dtype=np.complex128)
+        if self.torque_hold == "zero_order_hold":
+            moving = omega > 0
+            factor[moving] = hold_factor(omega[moving], self.sample_time_s)[0]
         return factor
 
+    def mean_share(self, omega: FloatArray, step_s: float) -> ComplexArray:
+        """Spectrum of `Simulation.torque`, means over samples, over that of samples of this torque, (n_omega,)."""
+        smooth = mean_over_smooth(omega / (2 * np.pi), self.sample_time_s, step_s)
+        share: ComplexArray = smooth * self.hold_at(omega)
+        return share
+
+    def spectrum_of_means(self, torque: FloatArray, step_s: float) -> ComplexArray:
+        """Spectra of a `Simulation.torque`, (n_config, n_exp, n_time, n_axis), as samples of this torque show it."""
+        spectrum: ComplexArray = self.spectrum_of(torque) / self.mean_share(self.omega, step_s)[:, None]
+        return spectrum
+
     def held_spectrum(self, torque: FloatArray) -> ComplexArray:
-        """Spectrum of the held torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis)."""
+        """Spectrum of the samples of a torque that acts as one on any even grid does, (n_config, n_exp, n_bin, n_axis).
+
+        Of a held one: of a continuous one it is the same.
+        """
         held: ComplexArray = self.spectrum_of(torque) / self.hold[:, None]
         return held
 
@@ -94,16 +119,36 @@ class MotionSpectra(ABC):
         """Band-limited motor speeds on the finer grid, rad/s, shape (n_config, n_exp, FINER * n_time, n_axis)."""
         return self.rate(1, FINER)
 
+    def torque_between(self, finer: int, shift_s: float = 0.0) -> FloatArray:
+        """Torques on a grid so many times finer, and so much later within a step of it, N m.
+
+        Held from sample to sample, or band-limited; shape (n_config, n_exp, finer * n_time, n_axis).
+        """
+        if self.torque_hold == "zero_order_hold":
+            return np.repeat(self.torque, finer, axis=2)
+        return self.between(self.torque, 0, finer, shift_s)
+
+    def fine_torque(self) -> FloatArray:
+        """Torques on the finer grid; where held ones jump, the mean of both."""
+        fine = self.torque_between(FINER)
+        if self.torque_hold == "zero_order_hold":
+            fine[:, :, ::FINER] += 0.5 * (np.roll(self.torque, 1, axis=2) - self.torque)
+        return fine
+
     @abstractmethod
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
         """Spectra of values on any even grid, time on the third of four axes, (n_config, n_exp, n_bin, n_axis)."""
 
     @abstractmethod
-    def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
-        """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later.
+    def between(self, values: FloatArray, order: int, finer: int, shift_s: float) -> FloatArray:
+        """Derivative of values at the samples, band-limited, on a grid so many times finer and so much later.
 
-        Order 0 gives the angles themselves, rad; shape (n_config, n_exp, finer * n_time, n_axis).
+        Order 0 gives the values themselves; shape (n_config, n_exp, finer * n_time, n_axis).
         """
+
+    @abstractmethod
+    def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
+        """Likewise of the motor angles, rad (rad/s, ...)."""
 
     @abstractmethod
     def divided(self, values: FloatArray, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
@@ -189,13 +234,6 @@ def periodic_derivative(
     turned = ((1j * omega) ** order * np.exp(1j * omega * shift_s))[:, None] * spectrum
     result: FloatArray = scipy.fft.irfft(turned, n=finer * n, axis=2) * finer
     return result
-
-
-def held_between(values: FloatArray) -> FloatArray:
-    """Return held values, time on the third of four axes, on the finer grid; where they jump, the mean of both."""
-    fine = np.repeat(values, FINER, axis=2)
-    fine[:, :, ::FINER] += 0.5 * (np.roll(values, 1, axis=2) - values)
-    return fine
 
 
 def speed_between_samples(

@@ -20,6 +20,7 @@ from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import (
     MOTION_BAND_HZ,
     SPEED_BAND,
+    Hold,
     MotionSpectra,
     divided_period,
     periodic_derivative,
@@ -28,6 +29,7 @@ from robid_core.mechanics import MotorMotion, periodic_motion
 
 VISIBLE = 0.5  # of the window: below, a sample says little of what was there
 TAPER = 0.06  # of the length, at either end
+SLOW = 1e-3  # rad over the whole recording: by so slow a wave a gain tells how late a straight line comes
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +58,21 @@ class WindowedMotion(MotionSpectra):
         return window
 
     def spectrum_of(self, values: FloatArray) -> ComplexArray:
-        """Spectra of values under the window, on any even grid, time on the third axis."""
+        """Spectra of values under the window, on any even grid, time on the third axis.
+
+        Forces on a finer grid compare with a held torque half a sample after its sample: so late comes their window.
+        """
         n = values.shape[2]
-        weighted = values * _window(n)[:, None]
+        late = 0.5 if n > self.n_sample and self.torque_hold == "zero_order_hold" else 0.0
+        weighted = values * _window(self.n_sample, n // self.n_sample, late)[:, None]
         spectrum: ComplexArray = scipy.fft.rfft(weighted, axis=2)[:, :, self.bin] / n
         return spectrum
+
+    def spectrum_of_means(self, torque: FloatArray, step_s: float) -> ComplexArray:
+        """Likewise; means lie half a sample later than a continuous torque, while the window stays where it is."""
+        if self.torque_hold == "zero_order_hold":
+            return super().spectrum_of_means(torque, step_s)
+        return self.spectrum_of(self.divided(torque, lambda omega: self.mean_share(omega, step_s)[:, None]))
 
     def over_time(self, spectrum: ComplexArray) -> FloatArray:
         """Values of spectra at the samples, shape of `angle`; nothing where the window shows little."""
@@ -69,8 +81,12 @@ class WindowedMotion(MotionSpectra):
         return shown
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
-        """Derivative of the motor angles, band-limited, on a grid so many times finer and so much later."""
-        odd, first, slope = _odd_continuation(self.angle, self.sample_time_s)
+        """Likewise of the motor angles."""
+        return self.between(self.angle, order, finer, shift_s)
+
+    def between(self, values: FloatArray, order: int, finer: int, shift_s: float) -> FloatArray:
+        """Derivative of values at the samples, band-limited, on a grid so many times finer and so much later."""
+        odd, first, slope = _odd_continuation(values, self.sample_time_s)
         highest, n = SPEED_BAND / self.sample_time_s, finer * self.n_sample
         rate = periodic_derivative(odd, self.sample_time_s, order, highest, finer, shift_s)[:, :, :n]
         if order == 0:
@@ -85,9 +101,11 @@ class WindowedMotion(MotionSpectra):
         return self._divided(_Waves.of(values, self.sample_time_s), gain)
 
     def _divided(self, waves: _Waves, gain: Callable[[FloatArray], ComplexArray]) -> FloatArray:
-        line = waves.first + waves.slope * (self.sample_time_s * np.arange(self.n_sample))[:, None]
+        still, slow = gain(np.array([0.0, SLOW / (self.n_sample * self.sample_time_s)]))[:, None, None]
+        early = np.angle(slow / still) / SLOW * (self.n_sample * self.sample_time_s)
+        line = waves.first + waves.slope * (self.sample_time_s * np.arange(self.n_sample)[:, None] - early)
         period = divided_period(waves.spectrum, 2 * (self.n_sample - 1), self.sample_time_s, gain)
-        result: FloatArray = period[:, :, : self.n_sample] + line / gain(np.zeros(1)).real
+        result: FloatArray = period[:, :, : self.n_sample] + line / still.real
         return result
 
     @cached_property
@@ -146,7 +164,11 @@ class WindowedMotion(MotionSpectra):
 
 
 def windowed_motion_of(
-    position: FloatArray, torque: FloatArray, sample_time_s: float, highest_hz: float
+    position: FloatArray,
+    torque: FloatArray,
+    sample_time_s: float,
+    highest_hz: float,
+    torque_hold: Hold = "zero_order_hold",
 ) -> WindowedMotion:
     """Transform recordings.
 
@@ -156,6 +178,8 @@ def windowed_motion_of(
         Motor angles, rad, and torques, N m, shape (n_config, n_exp, n_sample, n_axis).
     highest_hz
         Bins above are left out.
+    torque_hold
+        How torques go between samples.
 
     Raises
     ------
@@ -177,15 +201,34 @@ def windowed_motion_of(
     empty = np.zeros((*position.shape[:2], n_bin, position.shape[3]), dtype=np.complex128)
     silent = np.zeros(position.shape[3])  # a cut does not tell its noise
     bare = WindowedMotion(
-        sample_time_s, n_sample, bins, np.zeros(n_bin, dtype=bool), position, torque, empty, empty, silent
+        sample_time_s,
+        n_sample,
+        bins,
+        np.zeros(n_bin, dtype=bool),
+        position,
+        torque,
+        empty,
+        empty,
+        silent,
+        torque_hold=torque_hold,
     )
     return bare.with_signals(position, torque)
 
 
-def _window(n: int) -> FloatArray:
-    """Tukey's window of mean square one, shape (n,)."""
-    window = scipy.signal.windows.tukey(n, 2 * TAPER)
-    scaled: FloatArray = window / np.sqrt((window**2).mean())
+def _window(n: int, finer: int = 1, late: float = 0.0) -> FloatArray:
+    """Tukey's window over n samples, of mean square one, on a grid so many times finer, shape (finer * n,).
+
+    It comes later by a part of a sample.
+    """
+
+    def tukey(share: FloatArray) -> FloatArray:
+        from_ends = np.clip(np.minimum(share, 1 - share) / TAPER, 0.0, 1.0)
+        window: FloatArray = 0.5 * (1 - np.cos(np.pi * from_ends))
+        return window
+
+    whole = np.arange(n) / (n - 1)
+    there = (np.arange(finer * n) / finer - late) / (n - 1)
+    scaled: FloatArray = tukey(there) / np.sqrt((tukey(whole) ** 2).mean())
     return scaled
 
 

@@ -11,10 +11,11 @@ from robid_core import ConfigurationError, NotTrustworthy, Robot
 from robid_core.mechanics import MechanicalModel
 from robid_core.mechanics.prescribed import (
     MotorMotion,
-    mean_over_held,
+    mean_over_smooth,
     periodic_motion,
     prescribe,
 )
+from robid_core.mechanics.response import hold_factor
 from robid_core.mechanics.simulate import Simulation
 from robid_core.robot.plant import standing
 
@@ -170,7 +171,9 @@ def test_a_closed_loop_in_steady_state_gives_back_its_held_torques_below_a_tenth
     state = still.moving(robot.mechanism, motion.speed)
     back = robot.prescribe(twice, state)
     ours, theirs = (np.fft.rfft(x, axis=1)[:, 1:100] for x in (back.torque[:, last], torque))
-    ours = ours / mean_over_held(np.arange(1, 100), 1e-3, STEP)[:, None]
+    line = np.arange(1.0, 100.0)
+    held = hold_factor(2 * np.pi * line, 1e-3)[0]
+    ours = ours / (mean_over_smooth(line, 1e-3, STEP) * held)[:, None]
     # Between the samples the motion is taken as band-limited; a held torque moves the motor with images too, at line f
     # by (f / (1 kHz - f))^3 of itself: 6e-4 at 79 Hz.
     error = np.sqrt((abs(ours - theirs) ** 2).sum(axis=1) / (abs(theirs) ** 2).sum(axis=1))

@@ -8,7 +8,6 @@ import pytest
 from robid_core import FreeParameters, Robot
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-from robid_core.mechanics import mean_over_held
 from robid_core.residual import EffectTorque, PeriodicBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.robot.effects import BoundEffect
@@ -45,11 +44,11 @@ def block(robot: Robot) -> PeriodicBlock:
         angle += 4.0 / bin_ * np.sin(2 * np.pi * bin_ / (N * T) * time[:, None] + phase)
     motion: PeriodicMotion = periodic_motion_of(angle, np.zeros_like(angle), T, np.array([5, 21, 70]), 80.0)
     block = PeriodicBlock.of_record(robot, motion, SpeedFunctions.of_widths((0.5,), 6))
-    (torque,) = block.simulated_torques([robot], final=True)
+    (torque,) = block.simulated_rows([robot], final=True)
     moved = motion.with_signals(motion.angle, motion.over_time(torque))
     block = PeriodicBlock.of_record(robot, moved, block.laws)
     for _ in range(ROUNDS):
-        block.simulated_torques([robot], final=True)
+        block.simulated_rows([robot], final=True)
     return block
 
 
@@ -68,11 +67,11 @@ def test_an_effect_adds_what_a_prescribed_motion_takes_more(
     joint is bent by no mean torque, which would move the arm."""
     changed, bound = bound_at(robot, place, SMALL)
     plain, _ = bound_at(robot, place, 0.0)
-    before, after = block.simulated_torques([plain, changed], final=False)
+    before, after = block.simulated_rows([plain, changed], final=False)
     expected = (after - before)[:, :, 1:]
     along = EffectTorque(block, robot, np.zeros_like(block.motion.torque_spectrum), np.zeros(1))
     found = along.of_effect(bound)[:, :, 1:]
-    held = mean_over_held(block.motion.frequency_hz[1:], T, robot.step_s)[:, None]
+    held = block.motion.mean_share(block.motion.omega[1:], robot.step_s)[:, None]
     error = abs(found - expected / held).max() / abs(expected).max()
     assert error < 0.02
 

@@ -11,6 +11,7 @@ from robid_core import FreeParameters, Robot, chosen_names
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.residual import PeriodicBlock, TorqueProblem
+from robid_core.residual.derivatives import derivatives
 
 T, N = 1e-3, 2000
 LAWS = SpeedFunctions.of_widths((0.5, 5.0), 6)
@@ -61,7 +62,7 @@ def test_derivatives_are_differences_of_the_residual(robot: Robot, each_delay: b
     (predicted,) = problem.predicted(point)
     late = np.exp(-1j * block.motion.omega[:, None] * problem.delay(point)) * predicted
     block.motion = dataclasses.replace(block.motion, torque_spectrum=late)
-    columns = block.columns(problem.free, point[: problem.n_free], predicted, each_delay)
+    columns = derivatives(block, problem.free, point[: problem.n_free], predicted, each_delay)
     found = np.stack([np.concatenate(list(runs)) for runs in columns]).transpose(4, 0, 2, 1, 3)
     for i, name in enumerate((*problem.free.names, *problem.nuisance_names())):
         h = 1e-7 if name.startswith("torque_delay") else 1e-3

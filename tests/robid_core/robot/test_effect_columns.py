@@ -8,7 +8,7 @@ import pytest
 from robid_core import ConfigurationError, Robot, RobotMotion, effect_columns, forces_along
 from robid_core.estimation.torque.periodic import periodic_motion_of
 from robid_core.estimation.torque.spectra import FINER
-from robid_core.mechanics import MotorMotion, mean_over_held, periodic_motion
+from robid_core.mechanics import MotorMotion, periodic_motion
 
 STEP = 2.5e-4
 ANGLE = np.array([[0.1, 0.5, 0.2, 0.1, 0.3, 0.1], [-0.6, 0.1, 0.4, -0.8, -0.4, 1.0]])
@@ -91,7 +91,7 @@ def test_in_frequency_a_column_is_that_of_a_held_torque(six: Robot) -> None:
             for end in ends
         )
         theirs = np.fft.rfft((high - low) / (2 * step), axis=1)[:, : ours.shape[1]] / n_sample
-        theirs = theirs / mean_over_held(recorded.frequency_hz, 1e-3, robot.step_s)
+        theirs = theirs / recorded.mean_share(recorded.omega, robot.step_s).real
         assert np.sqrt((abs(ours - theirs) ** 2).sum() / (abs(theirs) ** 2).sum()) < 5e-3, column.name
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from robid_core import DataRejected
 from robid_core.estimation.torque.periodic import drift_of, friction_deviation, periodic_motion_of
-from robid_core.estimation.torque.spectra import FINER, friction_spectra, held_between, speed_between_samples
+from robid_core.estimation.torque.spectra import FINER, friction_spectra, speed_between_samples
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_apart, covariance_of, whitener
 
@@ -68,9 +68,9 @@ def test_a_held_torque_moves_a_free_motor_between_the_samples_as_by_hand() -> No
     speed = (start[:, None] + torque[:, None] * T / FINER * np.arange(FINER)).ravel()
     mean_of_pieces = (start + 0.5 * T * torque).mean()
     angle = np.concatenate(([0.0], np.cumsum(T * start + 0.5 * T**2 * torque)[:-1])) - mean_of_pieces * time
-    motion = motion_of(np.tile(angle[:, None], (1, 1, 1, 2, 1, 1)), np.zeros((1, 1, 1, 2, N, 1)))
+    motion = motion_of(*(np.tile(one[:, None], (1, 1, 1, 2, 1, 1)) for one in (angle, torque)))
     smooth = motion.fine_speed()
-    found = speed_between_samples(smooth, held_between(torque[None, None, :, None]), np.zeros(1), T)
+    found = speed_between_samples(smooth, motion.fine_torque(), np.zeros(1), T)
     exact = speed - mean_of_pieces
     left, before = (np.std(exact - one[0, 0, :, 0]) for one in (found, smooth))
     assert left < 0.15 * before
