@@ -78,7 +78,7 @@ def edit(folder: Path, number: str) -> None:
     os.utime(path, (1e9 + float(number), 1e9 + float(number)))
 
 
-@pytest.mark.parametrize("at", [1, 2])
+@pytest.mark.parametrize("at", [1, pytest.param(2, marks=pytest.mark.full)])
 def test_a_process_killed_while_it_writes_leaves_no_stale_kernel(tmp_path: Path, run: Start, at: int) -> None:
     edit(tmp_path, "1.0")
     assert said(run(CALL)).startswith("1.0")
@@ -103,6 +103,7 @@ def codes(folder: Path) -> list[Path]:
     return sorted((folder / "cache").rglob("*.nbc"))
 
 
+@pytest.mark.full
 def test_machine_code_of_sources_of_long_ago_is_removed(tmp_path: Path, run: Start) -> None:
     for number in range(1, VERSIONS + 2):
         edit(tmp_path, f"{number}.0")
@@ -133,7 +134,14 @@ def test_a_constant_of_another_file_decides_what_is_found(tmp_path: Path, run: S
     assert said(run(CALL)) == "1.0 {(float64,): 1}"
 
 
-@pytest.mark.parametrize(("suffix", "damage"), [("nbi", "cut"), ("nbc", "flipped"), ("nbc", "empty")])
+@pytest.mark.parametrize(
+    ("suffix", "damage"),
+    [
+        ("nbi", "cut"),
+        pytest.param("nbc", "flipped", marks=pytest.mark.full),
+        pytest.param("nbc", "empty", marks=pytest.mark.full),
+    ],
+)
 def test_a_damaged_file_is_compiled_anew(tmp_path: Path, run: Start, suffix: str, damage: str) -> None:
     edit(tmp_path, "3.0")
     assert said(run(CALL)) == "3.0 {}"

@@ -53,6 +53,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
     return found
 
 
+@pytest.mark.full
 def test_two_cold_workers_compile_at_once_and_a_third_finds_their_work(tmp_path: Path, expected: str) -> None:
     cache, start = tmp_path / "laws", tmp_path / "start"
     cache.mkdir()

@@ -9,24 +9,29 @@ from pathlib import Path
 
 import pytest
 
+_SMALL = "from robid_core.compiled.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + 1.0\n"
 _AHEAD = """
 import robid_core.run.compilation as c
-c._PARTS = {name: c._PARTS[name] for name in ("eigenvectors",)}
+def part():
+    import small
+    small.plus(1.0)
+c._PARTS = {"small": part}
 if __name__ == "__main__":
     c.compile_ahead(lambda done, total, text: print(done, total, text))
 """
 _TOLD = """
-import sys
-import numpy as np
 from robid_core.compiled.telling import compilation_told
-from robid_core.estimation.response.eigen import eigen
+import small
 with compilation_told(print):
-    eigen(np.eye(2, dtype=complex)[None], 1e6)
+    small.plus(1.0)
 """
 
 
 def said(script: Path, text: str, cache: Path) -> list[str]:
     script.write_text(text)
+    small = script.with_name("small.py")
+    if not small.exists():
+        small.write_text(_SMALL)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_CACHE_DIR": str(cache)}
     done = subprocess.run(
         [sys.executable, str(script)], env=environment, capture_output=True, text=True, check=True

@@ -99,6 +99,7 @@ def test_killed_at_each_file_operation_a_run_resumes_with_the_same_bytes(world: 
         assert last > 100
 
 
+@pytest.mark.full
 def test_killed_at_random_moments_a_run_resumes_with_the_same_bytes(world: Any) -> None:
     world.say("{use: strange.measure,", "{use: strange.measure, with: {seconds: 0.4},")
     world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 0.4}}")

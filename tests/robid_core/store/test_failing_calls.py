@@ -74,7 +74,9 @@ def nothing_is_torn(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("for_ever", [False, True])
-@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize(
+    "number", [NUMBERS[0], *(pytest.param(number, marks=pytest.mark.full) for number in NUMBERS[1:])]
+)
 def test_each_operation_of_the_store_may_fail(
     tmp_path: Path, artifact: Configurations, number: int, for_ever: bool
 ) -> None:
