@@ -7,7 +7,8 @@ refused where they stand, and an alias must not blow up: its size counts at ever
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -34,8 +35,9 @@ MAXIMUM_NODES = 100_000  # aliases written out; a file of 256 KiB without aliase
 def read_nodes(text: str, kind: FileKind, problems: ProblemList) -> Node | None:
     """Return the root of a document, or None where it cannot be read as YAML; problems are collected."""
     try:
-        events = list(_scan(text, kind, problems))
-    except _Hopeless:
+        events = _scanned(text, kind)
+    except _Refused as refused:
+        problems.add(refused.mark, (), str(refused))
         return None
     except MarkedYAMLError as error:
         _tell_syntax(error, problems)
@@ -60,11 +62,25 @@ def _tell_syntax(error: MarkedYAMLError, problems: ProblemList) -> None:
     problems.add(mark, (), f"not YAML: {' '.join((reason + begun).split())}; {hint}")
 
 
+class _Refused(Exception):
+    """A document holds what could hurt, at a place."""
+
+    def __init__(self, mark: Mark, reason: str) -> None:
+        super().__init__(reason)
+        self.mark = mark
+
+
 class _Hopeless(Exception):
     """The document was refused; the problem is in the list."""
 
 
-def _scan(text: str, kind: FileKind, problems: ProblemList) -> Iterator[Any]:
+@functools.lru_cache(maxsize=16)
+def _scanned(text: str, kind: FileKind) -> tuple[Any, ...]:
+    """Return the parser's events; a robot file is read by many stages of one pipeline, and scanned once."""
+    return tuple(_scan(text, kind))
+
+
+def _scan(text: str, kind: FileKind) -> Iterator[Any]:
     """Yield the parser's events, refusing what could hurt before it is built."""
     depth = aliases = documents = 0
     for event in YAML(typ="safe", pure=True).parse(text):
@@ -88,15 +104,14 @@ def _scan(text: str, kind: FileKind, problems: ProblemList) -> Iterator[Any]:
                 version = ".".join(str(number) for number in event.version)
                 refusal = f"YAML {version} is asked for; {kind.noun} is YAML 1.2"
         if refusal:
-            problems.add(mark, (), refusal)
-            raise _Hopeless
+            raise _Refused(mark, refusal)
         yield event
 
 
 class _Composer:
     """Builds nodes from events; recursion is bounded by MAXIMUM_DEPTH."""
 
-    def __init__(self, events: list[Any], kind: FileKind, problems: ProblemList) -> None:
+    def __init__(self, events: Iterable[Any], kind: FileKind, problems: ProblemList) -> None:
         self._events = iter(events)
         self._kind = kind
         self._problems = problems
