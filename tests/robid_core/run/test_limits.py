@@ -98,7 +98,6 @@ def test_a_deadline_that_passes_while_the_process_still_starts_ends_it(world: An
         world.run("stages.fit.with.hold=1000.0", deadline_s=0.1, last="fit")
     assert time.monotonic() - began < 10  # it has no group of its own yet: killing that would kill nothing
     assert stage_processes() == before
-    assert "fit" not in world.ran()
 
 
 def test_a_process_that_cannot_be_collected_is_not_waited_for(
