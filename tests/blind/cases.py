@@ -15,7 +15,7 @@ import numpy as np
 from oracles.drives import of_axes
 
 from blind.experiments import Experiments, record_of
-from blind.foreign_plant import STEPS, ForeignPlant
+from blind.foreign_plant import STEPS, ForeignPlant, Unbounded
 from blind.kinds import OF_ONE, Hidden, Plant, hidden
 from blind.plan import SIX, Wanted
 from blind.robots import base_robot, told_robot, true_robot, without_bearing
@@ -29,6 +29,7 @@ FURTHER = (0.1, 10.0)  # factors of a size at once, until both sides are known
 INSIDE = (0.15, 0.85)  # shares of the way between two sizes
 LEAST = 1e-3  # of a strength
 LARGEST = 10.0  # size: a gap beyond is never crossed, and only moves the arm
+FINEST = 64  # of MuJoCo's steps a sample: a plant that leaves all bounds with these is unstable
 DRAWS = 4  # of poses and places, until a law is as strong as was asked for
 VALUE_SIZES = (0.8, 3.0)  # of wrong values: these are not sized by strength
 
@@ -55,7 +56,12 @@ class BlindCase:
 
 
 def blind_case(wanted: Wanted) -> BlindCase:
-    """Draw, size and measure a case."""
+    """Draw, size and measure a case.
+
+    What is too stiff for the steps of the simulation is simulated with twice as many, up to `FINEST`; a plant that
+    leaves all bounds then, too, counts as stronger than asked for: it is made weaker, and places and poses drawn again
+    where that does not help. Raises Unbounded where the last draw is unstable.
+    """
     generator = np.random.default_rng([wanted.seed, zlib.crc32(repr(wanted).encode())])
     told = told_robot(base_robot(wanted.n_axis), generator)
     truth = true_robot(told, generator, exact_inertia=wanted.exact_inertia)
@@ -125,10 +131,18 @@ def _sized(
         plant = thing.added(Plant(truth), size)
         return ruler.strength(_measured(plant, truth, few, late, None))
 
+    def total(size: float) -> float:
+        try:
+            return strength_at(size).total(share)
+        except Unbounded:
+            return np.inf
+
     low, high = wanted.strength
     target = float(np.exp(generator.uniform(*np.log((low, high)))))
     first = (target / OF_ONE[thing.kind]) ** (1 / FIRST)
-    size, strength = _search(lambda one: strength_at(one).total(share), target, (low, high), first)
+    size, strength = _search(total, target, (low, high), first)
+    if np.isinf(strength):
+        return size, strength, (), ruler.floor
     alike = strength_at(size).alike(thing.kind, thing.on, generator, elsewhere=wanted.n_axis < SIX)
     return size, strength, alike, ruler.floor
 
@@ -166,15 +180,32 @@ def _measured(
     generator: np.random.Generator | None,
 ) -> Record:
     """Measure all experiments; without noise where there is no generator."""
-    whole = ForeignPlant(plant.robot, plant.laws, late, plant.base)
-    shown = []
-    for k, reference in enumerate(experiments.references):
-        pose = k // experiments.each
-        noise = None
-        if generator is not None:
-            noise = generator.standard_normal(reference.shape) * of_axes(truth, "sensors", "position_noise")
-        shown.append(whole.measure(reference, experiments.poses[pose], noise))
-    position, torque = (np.stack(parts) for parts in zip(*shown, strict=True))
+    noise = None
+    if generator is not None:
+        noise = generator.standard_normal(experiments.references.shape) * of_axes(
+            truth, "sensors", "position_noise"
+        )
+    position, torque = _shown(plant, experiments, late, noise)
     if generator is not None:
         torque = torque + generator.standard_normal(torque.shape) * experiments.torque_noise
     return record_of(truth, experiments, position, torque)
+
+
+def _shown(
+    plant: Plant, experiments: Experiments, late: float, noise: np.ndarray | None, steps: int = STEPS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and torques of all experiments, (n_experiment, n_sample, n_axis) each, with so many steps or more."""
+    whole = ForeignPlant(plant.robot, plant.laws, late, plant.base, steps)
+    try:
+        shown = [
+            whole.measure(
+                reference, experiments.poses[k // experiments.each], None if noise is None else noise[k]
+            )
+            for k, reference in enumerate(experiments.references)
+        ]
+    except Unbounded:
+        if steps == FINEST:
+            raise
+        return _shown(plant, experiments, late, noise, 2 * steps)
+    position, torque = (np.stack(parts) for parts in zip(*shown, strict=True))
+    return position, torque

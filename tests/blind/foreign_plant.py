@@ -27,6 +27,7 @@ FloatArray = npt.NDArray[np.float64]
 
 MOST, NUMBERS = 2, 8  # hidden laws; numbers of a law
 STEPS = 4  # of MuJoCo, a sample: what is left of a plant that hides nothing is the same with 2 and with 16
+LOST = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 (POSITION, SPEED, APPLIED, CONTROL, REFERENCE, NOISE, MEASURED, DEMANDED, MOTORS, LOOP, COUNTS, LAWS, SEEN, GEARS,
  MEMORY) = range(15)  # fmt: skip
 (N_AXIS, N_STEP, N_DOF, CALL) = range(4)
@@ -35,6 +36,10 @@ STEPS = 4  # of MuJoCo, a sample: what is left of a plant that hides nothing is 
 (WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS, TIME, FILTERED, MEAN) = range(8)
 (LAW, AXIS) = range(2)  # of LAWS, before the numbers
 ON_SIGNALS = (laws.NOTHING, laws.RESOLVER, laws.RIPPLE, laws.SATURATION, laws.LAG, laws.GAIN)
+
+
+class Unbounded(RuntimeError):
+    """A simulation that left all bounds: its plant is unstable, or its steps are too long for what is stiff in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +218,11 @@ class ForeignPlant:
         noise
             Of the measured angle, which the controller sees, rad, (n_sample, n_axis); None: of an exact encoder,
             which has no steps either.
+
+        Raises
+        ------
+        Unbounded
+            Where speeds or angles grow beyond all that MuJoCo computes with.
         """
         robot, data, n_axis = self.robot, self.data, self.robot.n_axis
         reference = np.ascontiguousarray(reference, dtype=np.float64)
@@ -234,6 +244,7 @@ class ForeignPlant:
         more = (motors, loop, numbers, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
         with installed(_compiled(), (*arrays, *more)):
             mujoco.mj_step(self.model, data, len(reference) * self.steps)
-        if not np.isfinite(measured).all():
-            raise RuntimeError("MuJoCo's simulation left all bounds")
+        lost = [data.warning[kind].number for kind in LOST]  # after such a warning MuJoCo begins anew
+        if any(lost) or not np.isfinite(measured).all():
+            raise Unbounded(f"the simulation left all bounds with {self.steps} steps a sample")
         return measured, demanded
