@@ -19,7 +19,7 @@ from blind.foreign_plant import STEPS, ForeignPlant, Unbounded
 from blind.kinds import OF_ONE, Hidden, Plant, hidden
 from blind.plan import SIX, Wanted
 from blind.robots import base_robot, told_robot, true_robot, without_bearing
-from blind.strength import Ruler, Strength
+from blind.strength import Ruler, Strength, noise_floor
 from robid_core import Record, Robot
 
 LATEST = 2  # of MuJoCo's steps, a quarter of a sample, by which torques are late at most
@@ -52,7 +52,11 @@ class BlindCase:
     late: float
     """Samples."""
     floor: np.ndarray
-    """What noise leaves of the torque, relative to it, (n_axis,); NaN where nothing with a strength is hidden."""
+    """What noise leaves of the torque, relative to it, (n_axis,); NaN where nothing with a strength is hidden.
+
+    Of noise drawn anew, in the first experiment of each pose: off by some percent from that of the record."""
+    own_floor: np.ndarray
+    """Likewise, of the noise that is in the record."""
 
 
 def blind_case(wanted: Wanted) -> BlindCase:
@@ -83,7 +87,7 @@ def blind_case(wanted: Wanted) -> BlindCase:
         plant = thing.added(plant, size)
     for thing in things:
         told = without_bearing(told, thing.bearing) if thing.bearing else told
-    record = _measured(plant, truth, experiments, late, generator)
+    record, clean = _with_noise(plant, truth, experiments, late, generator)
     return BlindCase(
         wanted,
         told,
@@ -95,6 +99,7 @@ def blind_case(wanted: Wanted) -> BlindCase:
         tuple(alike for _, _, alike, _ in found),
         late,
         found[0][3] if found else np.full(wanted.n_axis, np.nan),
+        noise_floor(plant.robot, record, clean, late),
     )
 
 
@@ -103,7 +108,7 @@ def _loudest(truth: Robot, experiments: Experiments, late: float, on: str) -> in
     axis = truth.axis_names.index(on)
     peaks = []
     for few in (experiments.first(), experiments.quiet_but(-1).first()):
-        torque = _measured(Plant(truth), truth, few, late, None).run.values("motor_torque")
+        torque = _clean(Plant(truth), truth, few, late).run.values("motor_torque")
         peaks.append(np.abs(torque[..., axis]).reshape(len(torque), -1).max(axis=1))
     large, small = peaks
     return int(np.argmax([top - np.delete(small, pose).max(initial=0.0) for pose, top in enumerate(large)]))
@@ -123,13 +128,13 @@ def _sized(
     few = experiments.first()
     share = len(few.references) / len(experiments.references)
     without = without_bearing(truth, thing.bearing) if thing.bearing else truth
-    nothing = _measured(Plant(without), without, few, late, None)
+    nothing = _clean(Plant(without), without, few, late)
     ruler = Ruler.of_records(without, nothing, few.with_noise(nothing, truth, generator), late)
 
     @functools.cache
     def strength_at(size: float) -> Strength:
         plant = thing.added(Plant(truth), size)
-        return ruler.strength(_measured(plant, truth, few, late, None))
+        return ruler.strength(_clean(plant, truth, few, late))
 
     def total(size: float) -> float:
         try:
@@ -172,29 +177,28 @@ def _search(
     return min(tried, key=lambda pair: abs(np.log(pair[1] / target)))
 
 
-def _measured(
-    plant: Plant,
-    truth: Robot,
-    experiments: Experiments,
-    late: float,
-    generator: np.random.Generator | None,
-) -> Record:
-    """Measure all experiments; without noise where there is no generator."""
-    noise = None
-    if generator is not None:
-        noise = generator.standard_normal(experiments.references.shape) * of_axes(
-            truth, "sensors", "position_noise"
-        )
-    position, torque = _shown(plant, experiments, late, noise)
-    if generator is not None:
-        torque = torque + generator.standard_normal(torque.shape) * experiments.torque_noise
+def _clean(plant: Plant, truth: Robot, experiments: Experiments, late: float) -> Record:
+    """Measure all experiments with exact sensors."""
+    position, torque, _ = _shown(plant, experiments, late, None)
     return record_of(truth, experiments, position, torque)
+
+
+def _with_noise(
+    plant: Plant, truth: Robot, experiments: Experiments, late: float, generator: np.random.Generator
+) -> tuple[Record, Record]:
+    """Measure all experiments; and what exact sensors would have shown of the same motion."""
+    shape = experiments.references.shape
+    of_angle = generator.standard_normal(shape) * of_axes(truth, "sensors", "position_noise")
+    position, torque, exact = _shown(plant, experiments, late, of_angle)
+    of_torque = generator.standard_normal(shape) * experiments.torque_noise
+    noisy = record_of(truth, experiments, position, torque + of_torque)
+    return noisy, record_of(truth, experiments, exact, torque)
 
 
 def _shown(
     plant: Plant, experiments: Experiments, late: float, noise: np.ndarray | None, steps: int = STEPS
-) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and torques of all experiments, (n_experiment, n_sample, n_axis) each, with so many steps or more."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles, torques, exact angles of all experiments, (n_experiment, n_sample, n_axis), in so many steps or more."""
     whole = ForeignPlant(plant.robot, plant.laws, late, plant.base, steps)
     try:
         shown = [
@@ -207,5 +211,5 @@ def _shown(
         if steps == FINEST:
             raise
         return _shown(plant, experiments, late, noise, 2 * steps)
-    position, torque = (np.stack(parts) for parts in zip(*shown, strict=True))
-    return position, torque
+    position, torque, exact = (np.stack(parts) for parts in zip(*shown, strict=True))
+    return position, torque, exact
