@@ -35,6 +35,8 @@ class Ceiling:
     """In words: motor speed, load and speed, gear deflection, motor angle, frequency."""
     gain: float
     """Of twice the log-likelihood, less what as many numbers gain by chance."""
+    of_data: float
+    """Likewise, of the data alone: without that told numbers need not leave their tolerances."""
     freedom: int
     """Number of functions."""
 
@@ -54,9 +56,13 @@ def ceilings(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> l
 
 
 def _ceiling(motion: Motion, projection: Projection, axis: int, variable: str, rows: list[Rows]) -> Ceiling:
-    gain = projection.gain(projection.sums(np.stack(rows)), [False] * len(rows), blind=1e-4, together=True)
-    total = gain.total - PER_NUMBER * gain.freedom
-    return Ceiling(motion.robot.axis_names[axis], variable, total, gain.freedom)
+    sums = projection.sums(np.stack(rows))
+    gain = projection.gain(sums, [False] * len(rows), blind=1e-4, together=True)
+    (of_data,) = projection.by_group(sums, gain, [range(len(projection.folds))])
+    chance = PER_NUMBER * gain.freedom
+    return Ceiling(
+        motion.robot.axis_names[axis], variable, gain.total - chance, float(of_data) - chance, gain.freedom
+    )
 
 
 def _responses(motion: Motion, axis: int) -> Iterator[Rows]:

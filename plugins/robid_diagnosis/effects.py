@@ -36,6 +36,7 @@ from robid_core import (
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
+from robid_diagnosis.completeness import are_partial
 from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.judgement import errors_of, parted
@@ -213,8 +214,8 @@ class Effects(DiagnosisStage):
         model = model_of(robot, case, final)
         whole = case.variants.whole
         causes = tuple(
-            finding_of(whole, final, step, self._separation(step, case, final, model, context))
-            for step in outcome.steps
+            finding_of(whole, final, step, partial, self._separation(step, case, final, model, context))
+            for step, partial in zip(outcome.steps, are_partial(outcome), strict=True)
         )
         timing, data = timing_of(final), data_of(case, final, tests)
         witness = witness_of(chain, case, final, model, timing, context) if self.witness else None

@@ -17,31 +17,25 @@ from robid_core import (
     SeparatingExperiment,
 )
 from robid_core.residual import estimated_robot, parts_by_variant
+from robid_diagnosis.completeness import still_gains
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.selection import LEVEL
 from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.wording import place_text
 
-CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
-
 
 def finding_of(
-    robot: Robot, final: Fitted, step: Step, separation: SeparatingExperiment | None = None
+    robot: Robot, final: Fitted, step: Step, partial: bool, separation: SeparatingExperiment | None = None
 ) -> Finding:
     """Return a cause that was accepted, with the values that the last fit gives it, and what tells it from its ties.
 
-    `robot` has all that was told, the loads of all variants too.
+    `robot` has all that was told, the loads of all variants too; `partial`: whether it is a part of what acts there.
     """
     names = tuple(name for name in step.names if name in final.problem.free.names)  # others data do not tell
     estimates = [final.estimate(name) for name in names]
     told = [robot.parameter(name) if name in robot.layout else float("nan") for name in names]
-    if step.kind != "effect":
-        kind = "value"
-    elif not step.share < CAUSE:
-        kind = "cause"
-    else:
-        kind = "partial"
+    kind = "value" if step.kind != "effect" else "partial" if partial else "cause"
     picture = step.picture
     return Finding(
         kind=kind,
@@ -71,10 +65,11 @@ def finding_of(
 def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     """What no effect explains and free functions of some variable would; nothing where no more than noise is left.
 
-    Free functions also gain where told numbers need not leave their tolerances for them, which data do not show.
+    Free functions also gain where told numbers need not leave their tolerances for them, which data do not show. The
+    misfit of all data hides what is small beside a cause: there they are asked by themselves.
     """
-    left = outcome.left
-    if outcome.final.leaves_noise:
+    left = outcome.left[0]
+    if outcome.final.leaves_noise and not (outcome.steps and still_gains(left, outcome)):
         return ()
     least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps])
     p_value = min(1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom)))

@@ -77,7 +77,7 @@ class Selection:
             current = self._with_its_width(current)
             revision = Revision(self.case, self.searched, self.next_cause, base, self.failures, self.progress)
             current, steps = revision.run(current, [*steps, step], motion)
-        left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))[0]
+        left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))
         visible = visible_sizes(
             seen.found.powers,
             lambda one: scaled_parameters(one, {}, seen.motion.columns(one), seen.motion),
@@ -85,7 +85,7 @@ class Selection:
             LEVEL / seen.found.trials,
         )
         told = with_final_ties(self.case, current, steps, self.failures, self.progress)
-        return Outcome(base, current, told, tuple(searches), left, visible, motion)
+        return Outcome(base, current, told, tuple(searches), tuple(left), visible, motion)
 
     def searched(self, current: Fitted, before: Motion | None) -> Searched:
         """Hold every effect against what a fit leaves; `before`: of the search before."""

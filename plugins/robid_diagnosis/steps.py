@@ -78,8 +78,8 @@ class Outcome:
     steps: tuple[Step, ...]
     searches: tuple[Found, ...]
     """One for each step, and the last that found nothing."""
-    left: Ceiling
-    """The free functions that would still gain most."""
+    left: tuple[Ceiling, ...]
+    """What free functions at every axis would still gain, the most first."""
     visible: tuple[VisibleSize, ...]
     """What the last search would have found."""
     motion: Motion

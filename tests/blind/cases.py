@@ -15,11 +15,11 @@ import numpy as np
 from oracles.drives import of_axes
 
 from blind.experiments import Experiments, record_of
-from blind.foreign_plant import STEPS, ForeignPlant
+from blind.foreign_plant import STEPS, ForeignPlant, Unbounded
 from blind.kinds import OF_ONE, Hidden, Plant, hidden
 from blind.plan import SIX, Wanted
 from blind.robots import base_robot, told_robot, true_robot, without_bearing
-from blind.strength import Ruler, Strength
+from blind.strength import Ruler, Strength, noise_floor
 from robid_core import Record, Robot
 
 LATEST = 2  # of MuJoCo's steps, a quarter of a sample, by which torques are late at most
@@ -29,6 +29,7 @@ FURTHER = (0.1, 10.0)  # factors of a size at once, until both sides are known
 INSIDE = (0.15, 0.85)  # shares of the way between two sizes
 LEAST = 1e-3  # of a strength
 LARGEST = 10.0  # size: a gap beyond is never crossed, and only moves the arm
+FINEST = 64  # of MuJoCo's steps a sample: a plant that leaves all bounds with these is unstable
 DRAWS = 4  # of poses and places, until a law is as strong as was asked for
 VALUE_SIZES = (0.8, 3.0)  # of wrong values: these are not sized by strength
 
@@ -51,11 +52,20 @@ class BlindCase:
     late: float
     """Samples."""
     floor: np.ndarray
-    """What noise leaves of the torque, relative to it, (n_axis,); NaN where nothing with a strength is hidden."""
+    """What noise leaves of the torque, relative to it, (n_axis,); NaN where nothing with a strength is hidden.
+
+    Of noise drawn anew, in the first experiment of each pose: off by some percent from that of the record."""
+    own_floor: np.ndarray
+    """Likewise, of the noise that is in the record."""
 
 
 def blind_case(wanted: Wanted) -> BlindCase:
-    """Draw, size and measure a case."""
+    """Draw, size and measure a case.
+
+    What is too stiff for the steps of the simulation is simulated with twice as many, up to `FINEST`; a plant that
+    leaves all bounds then, too, counts as stronger than asked for: it is made weaker, and places and poses drawn again
+    where that does not help. Raises Unbounded where the last draw is unstable.
+    """
     generator = np.random.default_rng([wanted.seed, zlib.crc32(repr(wanted).encode())])
     told = told_robot(base_robot(wanted.n_axis), generator)
     truth = true_robot(told, generator, exact_inertia=wanted.exact_inertia)
@@ -77,7 +87,7 @@ def blind_case(wanted: Wanted) -> BlindCase:
         plant = thing.added(plant, size)
     for thing in things:
         told = without_bearing(told, thing.bearing) if thing.bearing else told
-    record = _measured(plant, truth, experiments, late, generator)
+    record, clean = _with_noise(plant, truth, experiments, late, generator)
     return BlindCase(
         wanted,
         told,
@@ -89,6 +99,7 @@ def blind_case(wanted: Wanted) -> BlindCase:
         tuple(alike for _, _, alike, _ in found),
         late,
         found[0][3] if found else np.full(wanted.n_axis, np.nan),
+        noise_floor(plant.robot, record, clean, late),
     )
 
 
@@ -97,7 +108,7 @@ def _loudest(truth: Robot, experiments: Experiments, late: float, on: str) -> in
     axis = truth.axis_names.index(on)
     peaks = []
     for few in (experiments.first(), experiments.quiet_but(-1).first()):
-        torque = _measured(Plant(truth), truth, few, late, None).run.values("motor_torque")
+        torque = _clean(Plant(truth), truth, few, late).run.values("motor_torque")
         peaks.append(np.abs(torque[..., axis]).reshape(len(torque), -1).max(axis=1))
     large, small = peaks
     return int(np.argmax([top - np.delete(small, pose).max(initial=0.0) for pose, top in enumerate(large)]))
@@ -117,18 +128,26 @@ def _sized(
     few = experiments.first()
     share = len(few.references) / len(experiments.references)
     without = without_bearing(truth, thing.bearing) if thing.bearing else truth
-    nothing = _measured(Plant(without), without, few, late, None)
+    nothing = _clean(Plant(without), without, few, late)
     ruler = Ruler.of_records(without, nothing, few.with_noise(nothing, truth, generator), late)
 
     @functools.cache
     def strength_at(size: float) -> Strength:
         plant = thing.added(Plant(truth), size)
-        return ruler.strength(_measured(plant, truth, few, late, None))
+        return ruler.strength(_clean(plant, truth, few, late))
+
+    def total(size: float) -> float:
+        try:
+            return strength_at(size).total(share)
+        except Unbounded:
+            return np.inf
 
     low, high = wanted.strength
     target = float(np.exp(generator.uniform(*np.log((low, high)))))
     first = (target / OF_ONE[thing.kind]) ** (1 / FIRST)
-    size, strength = _search(lambda one: strength_at(one).total(share), target, (low, high), first)
+    size, strength = _search(total, target, (low, high), first)
+    if np.isinf(strength):
+        return size, strength, (), ruler.floor
     alike = strength_at(size).alike(thing.kind, thing.on, generator, elsewhere=wanted.n_axis < SIX)
     return size, strength, alike, ruler.floor
 
@@ -158,23 +177,39 @@ def _search(
     return min(tried, key=lambda pair: abs(np.log(pair[1] / target)))
 
 
-def _measured(
-    plant: Plant,
-    truth: Robot,
-    experiments: Experiments,
-    late: float,
-    generator: np.random.Generator | None,
-) -> Record:
-    """Measure all experiments; without noise where there is no generator."""
-    whole = ForeignPlant(plant.robot, plant.laws, late, plant.base)
-    shown = []
-    for k, reference in enumerate(experiments.references):
-        pose = k // experiments.each
-        noise = None
-        if generator is not None:
-            noise = generator.standard_normal(reference.shape) * of_axes(truth, "sensors", "position_noise")
-        shown.append(whole.measure(reference, experiments.poses[pose], noise))
-    position, torque = (np.stack(parts) for parts in zip(*shown, strict=True))
-    if generator is not None:
-        torque = torque + generator.standard_normal(torque.shape) * experiments.torque_noise
+def _clean(plant: Plant, truth: Robot, experiments: Experiments, late: float) -> Record:
+    """Measure all experiments with exact sensors."""
+    position, torque, _ = _shown(plant, experiments, late, None)
     return record_of(truth, experiments, position, torque)
+
+
+def _with_noise(
+    plant: Plant, truth: Robot, experiments: Experiments, late: float, generator: np.random.Generator
+) -> tuple[Record, Record]:
+    """Measure all experiments; and what exact sensors would have shown of the same motion."""
+    shape = experiments.references.shape
+    of_angle = generator.standard_normal(shape) * of_axes(truth, "sensors", "position_noise")
+    position, torque, exact = _shown(plant, experiments, late, of_angle)
+    of_torque = generator.standard_normal(shape) * experiments.torque_noise
+    noisy = record_of(truth, experiments, position, torque + of_torque)
+    return noisy, record_of(truth, experiments, exact, torque)
+
+
+def _shown(
+    plant: Plant, experiments: Experiments, late: float, noise: np.ndarray | None, steps: int = STEPS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles, torques, exact angles of all experiments, (n_experiment, n_sample, n_axis), in so many steps or more."""
+    whole = ForeignPlant(plant.robot, plant.laws, late, plant.base, steps)
+    try:
+        shown = [
+            whole.measure(
+                reference, experiments.poses[k // experiments.each], None if noise is None else noise[k]
+            )
+            for k, reference in enumerate(experiments.references)
+        ]
+    except Unbounded:
+        if steps == FINEST:
+            raise
+        return _shown(plant, experiments, late, noise, 2 * steps)
+    position, torque, exact = (np.stack(parts) for parts in zip(*shown, strict=True))
+    return position, torque, exact

@@ -27,14 +27,19 @@ FloatArray = npt.NDArray[np.float64]
 
 MOST, NUMBERS = 2, 8  # hidden laws; numbers of a law
 STEPS = 4  # of MuJoCo, a sample: what is left of a plant that hides nothing is the same with 2 and with 16
+LOST = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 (POSITION, SPEED, APPLIED, CONTROL, REFERENCE, NOISE, MEASURED, DEMANDED, MOTORS, LOOP, COUNTS, LAWS, SEEN, GEARS,
- MEMORY) = range(15)  # fmt: skip
+ MEMORY, EXACT) = range(16)  # fmt: skip
 (N_AXIS, N_STEP, N_DOF, CALL) = range(4)
 (COULOMB, VISCOUS, ZERO_SPEED, SPEED_GAIN, INTEGRAL_GAIN, POSITION_GAIN, FEEDFORWARD, LIMIT, COUNTS_PER_RAD, STIFFNESS,
  DAMPING, LATE) = range(12)  # fmt: skip
 (WANTED, LAST, INTEGRAL, TORQUE, PREVIOUS, TIME, FILTERED, MEAN) = range(8)
 (LAW, AXIS) = range(2)  # of LAWS, before the numbers
 ON_SIGNALS = (laws.NOTHING, laws.RESOLVER, laws.RIPPLE, laws.SATURATION, laws.LAG, laws.GAIN)
+
+
+class Unbounded(RuntimeError):
+    """A simulation that left all bounds: its plant is unstable, or its steps are too long for what is stiff in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +71,13 @@ def _act(_model, _data):  # type: ignore[no-untyped-def]
             table(NOISE, sample + 1, n_axis)[sample],
         )
         measured, demanded = table(MEASURED, sample + 1, n_axis), table(DEMANDED, sample + 1, n_axis)
+        exact = table(EXACT, sample + 1, n_axis)
         for a in range(n_axis):
             angle = position[a] + noise[a]
             for h in range(2):
                 if hidden[h, LAW] == laws.RESOLVER and hidden[h, AXIS] == a:
                     angle += hidden[h, 2] * np.sin(hidden[h, 3] * position[a] + hidden[h, 4])
+            exact[sample, a] = angle - noise[a]
             if motors[COUNTS_PER_RAD, a] > 0:
                 angle = np.rint(angle * motors[COUNTS_PER_RAD, a]) / motors[COUNTS_PER_RAD, a]
             rate = (angle - loop[LAST, a]) / time if sample > 0 else 0.0
@@ -201,8 +208,10 @@ class ForeignPlant:
 
     def measure(
         self, reference: FloatArray, angle: FloatArray, noise: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Measured motor angle and commanded torque of one experiment, (n_sample, n_axis) each.
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Measured motor angle, commanded torque, and the angle without noise and steps of the encoder.
+
+        Of one experiment, (n_sample, n_axis) each.
 
         Parameters
         ----------
@@ -213,10 +222,15 @@ class ForeignPlant:
         noise
             Of the measured angle, which the controller sees, rad, (n_sample, n_axis); None: of an exact encoder,
             which has no steps either.
+
+        Raises
+        ------
+        Unbounded
+            Where speeds or angles grow beyond all that MuJoCo computes with.
         """
         robot, data, n_axis = self.robot, self.data, self.robot.n_axis
         reference = np.ascontiguousarray(reference, dtype=np.float64)
-        measured, demanded = np.zeros_like(reference), np.zeros_like(reference)
+        measured, demanded, exact = (np.zeros_like(reference) for _ in range(3))
         motors, noise = self.motors.copy(), np.zeros_like(reference) if noise is None else noise
         motors[COUNTS_PER_RAD] *= noise.any()
         rest, hold = robot.equilibrium(angle[None]).position[0], robot.gravity_torque(angle[None])[0]
@@ -231,9 +245,10 @@ class ForeignPlant:
         loop[TIME] = robot.sample_time_s
         numbers = np.array([n_axis, self.steps, self.model.nv, 0], dtype=np.int64)
         arrays = (data.qpos, data.qvel, data.qfrc_applied, data.ctrl, reference, noise, measured, demanded)
-        more = (motors, loop, numbers, self.laws, self.rows, self.gears, np.zeros((MOST, 2)))
+        more = (motors, loop, numbers, self.laws, self.rows, self.gears, np.zeros((MOST, 2)), exact)
         with installed(_compiled(), (*arrays, *more)):
             mujoco.mj_step(self.model, data, len(reference) * self.steps)
-        if not np.isfinite(measured).all():
-            raise RuntimeError("MuJoCo's simulation left all bounds")
-        return measured, demanded
+        lost = [data.warning[kind].number for kind in LOST]  # after such a warning MuJoCo begins anew
+        if any(lost) or not np.isfinite(measured).all():
+            raise Unbounded(f"the simulation left all bounds with {self.steps} steps a sample")
+        return measured, demanded, exact

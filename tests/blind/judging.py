@@ -11,7 +11,7 @@ import numpy as np
 from blind.cases import BlindCase, blind_case
 from blind.kinds import RIGHT, Hidden
 from blind.plan import Wanted
-from robid_core import Context, Diagnosis, Finding
+from robid_core import Context, Diagnosis, Finding, FloatArray
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
 from robid_diagnosis.wording import APART, SURE
@@ -19,7 +19,7 @@ from robid_diagnosis.wording import APART, SURE
 FIELDS = (
     "stratum", "seed", "n_axis", "kinds", "on", "strengths", "sizes", "classes", "told", "right", "in_class", "kin",
     "wrong", "extras", "alarms", "seen", "ties", "size_error", "size_z", "covered", "stated", "z_squared", "gain",
-    "late", "found_late", "misfit", "make_s", "seconds", "commit",
+    "gain_own", "late", "found_late", "misfit", "make_s", "seconds", "commit",
 )  # fmt: skip
 SIZES: dict[str, tuple[str, ...]] = {
     "friction.stribeck": ("breakaway",),
@@ -105,7 +105,8 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
         "covered": str(covered),
         "stated": str(stated),
         "z_squared": f"{squared:.4g}",
-        "gain": _gain(case, diagnosis),
+        "gain": _gain(case.floor, diagnosis),
+        "gain_own": _gain(np.where(np.isnan(case.floor), np.nan, case.own_floor), diagnosis),
         "late": f"{case.late:.3f}",
         "found_late": " ".join(f"{lag:.4f}" for lag in timing.lag),
         "misfit": next(
@@ -193,10 +194,10 @@ def _values(case: BlindCase, diagnosis: Diagnosis) -> tuple[int, int, float]:
     return len(z), int((np.abs(z) < LIKELY).sum()), float((z**2).sum())
 
 
-def _gain(case: BlindCase, diagnosis: Diagnosis) -> str:
+def _gain(floor: FloatArray, diagnosis: Diagnosis) -> str:
     """Share of the error in left-out configurations, above that of noise, that the extended robot does away with."""
-    if len(diagnosis.errors) < 2 or np.isnan(case.floor).any():
+    if len(diagnosis.errors) < 2 or np.isnan(floor).any():
         return ""
     before, after = (np.asarray(one.relative) for one in diagnosis.errors[:2])
     axis = int(np.argmax(before - after))
-    return f"{(before[axis] - after[axis]) / (before[axis] - case.floor[axis]):.4g}"
+    return f"{(before[axis] - after[axis]) / (before[axis] - floor[axis]):.4g}"

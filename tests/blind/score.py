@@ -1,7 +1,8 @@
 """Diagnoses of blind cases as a table: `python -m blind.score` from `tests`; rows that stand are kept.
 
-Seeds below 10^6 are for development; a score to be published is taken once, on seeds from one number that is drawn when
-a commit is tagged. `--share 0.05` takes a twentieth of all strata; `--summary` only reads.
+A case that raises is printed and has no row; the others go on. Seeds below 10^6 are for development; a score to be
+published is taken once, on seeds from one number that is drawn when a commit is tagged. `--share 0.05` takes a
+twentieth of all strata; `--summary` only reads.
 """
 
 from __future__ import annotations
@@ -59,7 +60,12 @@ def main() -> None:
             and (one.stratum, str(one.seed)) not in there
         ]
         with ProcessPoolExecutor(told.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-            for done in as_completed([pool.submit(judged, one, commit) for one in wanted]):
+            asked_for = {pool.submit(judged, one, commit): one for one in wanted}
+            for done in as_completed(asked_for):
+                if (error := done.exception()) is not None:
+                    one = asked_for[done]
+                    print(f"FAILED {one.stratum} {one.seed}: {type(error).__name__}: {error}", flush=True)
+                    continue
                 rows.append(done.result())
                 _write(told.table, rows)
                 print(*(rows[-1][name] or "-" for name in FIELDS), flush=True)

@@ -130,6 +130,21 @@ class Strength:
         return tuple(f"{hit.candidate.use}@{hit.candidate.spot.on}" for hit in near)
 
 
+def noise_floor(robot: Robot, noisy: Record, clean: Record, late: float) -> FloatArray:
+    """What the noise of a record leaves of its torque, relative to it, all bins but the mean, (n_axis,).
+
+    The true robot's residual, less that which it leaves of the same motion shown without noise.
+    """
+    left = []
+    for record in (noisy, clean):
+        problem, point = _at_truth(robot, record, late)
+        prescribe_at(problem, point, ANY)
+        left.append(problem.residuals(point)[0])
+    torque = problem.blocks[0].motion.torque_spectrum
+    floor: FloatArray = np.sqrt(_power(left[0] - left[1]) / _power(torque))
+    return floor
+
+
 def _power(spectra: ComplexArray) -> FloatArray:
     power: FloatArray = (np.abs(spectra[:, :, 1:]) ** 2).sum(axis=(0, 1, 2))
     return power

@@ -95,6 +95,12 @@ def _numbers(rows: Sequence[Row]) -> dict[str, np.ndarray]:
         "size: rms of z": _floats(strong, "size_z"),
         "size at strength 1000 or more: median relative error, at most": np.abs(_floats(far, "size_error")),
         "gain: median share": _floats(strong, "gain"),
+        **{
+            f"gain over the noise of the record itself, {n} axes": _floats(
+                [row for row in strong if row["n_axis"] == n], "gain_own"
+            )
+            for n in sorted({row["n_axis"] for row in strong})
+        },
     }
 
 
@@ -131,7 +137,7 @@ def late_by(row: Row) -> float:
 
 
 def _floats(rows: Iterable[Row], name: str) -> np.ndarray:
-    values = np.array([float(row[name].split(" ")[0]) for row in rows if row[name]])
+    values = np.array([float(row[name].split(" ")[0]) for row in rows if row.get(name)])
     return values[np.isfinite(values)]
 
 

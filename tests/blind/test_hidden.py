@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import scipy
 
+from blind.cases import _search, _shown
+from blind.experiments import Experiments
+from blind.foreign_plant import STEPS, ForeignPlant, Unbounded
 from blind.judging import judged
-from blind.kinds import LAWS
+from blind.kinds import LAWS, Plant
 from blind.plan import Wanted, asked, plan
+from blind.robots import base_robot
+from blind.standing import Base
 from blind.strangers import diagnosed, measured
 from blind.table import late_by, wilson
 
@@ -17,6 +25,9 @@ FIRST = 910_000
 SAMPLE = (Wanted("nothing", FIRST), Wanted("strong", FIRST + 1, 1, ("friction.load_dependent",)))
 RIGHT = 0.85  # of strong laws on one axis: what is claimed
 STRANGE = 0.03  # of robots that nobody met: alarms, as is claimed
+ESTIMATED = (
+    0.8  # of an error that is 1.4 % of the noise, of a law of strength 200: twenty estimates cost 0.14 %
+)
 RARE = 0.01  # probability of a count as low, were the claim true
 
 
@@ -29,6 +40,7 @@ def test_a_hidden_law_is_named_first_and_none_where_there_is_none(wanted: Wanted
     if wanted.kinds:
         low, high = wanted.strength
         assert low <= float(row["strengths"]) <= high
+        assert ESTIMATED < float(row["gain_own"]) < 2 - ESTIMATED
     if row["found_late"]:
         assert late_by(row) < 0.02
 
@@ -55,6 +67,32 @@ def test_of_all_kinds_most_are_named() -> None:
     assert scipy.stats.binom.cdf(right, len(rows), RIGHT) > RARE, rows
     nothing = [judged(Wanted("nothing", FIRST + 100 + i), "test") for i in range(6)]
     assert not sum(int(row["alarms"]) for row in nothing)
+
+
+def test_what_is_too_stiff_for_the_steps_is_simulated_with_more_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rocking base that decays too fast: the explicit method needs steps below 2.8 of its time constants.
+
+    The torque is then that of twice as many steps, within a thousandth of the largest.
+    """
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings to a file
+    robot = base_robot(6)
+    stiff = Base(True, (4e8, 4e8), (4e5, 4e5), mass=100, height=0.1, radius=0.3)
+    drawn = Experiments.drawn(robot, "multisine", np.random.default_rng(FIRST))
+    short = replace(drawn, poses=drawn.poses[:1], references=drawn.references[:1, :60], each=1)
+    with pytest.raises(Unbounded):
+        ForeignPlant(robot, (), 0.0, stiff).measure(short.references[0], short.poses[0], None)
+    _, torque, _ = _shown(Plant(robot, (), stiff), short, 0.0, None)
+    _, finer, _ = _shown(Plant(robot, (), stiff), short, 0.0, None, 16 * STEPS)
+    assert np.abs(torque - finer).max() < 1e-3 * np.abs(finer).max()
+
+
+def test_a_plant_that_is_unstable_counts_as_too_strong() -> None:
+    """Strength grows with the square of the size until the plant leaves all bounds; the search ends below that."""
+    size, strength = _search(lambda one: 100 * one**2 if one < 3 else np.inf, 500.0, (400.0, 600.0), 8.0)
+    assert 400 <= strength <= 600
+    assert size < 3
 
 
 def test_a_small_share_of_the_plan_is_a_small_score() -> None:

@@ -188,6 +188,28 @@ def test_a_cause_that_the_catalogue_lacks_is_unknown(
     assert diagnosis.findings[0].effect == "a function of load and speed"
 
 
+def test_waves_that_stand_in_for_one_that_the_catalogue_lacks_are_parts_of_a_cause(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """A wave of the gear is one of the encoder and one of the torque together, both of its order: neither is there."""
+    wave = {"amplitude": 4e-5, "order": 2.0, "phase": 0.7}
+    plant = plant_of(told, 3).with_effect("hidden", "transmission.kinematic_error", "axis_1", values=wave)
+    findings = diagnosed(measured(plant, 4), told, exclude=("transmission.kinematic_error",)).findings
+    assert findings
+    assert {finding.kind for finding in findings} <= {"partial", "unknown"}
+
+
+def test_what_little_a_wrong_law_leaves_is_told_though_all_data_look_like_noise(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """A swaying base stands in for a stiffening spring of the gear; what depends on its deflection is left."""
+    harder = {"cubic": 9e7}
+    plant = plant_of(told, 3).with_effect("hidden", "transmission.stiffening", "axis_1", values=harder)
+    diagnosis = diagnosed(measured(plant, 4), told, only=("structure.foundation_sway",))
+    assert [finding.kind for finding in diagnosis.findings] == ["partial", "unknown"]
+    assert diagnosis.findings[1].effect == "a function of gear deflection"
+
+
 def test_a_heavier_arm_is_a_wrong_value(told: Robot, plant_of: Plants, measured: Measured) -> None:
     """Five standard deviations of what is believed of drawings; no effect takes its place."""
     plant = plant_of(told, 9).with_parameters({"mass.axis_1": 1.25 * told.parameter("mass.axis_1")})

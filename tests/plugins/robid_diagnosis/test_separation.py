@@ -99,7 +99,7 @@ def test_a_cable_and_a_counterbalance_are_told_apart_by_the_experiment_that_was_
     assert best.tells.all()
     assert best.expected > 10 * best.repeat.max()
 
-    finding = finding_of(told, final, step, best)
+    finding = finding_of(told, final, step, False, best)
     text = separation_line(finding)
     assert f"configuration [{best.configuration[0]:.3g}]" in text
     assert step.ties[0][0] in text
