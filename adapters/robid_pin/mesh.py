@@ -11,7 +11,7 @@ from robid_core import DataRejected, FloatArray, IntArray
 
 
 def triangles_of_mesh(path: Path) -> tuple[FloatArray, IntArray]:
-    """Vertices of a mesh as they are in the file, (n_vertex, 3), and the three vertices of each triangle, (n, 3).
+    """Triangles of a mesh file: vertices in its own unit, (n_vertex, 3), and the three of each triangle, (n, 3).
 
     Raises DataRejected where coal cannot read the file.
     """

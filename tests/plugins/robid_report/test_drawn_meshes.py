@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from robid_core import FloatArray, IntArray, LinkMesh, Robot, link_meshes
-from robid_core.testing import example_frf
+from robid_core.testing import example_fit, example_frf
 from robid_report.body import body_data
 from robid_report.html import HtmlReport
 from robid_report.meshes import MOST_TRIANGLES, UNITS, clustered, drawn_meshes
@@ -122,6 +122,15 @@ def test_drawn_vertices_are_where_pinocchio_places_them(arm: Robot) -> None:
         assert cKDTree(found).query(expected)[0].max() < tolerance
         assert cKDTree(expected).query(found)[0].max() < tolerance
     assert [len(mesh["triangles"]) for mesh in page["meshes"]] == [24, 24, 24]
+
+
+def test_a_fitted_robot_keeps_its_meshes(arm: Robot) -> None:
+    """Its model has numbers only: the meshes are those of the robot that was loaded."""
+    fit = example_fit(arm).replace(model=arm.model({"gear_stiffness.elbow": 8e3}))
+    assert len(link_meshes(arm.fitted(fit))[0]) == 3
+    page = HtmlReport().run(robot=arm, frf=example_frf(arm), fit=fit).html
+    assert "Elastic modes of the fitted model" in page
+    assert "Links are drawn by the meshes of the model file, in 24 triangles;" in page
 
 
 def test_meshes_move_in_a_mode_as_the_bodies_do(arm: Robot) -> None:
