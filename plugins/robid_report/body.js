@@ -76,7 +76,7 @@
       pen.fillStyle = pen.strokeStyle = style; pen.lineWidth = 0.7 * density; pen.lineJoin = "round";
       pen.beginPath(); pen.moveTo(a[0], a[1]); pen.lineTo(b[0], b[1]); pen.lineTo(c[0], c[1]); pen.closePath(); pen.fill(); pen.stroke();
     };
-    const capsules = body.parent.map((p, k) => k).filter((k) => body.radius[k] && !meshed.has(body.parent[k]));
+    const capsules = body.parent.map((p, k) => k).filter((k) => body.radius[k]);
     const ghost = `color-mix(in srgb, ${colour("--edge")} 45%, ${colour("--panel")})`;
     if (own) triangles(at, null, 0, (a, b, c) => triangle(a, b, c, ghost));
     if (own) for (const k of capsules)

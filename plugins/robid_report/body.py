@@ -57,6 +57,7 @@ def body_data(
     radius = _radii(robot, points[0], parent, size)
     modes = elastic_modes(robot, angle, highest_hz, MOST_MODES)
     shapes = drawn_meshes(robot, *meshes, size)
+    radius[np.isin(parent, shapes.joint)] = 0.0
     points, turns = _points(robot, joint, FIN * size), _turns(robot, joint, shapes)
     places = _spring_joints(robot)
     found = {

@@ -207,7 +207,12 @@ def test_what_is_not_drawn_is_told_and_its_link_stays_a_capsule(arm: Robot, tmp_
         (tmp_path / name).write_bytes(arm.file.with_name(name).read_bytes())
     (tmp_path / "arm.stl").write_bytes(as_binary_stl(facets(1, 2e5)))  # micrometres
     robot = Robot.load(str(tmp_path / "robot.yaml"))
-    assert [mesh["joint"] for mesh in drawn(robot)["meshes"]] == [-1, robot.chain.index("elbow")]
+    data, capsules = drawn(robot), body_data(robot, POSE, 200.0)
+    assert capsules is not None
+    assert [mesh["joint"] for mesh in data["meshes"]] == [-1, robot.chain.index("elbow")]
+    # Of shoulder, its bearing, elbow and tip, what hangs on the bearing is a capsule still.
+    assert [r > 0 for r in capsules[0]["radius"]] == [True, False, True, True]
+    assert [r > 0 for r in data["radius"]] == [False, False, True, False]
     page = HtmlReport().run(robot=robot, frf=example_frf(robot)).html
     assert "&#39;arm.stl&#39; is not drawn: it lies up to" in page
     assert "is its scale right" in page
