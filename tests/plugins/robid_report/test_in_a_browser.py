@@ -194,11 +194,14 @@ def test_meshes_are_drawn_in_place_of_capsules(
     corners = np.array([[x, y, z] for x in (-0.4, 0.4) for y in (-0.4, 0.4) for z in (-0.4, 0.4)])
     faces = np.array(list(itertools.combinations(range(8), 3)))  # with some inside: no matter
     cube = LinkMesh("axis_2", corners, faces, "cube.stl")
-    monkeypatch.setattr("robid_report.html.link_meshes", lambda robot: ([cube], ["'<b>.stl' is not drawn"]))
+    remark = f"'package://{'x' * 80}/<b>.stl' is not drawn"
+    monkeypatch.setattr("robid_report.html.link_meshes", lambda robot: ([cube], [remark]))
     robot = Robot.load("six_axis")
     page = HtmlReport().run(robot, frf=example_frf(robot)).html
-    found = seen(tmp_path, page, {"screen": 1400}, "--blink-settings=preferredColorScheme=1")[1400]
+    by_width = seen(tmp_path, page, {"phone": 390, "screen": 1400}, "--blink-settings=preferredColorScheme=1")
+    found = by_width[1400]
     assert found["errors"] == []
+    assert by_width[390]["wide"] <= 390, by_width[390]["beyond"]
     assert "&lt;b&gt;.stl&#39; is not drawn" in page
     swings, turns, _, blue = found["body"]
     assert swings
