@@ -34,7 +34,8 @@ _HOME = {
     "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
-    "robid_core.robot.file.model_file": ("JointLimits", "RobotModel"),
+    "robid_core.robot.file.model_file": ("JointLimits", "MeshShape", "RobotModel"),
+    "robid_core.robot.link_meshes": ("LinkMesh", "link_meshes"),
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
     "robid_core.robot.recorded": ("simulate_record",),
@@ -189,6 +190,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.file.model_file import (
         JointLimits as JointLimits,
+        MeshShape as MeshShape,
         RobotModel as RobotModel,
     )
     from robid_core.robot.forces_along import (
@@ -196,6 +198,10 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         ForcesAlong as ForcesAlong,
         RobotMotion as RobotMotion,
         forces_along as forces_along,
+    )
+    from robid_core.robot.link_meshes import (
+        LinkMesh as LinkMesh,
+        link_meshes as link_meshes,
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,

@@ -21,10 +21,11 @@ EFFECTS = "robid.effects"
 DRIVES = "robid.drives"
 DYNAMICS = "robid.dynamics"
 MODELS = "robid.models"
+MESHES = "robid.meshes"
 RECORDS = "robid.records"
 EXECUTORS = "robid.executors"
 TASKS = "robid.tasks"
-GROUPS = (STAGES, EFFECTS, DRIVES, DYNAMICS, MODELS, RECORDS, EXECUTORS, TASKS)
+GROUPS = (STAGES, EFFECTS, DRIVES, DYNAMICS, MODELS, MESHES, RECORDS, EXECUTORS, TASKS)
 
 NOUNS = {
     STAGES: "stage",
@@ -32,6 +33,7 @@ NOUNS = {
     DRIVES: "drives",
     DYNAMICS: "dynamics",
     MODELS: "reader of robot models",
+    MESHES: "reader of meshes",
     RECORDS: "reader of recordings",
     EXECUTORS: "executor",
     TASKS: "task",

@@ -16,6 +16,7 @@ import pinocchio
 from robid_core import ConfigurationError, JointLimits, RobotModel
 from robid_core.mechanics import PRISMATIC, REVOLUTE, Chain
 from robid_pin.urdf_check import MOVING, check_urdf, number_of
+from robid_pin.urdf_shapes import shapes_of
 
 _FREE = 1.0e9  # what robid writes where URDF wants a limit and the robot has none
 
@@ -26,7 +27,7 @@ def model_from_urdf(path: Path, locked: Mapping[str, float] | None = None) -> Ro
     Parameters
     ----------
     path
-        The URDF file; meshes are not read.
+        The URDF file; of meshes only names and places are read.
     locked
         Joints that stay at a coordinate (rad or m); names that the file does not have are passed over.
 
@@ -51,13 +52,15 @@ def model_from_urdf(path: Path, locked: Mapping[str, float] | None = None) -> Ro
             f"{path}: pinocchio cannot read the file: {reason}; check it with check_urdf"
         ) from None
     try:
-        chain = chain_from_model(_held(model, still))
+        model = _held(model, still)
+        chain = chain_from_model(model)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {str(error).removeprefix('chain: ')}") from None
     moving = {str(j.get("name")): j for j in root.findall("joint") if j.get("type") in MOVING}
     limits = {name: _limits(moving[name]) for name in chain.names}
     springs = {name: spring for name in chain.names if (spring := _spring(moving[name])) is not None}
-    return RobotModel(chain, tuple(moving), limits, springs)
+    shapes, remarks = shapes_of(root, model, path)
+    return RobotModel(chain, tuple(moving), limits, springs, tuple(shapes), tuple(remarks))
 
 
 def _held(model: pinocchio.Model, locked: Mapping[str, float]) -> pinocchio.Model:

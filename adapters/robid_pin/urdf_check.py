@@ -104,7 +104,7 @@ def _joints(root: Element, locked: Collection[str]) -> Iterator[Mistake]:
             )
         axis, limit = joint.find("axis"), joint.find("limit")
         if kind in MOVING and axis is not None:
-            direction = _vector(axis.get("xyz", "1 0 0"))
+            direction = vector_of(axis.get("xyz", "1 0 0"))
             if direction is None or np.linalg.norm(direction) < 1e-9:
                 yield (
                     joint,
@@ -241,6 +241,7 @@ def number_of(text: str) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _vector(text: str) -> list[float] | None:
+def vector_of(text: str) -> list[float] | None:
+    """Return three finite numbers that a text is, or None."""
     numbers = [number_of(part) for part in text.split()]
     return None if len(numbers) != 3 or None in numbers else [number or 0.0 for number in numbers]

@@ -1,5 +1,5 @@
 "use strict";
-// Draws the robot of #body-data as capsules, turns it by pointer and arrow keys, and swings it in its elastic modes.
+// Draws the robot of #body-data as capsules or meshes, turns it by pointer and arrow keys, and swings it in its elastic modes.
 (() => {
   const source = document.getElementById("body-data");
   if (!source) return;
@@ -8,7 +8,7 @@
   const modeButtons = document.getElementById("body-modes");
   const poses = Array.from(document.querySelectorAll("[data-body]"));
   const reduced = matchMedia("(prefers-reduced-motion: reduce)");
-  const n = body.parent.length;
+  const n = body.parent.length, meshed = new Set(body.meshes.map((one) => one.joint));
   let configuration = 0, mode = -1, yaw = -0.6, pitch = 0.35, phase = 1, running = false, last = 0;
 
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -28,13 +28,38 @@
     const across = cy * x + sy * y, away = -sy * x + cy * y;
     return [across, cp * z + sp * away, cp * away - sp * z];
   }
+  // Vertices of a mesh in the base frame; a mode moves them by `amount` as one rigid body.
+  function placed(mesh, m, own, amount) {
+    const r = pose().turns[m], still = [0, 0, 0], w = own ? own.turned[m] : still, result = [];
+    const origin = mesh.joint < 0 ? still : pose().points[mesh.joint], d = own && mesh.joint >= 0 ? own.moved[mesh.joint] : still;
+    for (let k = 0; k < mesh.vertices.length; k += 3) {
+      const [x, y, z] = mesh.vertices.slice(k, k + 3).map((v) => v * body.unit);
+      const a = r[0] * x + r[1] * y + r[2] * z, b = r[3] * x + r[4] * y + r[5] * z, c = r[6] * x + r[7] * y + r[8] * z;
+      result.push([origin[0] + a + amount * (d[0] + w[1] * c - w[2] * b), origin[1] + b + amount * (d[1] + w[2] * a - w[0] * c),
+        origin[2] + c + amount * (d[2] + w[0] * b - w[1] * a)]);
+    }
+    return result;
+  }
+  const SHADES = 12;
+  // Calls `use` with three projected corners of each triangle and how much it faces the reader, from 0 to 1.
+  function triangles(at, own, amount, use) {
+    body.meshes.forEach((mesh, m) => {
+      const points = placed(mesh, m, own, amount).map(at);
+      for (let k = 0; k < mesh.triangles.length; k += 3) {
+        const [a, b, c] = [points[mesh.triangles[k]], points[mesh.triangles[k + 1]], points[mesh.triangles[k + 2]]];
+        const ux = b[0] - a[0], uy = b[1] - a[1], uz = b[2] - a[2], vx = c[0] - a[0], vy = c[1] - a[1], vz = c[2] - a[2];
+        const across = ux * vy - uy * vx;
+        use(a, b, c, Math.abs(across) / (Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, across) || 1));
+      }
+    });
+  }
   function draw() {
     const box = canvas.getBoundingClientRect(), density = window.devicePixelRatio || 1;
     if (!box.width) return;
     canvas.width = Math.round(box.width * density); canvas.height = Math.round(box.height * density);
     const pen = canvas.getContext("2d"), scale = 0.62 * Math.min(canvas.width, canvas.height) / body.size;
     const own = swinging(), amount = Math.sin(phase);
-    const at = (p) => { const [x, y, depth] = project(p); return [canvas.width / 2 + scale * x, canvas.height / 2 - scale * y, depth]; };
+    const at = (p) => { const [x, y, depth] = project(p); return [canvas.width / 2 + scale * x, canvas.height / 2 - scale * y, scale * depth]; };
     const still = pose().points.map(at);
     const moved = own ? pose().points.map((p, k) => at(p.map((v, axis) => v + amount * own.moved[k][axis]))) : still;
     const origin = at([0, 0, 0]);
@@ -47,10 +72,21 @@
     pen.fillStyle = colour("--line"); pen.beginPath();
     corners.forEach((c, k) => k ? pen.lineTo(c[0], c[1]) : pen.moveTo(c[0], c[1])); pen.fill();
     const from = (points, k) => body.parent[k] >= 0 ? points[body.parent[k]] : origin;
-    if (own) for (let k = 0; k < n; k++) if (body.radius[k])
+    const triangle = (a, b, c, style) => {
+      pen.fillStyle = pen.strokeStyle = style; pen.lineWidth = 0.7 * density; pen.lineJoin = "round";
+      pen.beginPath(); pen.moveTo(a[0], a[1]); pen.lineTo(b[0], b[1]); pen.lineTo(c[0], c[1]); pen.closePath(); pen.fill(); pen.stroke();
+    };
+    const capsules = body.parent.map((p, k) => k).filter((k) => body.radius[k]);
+    const ghost = `color-mix(in srgb, ${colour("--edge")} 45%, ${colour("--panel")})`;
+    if (own) triangles(at, null, 0, (a, b, c) => triangle(a, b, c, ghost));
+    if (own) for (const k of capsules)
       line(from(still, k), still[k], Math.max(2 * scale * body.radius[k], 2), colour("--edge"), 0.45);
     const parts = [];
-    for (let k = 0; k < n; k++) if (body.radius[k]) {
+    const shades = Array.from({length: SHADES}, (_, k) =>
+      `color-mix(in srgb, ${colour("--body-light")} ${Math.round(100 * k / (SHADES - 1))}%, ${colour("--body")})`);
+    triangles(at, own, amount, (a, b, c, facing) => parts.push([(a[2] + b[2] + c[2]) / 3,
+      () => triangle(a, b, c, shades[Math.min(SHADES - 1, Math.floor(SHADES * facing))])]));
+    for (const k of capsules) {
       const a = from(moved, k), b = moved[k], width = Math.max(2 * scale * body.radius[k], 2 * density);
       parts.push([(a[2] + b[2]) / 2, () => {
         line(a, b, width + 2.5 * density, colour("--ground"), 1);
@@ -58,10 +94,10 @@
         line(a, b, 0.45 * width, colour("--body-light"), 0.8);
       }]);
     }
-    body.fins.forEach((j, k) => parts.push([moved[j][2] - 0.01 * body.size,
+    body.fins.forEach((j, k) => meshed.has(j) || parts.push([moved[j][2] - 0.01 * scale * body.size,
       () => line(moved[j], moved[n + k], 3 * density, colour("--start"), 1)]));
     // Where a spring bends: a disc, as large as its share of the strain energy.
-    if (own) own.share.forEach((share, j) => { if (share > 0.03) parts.push([moved[j][2] - 0.2 * body.size, () => {
+    if (own) own.share.forEach((share, j) => { if (share > 0.03) parts.push([moved[j][2] - 0.2 * scale * body.size, () => {
       pen.globalAlpha = 0.85; pen.fillStyle = colour("--model"); pen.beginPath();
       pen.arc(moved[j][0], moved[j][1], (3 + 13 * Math.sqrt(share)) * density, 0, 2 * Math.PI); pen.fill(); pen.globalAlpha = 1;
     }]); });

@@ -35,6 +35,7 @@ from robid_core import (
     Robot,
     TimeComparison,
     Truth,
+    link_meshes,
 )
 from robid_core.plot import DARK, comparison_of, pooled
 from robid_report.beside import comparison, fit_with_response, other_fits
@@ -126,11 +127,19 @@ def response_section(
     return response_plots(comparison, fitted, frf, spectra), over_time
 
 
-def body_section(robot: Robot, angle: FloatArray | None, frf: Frf | None) -> Markup | None:
-    """Data of the robot that can be turned, with its modes up to a quarter above the measured band."""
+def body_section(
+    robot: Robot, loaded: Robot, angle: FloatArray | None, frf: Frf | None
+) -> dict[str, Any] | None:
+    """The robot that can be turned, with its modes up to a quarter above the measured band, and how it is drawn.
+
+    Meshes are those of the robot as it was `loaded`: one made of a fit has no file.
+    """
     highest = 1.25 * float(frf.frequency_hz[-1]) if frf is not None else 200.0
-    found = body_data(robot, angle, highest) if angle is not None else None
-    return json_for_script(found) if found is not None else None
+    found = body_data(robot, angle, highest, link_meshes(loaded)) if angle is not None else None
+    if found is None:
+        return None
+    data, meshes = found
+    return {"data": json_for_script(data), "drawing": meshes.in_words(), "remarks": meshes.remarks}
 
 
 def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict[str, Any] | None:
@@ -307,7 +316,7 @@ class HtmlReport(ReportStage):
             "correlation": correlation_of(fit),
             "configurations": angles_as_text(robot, angle) if angle is not None else [],
             "pictures": figures(robot, angle) if angle is not None else [],
-            "body": body_section(robot if model is None else Robot.of_model(model), angle, frf),
+            "body": body_section(robot if model is None else Robot.of_model(model), robot, angle, frf),
             "body_is_fitted": model is not None,
             "time": [time_plots(comparison, title) for title, comparison in comparisons],
             "design": design_section(robot, design, responding),

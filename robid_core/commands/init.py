@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
+from xml.sax.saxutils import escape
 
 import typer
 
@@ -103,13 +106,22 @@ def files_of_urdf(
     files |= {
         "robot.yaml": draft.robot,
         "plant.yaml": draft.plant,
-        urdf.name: urdf.read_text(encoding="utf-8"),
+        urdf.name: with_mesh_places(urdf.read_text(encoding="utf-8"), draft.meshes, folder),
     }
     following = (
         f"cd {folder}, fill in the {draft.to_fill_in} values that robid validate lists, then robid doctor robot.yaml "
         "&& robid plan && robid run"
     )
     return files, draft.remarks, following
+
+
+def with_mesh_places(urdf: str, meshes: Mapping[str, Path], folder: Path) -> str:
+    """Return the text of a URDF in which meshes have names that hold in another folder: paths from there."""
+    for name, file in meshes.items():
+        place = Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+        for quote in "\"'":
+            urdf = urdf.replace(f"{quote}{name}{quote}", f"{quote}{escape(place)}{quote}")
+    return urdf
 
 
 def _filled(folder: Path, robot: str, plant: str) -> dict[str, str]:

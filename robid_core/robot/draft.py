@@ -2,12 +2,12 @@
 
 A URDF knows bodies, joints and limits at the joint. Gear ratios, rotors, torque constants and controllers are written
 as `fill_in`, which the reader of robot files refuses at its line; elastic coordinates are proposed (`file.proposal`),
-each with where its number comes from. What is not taken over is told: meshes, joints that are locked.
+each with where its number comes from. What is not taken over is told: locked joints, meshes that are not found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -51,6 +51,8 @@ class Draft:
     """What was not taken over, and what was decided."""
     to_fill_in: int
     """How many values wait."""
+    meshes: Mapping[str, Path]
+    """Where the meshes are, by their names in the URDF."""
 
 
 def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
@@ -83,6 +85,10 @@ def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
         )
     bodies: tuple[Body, ...] = TypeAdapter(tuple[Body, ...]).validate_python(with_tuples(bodies_of(model)))
     _refuse_points(bodies, path.name)
+    if model.shapes:
+        remarks.append(f"{len(model.shapes)} meshes are drawn on the page; masses and inertias alone count")
+    if model.remarks:
+        remarks.append(f"{len(model.remarks)} meshes cannot be drawn: {model.remarks[0]}")
     remarks += [f"joint '{joint}' is locked at 0: {why}" for joint, why in locked.items()]
     remarks += [
         f"joint '{body.joint}' carries {len(behind)} joints ({', '.join(behind)}): a tree; lock what is not moved "
@@ -91,7 +97,8 @@ def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
         if len(behind := [other.joint for other in bodies if other.parent == body.joint]) > 1
     ]
     robot, plant, told = _texts(path.name, name, model, bodies, locked)
-    return Draft(robot, plant, (*remarks, *told), robot.count(f": {PLACEHOLDER}"))
+    meshes = {shape.name: shape.file for shape in model.shapes}
+    return Draft(robot, plant, (*remarks, *told), robot.count(f": {PLACEHOLDER}"), meshes)
 
 
 def _look(path: Path) -> tuple[dict[str, str], list[str]]:
@@ -106,11 +113,8 @@ def _look(path: Path) -> tuple[dict[str, str], list[str]]:
         if (mimic := joint.find("mimic")) is not None
     }
     moving = {str(j.get("name")) for j in root.findall("joint") if j.get("type") != "fixed"}
-    meshes = sum(1 for _ in root.iter("mesh"))
     fixed = sum(joint.get("type") == "fixed" for joint in root.findall("joint"))
-    remarks = [f"{meshes} meshes are not read: masses and inertias alone count"] if meshes else []
-    if fixed:
-        remarks.append(f"{fixed} fixed joints: what they carry is part of the body before")
+    remarks = [f"{fixed} fixed joints: what they carry is part of the body before"] if fixed else []
     locked = {j: why for j, why in locked_by_mimicry(mimics).items() if j in moving}
     return locked, remarks
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -108,7 +109,7 @@ class Identified:
             began = dict(zip(table.names, table.start.tolist(), strict=True))
             return robot.with_parameters(_agreed(robot, table.as_mapping(), began))
         model = fit.model
-        found = type(robot).of_model(model, self.dynamics)
+        found = replace(type(robot).of_model(model, self.dynamics), file=robot.file)
         if self.description == found.base:
             return found
         base = found.base or found.description
@@ -123,7 +124,9 @@ class Identified:
         for label in mine.effects.keys() & theirs.effects.keys():
             if place_of(mine.effects[label]) != place_of(theirs.effects[label]):
                 raise ConfigurationError(f"two fits disagree on the effect '{label}'; {TAKE_ONE}")
-        whole = type(robot)(with_effects(base, {**theirs.effects, **mine.effects}), self.dynamics, base)
+        whole = type(robot)(
+            with_effects(base, {**theirs.effects, **mine.effects}), self.dynamics, base, robot.file
+        )
         return whole.with_parameters({**mine.numbers, **values})
 
 

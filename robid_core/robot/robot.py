@@ -70,6 +70,8 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     """
     base: RobotDescription | None = field(default=None, compare=False, repr=False)
     """What the robot file said, for a robot with other numbers or effects; null: this is no robot of a file."""
+    file: Path | None = field(default=None, compare=False, repr=False)
+    """The robot file that it was loaded from, for what is only drawn (`link_meshes`); null: none."""
 
     @classmethod
     def load(cls, name_or_path: str, folder: Path | None = None, dynamics: str = KERNEL) -> Robot:
@@ -78,8 +80,9 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         >>> Robot.load("six_axis").axis_names[:2]
         ('axis_1', 'axis_2')
         """
-        description = read_description(find_robot(name_or_path, folder))
-        robot = cls(description, dynamics, description)
+        file = find_robot(name_or_path, folder)
+        description = read_description(file)
+        robot = cls(description, dynamics, description, file.absolute())
         _ = robot.mechanism, robot.drives  # a wrong inertia or an unknown joint is told now
         _ = robot.batches  # and so is a library that is missing
         return robot

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.registry import MODELS, load_plugin
 
@@ -36,6 +37,24 @@ class JointLimits:
 
 
 @dataclass(frozen=True)
+class MeshShape:
+    """A mesh file with which a model file draws a link."""
+
+    joint: str | None
+    """The joint that it moves with; null: the base."""
+    rotation: FloatArray
+    """From the mesh's frame to the joint's, shape (3, 3)."""
+    translation: FloatArray
+    """Origin of the mesh's frame in the joint's, m, shape (3,)."""
+    scale: FloatArray
+    """What one unit of the file is along its three axes, m."""
+    file: Path
+    """Where it is."""
+    name: str
+    """As the model file names it."""
+
+
+@dataclass(frozen=True)
 class RobotModel:
     """What a model file says of a robot."""
 
@@ -47,6 +66,10 @@ class RobotModel:
     """By joint."""
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Stiffness and damping of joints that no motor moves, N m/rad and N m s/rad; robid writes such into a URDF."""
+    shapes: tuple[MeshShape, ...] = ()
+    """What its links are drawn with."""
+    remarks: tuple[str, ...] = ()
+    """What cannot be drawn and why, a sentence each."""
 
 
 def read_model(path: Path, locked: Mapping[str, float]) -> RobotModel:

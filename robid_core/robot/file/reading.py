@@ -99,6 +99,26 @@ def parse_description(text: str, path: Path) -> RobotDescription:
     return _read(parse_document(text.encode("utf-8"), path.name), path, ())
 
 
+def model_of(path: Path) -> tuple[Path, dict[str, float]] | None:
+    """Return the model file that a robot file, or a base of it, stands on, and the joints that it locks.
+
+    The robot file is one that was read before (`read_description`); null: its bodies come from no model file.
+
+    Raises FileProblems where it cannot be read any more.
+    """
+    seen: set[Path] = set()
+    while path.resolve() not in seen:
+        seen.add(path.resolve())
+        document = read_document(path)
+        data = document.data
+        if "model" in data:
+            return path.parent / str(data["model"]), _locked(data.get("lock"), document)
+        if not isinstance(data.get("base"), str):
+            return None
+        path = find_robot(data["base"], path.parent)
+    return None
+
+
 def _read(document: Document, path: Path, above: tuple[Path, ...]) -> RobotDescription:
     data: dict[str, Any] = document.data
     if "base" in data:

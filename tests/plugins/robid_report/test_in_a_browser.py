@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
+import itertools
 import json
 import re
 import shutil
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import Robot, TimeComparison
+from robid_core import LinkMesh, Robot, TimeComparison
 from robid_core.testing import example_design, example_fit, example_frf
 from robid_report.html import HtmlReport
 
@@ -72,8 +73,12 @@ function look() {
     const before = body.toDataURL();
     document.querySelector("#body-modes button").click();
     const rest = body.toDataURL();
+    const pixels = body.getContext("2d").getImageData(0, 0, body.width, body.height).data;
+    let blue = 0;  // the colours of links, none else
+    for (let k = 0; k < pixels.length; k += 4) blue += pixels[k + 2] > pixels[k] + 30;
     body.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowLeft"}));
-    result.body = [before !== rest, rest !== body.toDataURL(), document.getElementById("body-modes").children.length];
+    result.body = [before !== rest, rest !== body.toDataURL(),
+      document.getElementById("body-modes").children.length, blue];
   }
   const cells = document.querySelectorAll("#response-matrix .cell");
   if (cells.length) {
@@ -176,10 +181,32 @@ def test_an_entry_is_chosen_by_the_keyboard_and_keeps_the_focus(light: dict[int,
 
 
 def test_the_robot_swings_in_its_modes_and_is_turned_by_arrow_keys(light: dict[int, dict[str, Any]]) -> None:
-    swings, turns, n_button = light[1400]["body"]
+    swings, turns, n_button, _ = light[1400]["body"]
     assert swings
     assert turns
     assert n_button > 2
+
+
+def test_meshes_are_drawn_in_place_of_capsules(
+    light: dict[int, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cube of 0.8 m about the second joint covers far more than the links of the same robot as capsules."""
+    corners = np.array([[x, y, z] for x in (-0.4, 0.4) for y in (-0.4, 0.4) for z in (-0.4, 0.4)])
+    faces = np.array(list(itertools.combinations(range(8), 3)))  # with some inside: no matter
+    cube = LinkMesh("axis_2", corners, faces, "cube.stl")
+    remark = f"'package://{'x' * 80}/<b>.stl' is not drawn"
+    monkeypatch.setattr("robid_report.html.link_meshes", lambda robot: ([cube], [remark]))
+    robot = Robot.load("six_axis")
+    page = HtmlReport().run(robot, frf=example_frf(robot)).html
+    by_width = seen(tmp_path, page, {"phone": 390, "screen": 1400}, "--blink-settings=preferredColorScheme=1")
+    found = by_width[1400]
+    assert found["errors"] == []
+    assert by_width[390]["wide"] <= 390, by_width[390]["beyond"]
+    assert "&lt;b&gt;.stl&#39; is not drawn" in page
+    swings, turns, _, blue = found["body"]
+    assert swings
+    assert turns
+    assert blue > 2 * light[1400]["body"][3] > 0
 
 
 def test_the_page_is_dark_where_the_reader_wants_it_and_paper_stays_white(page: str, tmp_path: Path) -> None:

@@ -45,8 +45,9 @@ def test_the_undamped_response_grows_without_bound_towards_each_mode() -> None:
 def test_points_of_a_mode_move_as_the_jacobian_of_the_chain_says() -> None:
     robot = Robot.load("six_axis")
     angle = np.array([[0.3, -0.4, 0.5, 0.2, 0.6, -0.1]])
-    data = body_data(robot, angle, 100.0)
-    assert data is not None
+    found = body_data(robot, angle, 100.0)
+    assert found is not None
+    data, _ = found
     chain = robot.chain
     joint = np.zeros((1, chain.n_coordinate))
     joint[0, robot.mechanism.arm] = angle[0]

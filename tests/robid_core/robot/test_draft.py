@@ -95,7 +95,7 @@ def test_filled_in_it_is_a_robot_with_the_limits_of_the_urdf_and_grippers_locked
     for name, value in found.items():
         assert plant.parameter(name) == pytest.approx(0.75 * value, rel=1e-2)  # three digits each
     remarks = "\n".join(draft.remarks)
-    assert "2 meshes are not read" in remarks
+    assert "2 meshes cannot be drawn: link 'column': 'a.stl' is not found" in remarks
     assert "joint 'finger_right' is locked at 0: mimics finger_left" in remarks
     assert "joint 'finger_left' is locked at 0: others mimic it" in remarks
     assert "no bearing 'turn_y': the line of swing, whose gear would be the same spring" in remarks
