@@ -82,10 +82,6 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
         return lines
     lines += _time_lines(first)
     taken = {channel.meaning for group in groups for channel in _chosen(group[0])}
-    if any(name.endswith("_torque") for name in taken):
-        lines.append(
-            "  torque_hold: zero_order_hold  # guess: drives hold what they command; else continuous"
-        )
     if first.guesses.constants:
         pairs = [f"{name} = {value:g}" for name, value in first.guesses.constants.items()]
         lines.append(f"  # constants of the file: {listed(pairs, 12)}")

@@ -144,7 +144,7 @@ def test_a_project_around_a_urdf_waits_and_then_holds(tmp_path: Path, told: Told
     assert "robot: remark: bearing_stiffness.tilt and gear_stiffness.axis_2 turn about one line" in first
     assert last.endswith("valid, 6 stages")
     doctor.command(str(project / "robot.yaml"))
-    assert "note robot.yaml:5:1: bearing_stiffness.tilt and " in told()
+    assert "note robot.yaml:6:1: bearing_stiffness.tilt and " in told()
     with pytest.raises(ConfigurationError, match="would be overwritten"):
         init.command(project, str(urdf))
 
