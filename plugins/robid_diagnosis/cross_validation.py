@@ -112,7 +112,7 @@ class CrossValidation(DiagnosisStage):
             kept[0, 0, k] = False
             own = case(cut.part(kept))
             fitted = own.fit_what_is_seen(begin.hypothesis, silent, begin, roughly=True)
-            model = Robot.of_model(model_of(told, own, fitted))
+            model = Robot.of_model(model_of(told, fitted))
             torque = prescribe_record(model, record).run.lanes("motor_torque")[0]
             late = fitted.problem.delay(fitted.point)
             yield np.stack(
