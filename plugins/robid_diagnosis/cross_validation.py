@@ -32,6 +32,7 @@ from robid_diagnosis.comparison import EXTENDED, REFITTED, errors_of_models, sti
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
 from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.results import model_of
+from robid_diagnosis.timing import delayed
 from robid_diagnosis.wording import errors_line
 
 DRAWN = 24  # pieces at least that are drawn again for intervals
@@ -106,18 +107,15 @@ class CrossValidation(DiagnosisStage):
 
         every, silent = np.ones(cut.run.valid.shape[:3], dtype=bool), lambda *_: None
         begin = case(cut).fit_what_is_seen(hypothesis, silent, as_told=True)
-        time = record.run.sample_time_s * np.arange(len(record.run.time_s))
         for k in range(self.blocks):
             kept = every.copy()
             kept[0, 0, k] = False
             own = case(cut.part(kept))
             fitted = own.fit_what_is_seen(begin.hypothesis, silent, begin, roughly=True)
-            model = Robot.of_model(model_of(told, own, fitted))
+            model = Robot.of_model(model_of(told, fitted))
             torque = prescribe_record(model, record).run.lanes("motor_torque")[0]
-            late = fitted.problem.delay(fitted.point)
-            yield np.stack(
-                [np.interp(time - d, time, own) for d, own in zip(late, torque.T, strict=True)], axis=1
-            )
+            late = fitted.problem.delay(fitted.point) / record.run.sample_time_s
+            yield delayed(torque[None], late)[0]
 
     def _decimated(self, record: Record, torque: FloatArray) -> FloatArray:
         return decimate(torque[round(self.skip_s / record.run.sample_time_s) :], self.decimation)

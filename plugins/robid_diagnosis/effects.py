@@ -209,12 +209,14 @@ class Effects(DiagnosisStage):
         chain: Chain,
         context: Context,
     ) -> Diagnosis:
-        case, final = selection.case, outcome.final
+        case, final = selection.case, outcome.written
         problem = final.problem
-        model = model_of(robot, case, final)
+        model = model_of(robot, final)
         whole = case.variants.whole
         causes = tuple(
-            finding_of(whole, final, step, partial, self._separation(step, case, final, model, context))
+            finding_of(
+                whole, final, step, partial, self._separation(step, case, outcome.final, model, context)
+            )
             for step, partial in zip(outcome.steps, are_partial(outcome), strict=True)
         )
         timing, data = timing_of(final), data_of(case, final, tests)
@@ -242,8 +244,9 @@ class Effects(DiagnosisStage):
                 for hit in last.hits
                 if hit.candidate.key not in found
             ]
+        refitted = outcome.base if outcome.steps else final
         lines.append(
-            f"Misfit {outcome.base.misfit:.3g} with all values refitted"
+            f"Misfit {refitted.misfit:.3g} with all values refitted"
             + (f", {final.misfit:.3g} with what was found." if outcome.steps else ".")
         )
         errors, gain = errors_of(case, tests, robot, outcome, context.generator)
@@ -275,7 +278,7 @@ class Effects(DiagnosisStage):
             timing=timing,
             left=misfit_table(problem, final.point),
             data=data,
-            residuals=residual_curves(outcome.base, final, outcome.motion),
+            residuals=residual_curves(refitted, final, outcome.motion),
             model=model,
             witness=witness,
         )

@@ -12,7 +12,7 @@ import numpy as np
 
 from robid_core import FloatArray, PredictionErrors, Record, Robot, simulate_record
 from robid_core.residual import parts_by_variant
-from robid_diagnosis.comparison import EXTENDED, REFITTED, TOLD, Comparison, errors_of_models, still_axes
+from robid_diagnosis.comparison import TOLD, Comparison, errors_of_models, still_axes
 from robid_diagnosis.hypothesis import Case
 from robid_diagnosis.results import model_of
 from robid_diagnosis.steps import Outcome
@@ -55,14 +55,15 @@ def closed_loop_errors(
     parts = [part for record in records for part in parts_by_variant(record)]
     shortest = min(run.n_period * len(run.time_s) * run.sample_time_s for _, one in parts for run in one.runs)
     comparison = Comparison("diagnosis.effects", case.highest_hz, min(Comparison.skip_s, SHARE * shortest))
-    fits = {REFITTED: outcome.base} | ({EXTENDED: outcome.final} if outcome.steps else {})
 
     def robots_of(variant: str) -> Mapping[str, Robot]:
         told = case.variants.robot_of(variant)
-        return {TOLD: told} | {name: Robot.of_model(model_of(told, case, fit)) for name, fit in fits.items()}
+        return {TOLD: told} | {
+            name: Robot.of_model(model_of(told, fit)) for name, fit in outcome.models.items()
+        }
 
     robots = {variant: robots_of(variant) for variant in dict.fromkeys(variant for variant, _ in parts)}
-    speeds: dict[str, list[FloatArray]] = {name: [] for name in (TOLD, *fits)}
+    speeds: dict[str, list[FloatArray]] = {name: [] for name in (TOLD, *outcome.models)}
     for number, (name, speed) in enumerate(speeds.items()):
         progress(number, len(speeds), f"closed loop, {name}")
         for variant, part in parts:

@@ -122,7 +122,13 @@ class Fitted:
     hypothesis: Hypothesis
     problem: TorqueProblem
     solution: Solution
-    model_error: float
+    case: Case
+    """Under which it was fitted."""
+
+    @property
+    def model_error(self) -> float:
+        """Relative error of the model, beside the noise."""
+        return self.case.model_error
 
     @property
     def point(self) -> FloatArray:
@@ -182,6 +188,8 @@ class Case:
     model_error: float
     friction_speed: FloatArray | None = None
     """Zero-speed width of the motors' friction, rad/s, (n_axis,); null: as it is told."""
+    widths: tuple[float, ...] = NEAR_ALONE
+    """Of the functions of speed that stand for it, over the zero-speed width; one alone: as a robot file has it."""
     doubt: float = 1.0
     """Misfit of the first fit, one at least."""
     robots: Mapping[str, Robot] = field(default_factory=dict)
@@ -253,7 +261,7 @@ class Case:
             robot,
             names,
             priors,
-            lambda *_: SpeedFunctions.near(self.width),
+            lambda *_: SpeedFunctions.near(self.width, self.widths),
             robots=under if self.robots else None,
             own=variants.priors,
             discard=self.discard,
@@ -298,7 +306,7 @@ class Case:
             reweigh=False,
             thorough=thorough and not roughly,
         )
-        return Fitted(hypothesis, problem, solution, self.model_error)
+        return Fitted(hypothesis, problem, solution, self)
 
     def fit_what_is_seen(
         self,
@@ -332,7 +340,7 @@ class Case:
         """All unknowns as the robot's file tells them: friction is one function of speed and a constant, no delays."""
         point = np.zeros(problem.n_unknown)
         size = problem.friction_size(point)
-        size[NEAR_ALONE.index(1.0)] = self.told.drives.coulomb
+        size[self.widths.index(1.0)] = self.told.drives.coulomb
         size[-1] = self.told.drives.friction_offset
         return point
 
@@ -344,4 +352,9 @@ def _carried(begin: Fitted, problem: TorqueProblem, others: Fitted | None = None
         if fitted is not None:
             known |= dict(zip(fitted.problem.free.names, fitted.point.tolist(), strict=False))
     own = [known.get(name, 0.0) for name in problem.free.names]
-    return np.concatenate((own, begin.point[begin.problem.n_free :]))
+    friction, delay = begin.problem.friction_size(begin.point), begin.problem.delay(begin.point)
+    n_law = len(problem.friction_names) - 1  # the last is a constant
+    if n_law != len(friction) - 1:
+        level = friction[:-1].sum(axis=0)  # of fast motion
+        friction = np.vstack((np.tile(level / n_law, (n_law, 1)), friction[-1:]))
+    return np.concatenate((own, friction.ravel(), delay))

@@ -12,7 +12,7 @@ import numpy as np
 
 from robid_core import ComplexArray, DataRejected, FloatArray, PredictionErrors, Record, Robot
 from robid_core.residual import linearise_at
-from robid_diagnosis.comparison import EXTENDED, REFITTED, errors_of_models, still_axes
+from robid_diagnosis.comparison import errors_of_models, still_axes
 from robid_diagnosis.held_out import held_out_residuals, unweighted
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.steps import Outcome
@@ -48,9 +48,7 @@ def errors_of(
 
     Experiments are drawn again for the intervals.
     """
-    models = {REFITTED: outcome.base, EXTENDED: outcome.final}
-    if not outcome.steps:
-        models.popitem()
+    models = outcome.models
     where, power, left = _judged(case, tests, list(models.values()))
     runs = [run for record in tests or case.records for run in record.runs]
     error = {name: _sums(one) for name, one in zip(models, left, strict=True)}
@@ -73,7 +71,7 @@ def _judged(
     """In which data, the power of their torque, (n_experiment, n_axis), and what each model leaves in their blocks."""
     if tests:
         blocks = case.problem(models[0].hypothesis, tests).blocks
-        left = [left_in(case, fitted, tests) for fitted in models]
+        left = [left_in(fitted, tests) for fitted in models]
         return "experiments of the role test", _sums([block.motion.torque_spectrum for block in blocks]), left
     power = _sums([block.motion.torque_spectrum for block in models[0].problem.blocks])
     held_out = [held_out_residuals(fitted) for fitted in models]
@@ -84,12 +82,12 @@ def _judged(
     return "the data of its fit", power, [one.problem.residuals(one.point) for one in models]
 
 
-def left_in(case: Case, fitted: Fitted, records: tuple[Record, ...]) -> list[ComplexArray]:
+def left_in(fitted: Fitted, records: tuple[Record, ...]) -> list[ComplexArray]:
     """Measured less predicted torque in records that were not fitted, N m, (n_config, n_exp, n_bin, n_axis) each.
 
     What rings on from before the first sample is no error of the model, and is taken off.
     """
-    problem, point = case.problem(fitted.hypothesis, records), fitted.point
+    problem, point = fitted.case.problem(fitted.hypothesis, records), fitted.point
     about = linearise_at(problem, point, fitted.model_error, improve=True)
     if any(robot.signals for robot in problem.robots(point)):  # along torques that the first round expects
         about = linearise_at(problem, point, fitted.model_error, improve=True)

@@ -30,6 +30,7 @@ from robid_core import (
     Robot,
     RobotName,
     TimeComparison,
+    Timing,
     simulate_record,
 )
 from robid_core.residual import check_variants, excited_range, prescribe_record, variant_robots
@@ -46,6 +47,7 @@ from robid_diagnosis.comparison import (
 from robid_diagnosis.extrapolation import extrapolation_doubt
 from robid_diagnosis.prediction_curves import prediction_curves
 from robid_diagnosis.prediction_runs import Piece, pieces_of, predicted_runs, run_errors
+from robid_diagnosis.timing import delayed, late_axes
 from robid_diagnosis.wording import errors_line
 
 FITTED = "fit"
@@ -125,6 +127,7 @@ class Prediction(DiagnosisStage):
         force = record[0].runs[0].channel("motor_torque").unit_symbol if open_loop else ""
         quantities = {OPEN: force} if open_loop else {}
         quantities |= ({CLOSED: f"{unit}/s"} if open_loop else {ANGLE: unit}) if closed else {}
+        lags = explained.timing if explained is not None else None
         signals, done = dict[str, dict[str, list[FloatArray]]](), 0
         for quantity in quantities:
             signals[quantity] = {name: [] for name in names}
@@ -133,6 +136,8 @@ class Prediction(DiagnosisStage):
                 done += 1
                 for piece in pieces:
                     made = self._predicted(quantity, models[piece.variant][name], piece.record)
+                    if name == EXTENDED and quantity == OPEN:
+                        made = _late(made, lags)
                     found += _compared(comparison, quantity, made)
         context.progress(done, done)
         measured = {
@@ -146,6 +151,8 @@ class Prediction(DiagnosisStage):
             verdict.append(errors_line(rows, gain))
             last = predicted_runs(pieces, measured[quantity], signals[quantity][names[-1]], self.skip_s)
             runs.append((quantity, symbol, last))
+        if lags is not None and open_loop and (late := late_axes(lags)):
+            verdict.append(f"The torque of the extended robot is as late as the diagnosis found it: {late}.")
         if missing:
             verdict.append(f"The closed loop was not simulated: {missing}.")
         if not marked and len(names) > 1:
@@ -261,6 +268,18 @@ def _shared(nominal: Robot, own: Robot, fitted: Robot, fit: Fit) -> Robot:
     names = fit.model.names if fit.model is not None else fit.free_names
     alike = [n for n in names if n in own.layout and own.parameter(n) == nominal.parameter(n)]
     return own.with_parameters({name: fitted.parameter(name) for name in alike})
+
+
+def _late(record: Record, timing: Timing | None) -> Record:
+    """Return a predicted record with its torques as late as recorded ones were found to be."""
+    if timing is None:
+        return record
+    runs = []
+    for run in record.runs:
+        channel, lag = run.channel("motor_torque"), timing.lag * timing.sample_time_s / run.sample_time_s
+        values = delayed(run.lanes("motor_torque"), lag).reshape(channel.values.shape)
+        runs.append(run.replace(channels={**run.channels, "motor_torque": channel.replace(values=values)}))
+    return record.replace(runs=tuple(runs))
 
 
 def _compared(comparison: Comparison, quantity: str, record: Record) -> list[FloatArray]:

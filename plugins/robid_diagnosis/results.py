@@ -146,14 +146,14 @@ def data_of(case: Case, final: Fitted, tests: Sequence[Record]) -> DiagnosedData
     )
 
 
-def model_of(robot: Robot, case: Case, final: Fitted) -> Model:
-    """A robot of the case as it was found, effects and all; what other variants carry is no part of it.
+def model_of(robot: Robot, final: Fitted) -> Model:
+    """A robot of the diagnosis as it was found, effects and all; what other variants carry is no part of it.
 
     The zero-speed width of its friction is that of the functions of speed as the last fit has them.
     """
     problem = final.problem
     extended = final.hypothesis.robot(robot)
-    width = case.with_fitted_width(final).friction_speed
+    width = final.case.with_fitted_width(final).friction_speed
     assert width is not None
     extended = extended.with_parameters(
         {f"friction.{axis}.speed": float(own) for axis, own in zip(robot.axis_names, width, strict=True)}

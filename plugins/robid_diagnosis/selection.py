@@ -28,6 +28,7 @@ from robid_diagnosis.ties import with_final_ties
 from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, total
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
+from robid_diagnosis.written import as_written
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 WIDTHS = 4  # of friction at zero speed, one after the other
@@ -85,7 +86,8 @@ class Selection:
             LEVEL / seen.found.trials,
         )
         told = with_final_ties(self.case, current, steps, self.failures, self.progress)
-        return Outcome(base, current, told, tuple(searches), tuple(left), visible, motion)
+        written = as_written(current, self.failures, self.progress)
+        return Outcome(base, current, written, told, tuple(searches), tuple(left), visible, motion)
 
     def searched(self, current: Fitted, before: Motion | None) -> Searched:
         """Hold every effect against what a fit leaves; `before`: of the search before."""

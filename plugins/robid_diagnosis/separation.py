@@ -37,9 +37,9 @@ class Predicted:
     """Without the delay, N m, (n_config, n_exp, n_bin, n_axis) of each block."""
 
     @classmethod
-    def of(cls, case: Case, fitted: Fitted, record: Record) -> Predicted:
+    def of(cls, fitted: Fitted, record: Record) -> Predicted:
         """Prescribe the motion of a record to the robot as it was fitted to others."""
-        problem, point = case.problem(fitted.hypothesis, (record,)), fitted.point
+        problem, point = fitted.case.problem(fitted.hypothesis, (record,)), fitted.point
         about = linearise_at(problem, point, fitted.model_error)
         if problem.robots(point)[0].signals:  # along the torques that the first round expects
             about = linearise_at(problem, point, fitted.model_error)
@@ -88,7 +88,7 @@ def separation(
     for proposed in proposals(records, robot, case.discard, generator):
         progress(len(found), len(found) + 1, "experiments that could tell ties apart")
         try:
-            found.append((proposed, ratios(case, final, rivals, proposed.record)))
+            found.append((proposed, ratios(final, rivals, proposed.record)))
         except RobidError:
             continue
     if not found:
@@ -96,12 +96,12 @@ def separation(
     return _best(robot, records, step, names, found)
 
 
-def ratios(case: Case, final: Fitted, rivals: Sequence[Fitted], record: Record) -> FloatArray:
+def ratios(final: Fitted, rivals: Sequence[Fitted], record: Record) -> FloatArray:
     """Expected logarithm of the likelihood ratio for each rival and configuration of a record, (n_rival, n_config)."""
-    own = Predicted.of(case, final, record)
+    own = Predicted.of(final, record)
     found = []
     for rival in rivals:
-        other = Predicted.of(case, rival, record)
+        other = Predicted.of(rival, record)
         lanes = zip(own.less(other), own.about.rows, other.rows(own.about), strict=True)
         found.append(
             [

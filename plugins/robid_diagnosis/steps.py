@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from robid_core import FloatArray, VisibleSize
 from robid_diagnosis.ceilings import Ceiling
 from robid_diagnosis.columns import Motion
+from robid_diagnosis.comparison import EXTENDED, REFITTED
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.pictures import Picture
 from robid_diagnosis.search import Found, Search
@@ -75,6 +76,8 @@ class Outcome:
 
     base: Fitted
     final: Fitted
+    written: Fitted
+    """The final fit once more with what a robot file can express: that robot is told, written and judged."""
     steps: tuple[Step, ...]
     searches: tuple[Found, ...]
     """One for each step, and the last that found nothing."""
@@ -84,3 +87,8 @@ class Outcome:
     """What the last search would have found."""
     motion: Motion
     """About the final fit."""
+
+    @property
+    def models(self) -> dict[str, Fitted]:
+        """Fits by what they are called where models are compared: nothing is extended without a cause."""
+        return {REFITTED: self.base, EXTENDED: self.written} if self.steps else {REFITTED: self.written}

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy
 
 from robid_core import BoolArray, FloatArray, Timing
 from robid_core.estimation.intervals import jackknife_shifts
@@ -43,6 +44,12 @@ def is_late(lag: float, error: float) -> bool:
     return abs(lag) > LATE and abs(lag) > SURE * error
 
 
+def late_axes(timing: Timing) -> str:
+    """Axes whose torque is late by what is worth telling, with their lags; empty where there are none."""
+    rows = zip(timing.axis_names, timing.lag, timing.standard_error, strict=True)
+    return ", ".join(f"{axis} {value:.3f} samples" for axis, value, sd in rows if is_late(value, sd))
+
+
 def timing_lines(timing: Timing, misfit: float) -> list[str]:
     """Delays between the channels of each axis that are worth telling, and those that data do not tell.
 
@@ -65,6 +72,15 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
             f"Timing: a delay of the torque cannot be distinguished from what the model lacks: {', '.join(doubted)}."
         )
     return found
+
+
+def delayed(torque: FloatArray, lag: FloatArray) -> FloatArray:
+    """Torques (n_lane, n_sample, n_axis) by so many samples later, (n_axis,), between the samples by cubic splines."""
+    shifted = (
+        scipy.ndimage.shift(own, (0.0, late), order=3, mode="nearest")
+        for own, late in zip(np.moveaxis(torque, -1, 0), lag, strict=True)
+    )
+    return np.stack(list(shifted), axis=-1)
 
 
 def moved_delays(problem: TorqueProblem, about: Linearisation, weighted: list[FloatArray]) -> FloatArray:

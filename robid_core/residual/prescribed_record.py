@@ -6,6 +6,7 @@ behind the motors rings on from before the first sample: how, the recorded torqu
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from robid_core.robot import Robot
 HIGHEST_HZ = 100.0  # of what tells how the arm rings at the first sample
 ROUNDS = 6  # of prescribed motions that find it, at most
 BETTER = 0.9  # of what was left: a round that leaves more was the last
+DIFFERENCE = 0.01  # of the rms vibration: for derivatives beside springs that are not linear
 MODEL_ERROR = 0.01  # of the rms torque: what else than ringing may be wrong
 
 
@@ -86,11 +88,18 @@ def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
     n_bin, n_axis = len(motion.bin), len(rms)
     whitener = np.zeros((n_bin, n_axis, n_axis), dtype=np.complex128)
     whitener[:] = np.diag(np.sqrt(n_bin) / (MODEL_ERROR * rms))
-    vibration, prior = free_vibration(robot, motion), rms_vibration(robot, robot.joint_angle(middle), motion)
-    deviation, best, before = None, motion.torque, np.inf
-    for _ in range(ROUNDS):
+    prior = rms_vibration(robot, robot.joint_angle(middle), motion)
+    bent = bool(robot.bending_forces)
+
+    def torque_from(deviation: FloatArray) -> FloatArray:
         state = state_at_first(robot, moved.angle, moved.speed, deviation)
-        torque = robot.prescribe(moved, state).torque.reshape(shape)
+        return robot.prescribe(moved, state).torque.reshape(shape)
+
+    vibration = None if bent else free_vibration(robot, motion)
+    deviation = np.zeros((*shape[:2], prior.shape[1]))
+    best, before = motion.torque, np.inf
+    for _ in range(ROUNDS):
+        torque = torque_from(deviation)
         residual = motion.torque_spectrum - motion.spectrum_of(torque)
         left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
         if left < before:
@@ -98,6 +107,24 @@ def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
         if left > BETTER * before or robot.mechanism.n_coordinate == robot.n_axis:
             break
         before = left
-        more = deviation_of(residual, vibration, whitener, prior)
-        deviation = more if deviation is None else deviation + more
+        if bent:
+            vibration = _simulated_vibration(torque_from, deviation, torque, prior, motion)
+        assert vibration is not None
+        deviation = deviation + deviation_of(residual, vibration, whitener, prior)
     return best
+
+
+def _simulated_vibration(
+    torque_from: Callable[[FloatArray], FloatArray],
+    deviation: FloatArray,
+    torque: FloatArray,
+    prior: FloatArray,
+    motion: WindowedMotion,
+) -> ComplexArray:
+    """Spectra as of `free_vibration`, by prescribed motions: in the middle of a gap the linear model has no spring."""
+    found = []
+    for i, own in enumerate(prior.T):
+        moved, step = deviation.copy(), DIFFERENCE * own[:, None]
+        moved[:, :, i] += step
+        found.append(motion.spectrum_of(torque_from(moved) - torque) / step[..., None, None])
+    return np.stack(found, axis=-1)

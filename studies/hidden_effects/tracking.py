@@ -105,8 +105,8 @@ def diagnosed(
     generator = np.random.default_rng(seed)
     outcome = Selection(case, uses, {}, generator, lambda *_: None, MOST).run()
     robots = {TOLD: told}
-    for name, fitted in ((REFITTED, outcome.base), (EXTENDED, outcome.final)):
-        robots[name] = Robot.of_model(model_of(told, case, fitted))
+    for name, fitted in ((REFITTED, outcome.base), (EXTENDED, outcome.written)):
+        robots[name] = Robot.of_model(model_of(told, fitted))
     return robots, outcome
 
 

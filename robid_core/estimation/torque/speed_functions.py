@@ -44,13 +44,14 @@ class SpeedFunctions:
         return cls(np.concatenate((near, far)), np.stack((EVEN * told, far[1], far[3])))
 
     @classmethod
-    def near(cls, told: FloatArray) -> SpeedFunctions:
+    def near(cls, told: FloatArray, shares: Sequence[float] = NEAR_ALONE) -> SpeedFunctions:
         """Return odd functions about the told speed, (n_axis,): Coulomb friction whose zero-speed width is uncertain.
 
+        `shares` of the told speed are their widths; one alone is the friction that a robot file has.
         Between half and twice the told width ``tanh(v / w)`` is a sum of these but for 1 % of its level at Gaussian
         speeds of five widths; other shapes (Stribeck, directions) are not.
         """
-        return cls(np.multiply.outer(NEAR_ALONE, told), np.zeros((0, len(told))))
+        return cls(np.multiply.outer(shares, told), np.zeros((0, len(told))))
 
     def width_of(self, size: FloatArray, speed: FloatArray) -> FloatArray:
         """Width of the one ``tanh(v / w)`` that is nearest to a sum of odd functions, rad/s, (n_axis,).

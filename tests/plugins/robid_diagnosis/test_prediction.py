@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 from oracles.slide import MASS, OFFSET, STEP, VISCOUS, exact_run, record, reference, slide
 
-from robid_core import Context, DataRejected, Diagnosis, Fit, NotTrustworthy, ParameterTable, Record, Robot
+from robid_core import (
+    Context,
+    DataRejected,
+    Diagnosis,
+    Fit,
+    NotTrustworthy,
+    ParameterTable,
+    Record,
+    Robot,
+    Timing,
+)
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_diagnosis.prediction import Prediction
@@ -92,6 +102,31 @@ def test_experiments_that_were_held_out_are_what_is_predicted(tmp_path: Path) ->
     assert "no prediction" not in diagnosis.verdict
     # 7 N is what the model has too little there, all the time.
     assert diagnosis.errors[1].rms[0] == pytest.approx(4.0 - OFFSET, rel=1e-3)
+
+
+def test_torques_are_as_late_as_a_diagnosis_found_them(tmp_path: Path) -> None:
+    """Recorded three samples after the angle: a robot that is right leaves nothing where that is known, and much else.
+
+    Friction that turns within a sample or two is what comes three samples early.
+    """
+    robot = slide(tmp_path)
+    measured = long_record(robot)
+    run = measured.runs[0]
+    force = run.channel("motor_torque")
+    late = np.concatenate(
+        [np.repeat(force.values[..., :1, :], 3, axis=-2), force.values[..., :-3, :]], axis=-2
+    )
+    channels = {**run.channels, "motor_torque": force.replace(values=late)}
+    recorded = measured.replace(runs=(run.replace(channels=channels),))
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
+    left = {}
+    for lag in (0.0, 3.0):
+        timing = Timing(robot.axis_names, STEP, np.array([lag]), np.array([0.01]))
+        explained = Diagnosis(method="", verdict="", model=robot.model(TRUE), timing=timing)
+        diagnosis = Prediction().run((recorded,), robot, context, explained=explained)
+        left[lag] = diagnosis.errors[1].relative[0]
+        assert ("as late as the diagnosis found it: x 3.000 samples" in diagnosis.verdict) == (lag > 0)
+    assert left[3.0] < 1e-4 < 10 * left[3.0] < left[0.0]
 
 
 def test_an_axis_that_hardly_moves_is_marked(tmp_path: Path) -> None:

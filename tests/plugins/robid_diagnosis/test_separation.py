@@ -91,8 +91,7 @@ def test_a_cable_and_a_counterbalance_are_told_apart_by_the_experiment_that_was_
     first, *others = (step.use, *(use for use, _, _ in step.ties))
     assert {first, others[0]} == {"load.cable_spring", "load.counterbalance"}
     assert set(others[1:]) <= {"body"}  # told wrong, it weighs the same on one side
-    case = replace(case, friction_speed=final.problem.blocks[0].laws.odd[0])
-    model = model_of(told, case, final)
+    model = model_of(told, final)
     robot = Robot.of_model(model)
     best = separation(case, robot, final, step, np.random.default_rng(1), lambda *_: None)
     assert best is not None
@@ -151,9 +150,9 @@ def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(
     """Cogging is torque ripple without its part in proportion to the torque: a fit of ripple follows it anywhere."""
     case, cogging, ripple = waves
     assert 0 <= cogging.cost(cogging.about) - ripple.cost(cogging.about) < TIE
-    robot = Robot.of_model(model_of(told, case, cogging))
+    robot = Robot.of_model(model_of(told, cogging))
     found = [
-        ratios(case, cogging, [ripple], one.record)
+        ratios(cogging, [ripple], one.record)
         for one in proposals(case.records, robot, 0, np.random.default_rng(1))
     ]
     assert len(found) >= 2

@@ -1,0 +1,88 @@
+"""A fit once more with what a robot file can express: friction of one zero-speed width at each axis.
+
+A search fits friction by functions of several widths, so that a width that is told wrong is no cause. Beside a law of
+the same speeds (Stribeck) these functions may be large against one another, and follow together a curve that no robot
+file has. So the width is fitted, too, and laws that have such a width share it. Two functions of about that width tell
+by their sum where it should be, as far as the laws beside them stay; a secant leads to the width that stays with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from robid_core import FloatArray, RobidError
+from robid_core.estimation.torque.speed_functions import NEAR_ALONE
+from robid_diagnosis.hypothesis import Fitted
+from robid_diagnosis.search import Failure
+from robid_diagnosis.values import PRICE
+
+ALONE = (1.0,)
+PAIR = (1.0, 1.1)  # widths whose sum is one of a width in between, or near by
+ROUNDS = 6  # of widths
+SAME = 0.003  # of the logarithm of a width: it stays
+FARTHEST = 0.7  # likewise: one round moves it no farther
+
+Progress = Callable[[float, float, str], None]
+
+
+def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fitted:
+    """Return a fit with one zero-speed width at each axis; the fit as it is where there is none, which is noted.
+
+    Parameters
+    ----------
+    final
+        With functions of several widths.
+    failures
+        Grows by why it could not be fitted.
+    progress
+        Told (done, all, what).
+    """
+    numbers = (len(NEAR_ALONE) - 1) * final.case.told.n_axis
+    try:
+        fitted = _with_width(final, final.case.with_fitted_width(final).width, ALONE, progress)
+        if fitted.cost(final.about) - final.cost(final.about) < PRICE * numbers * max(1.0, final.misfit):
+            return _as_sure_as(final, fitted)
+        pair = _fitted_width(fitted, progress)
+        other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+    except RobidError as error:
+        failures.append(Failure("zero-speed width", None, None, str(error)))
+        return final
+    return min(_as_sure_as(pair, fitted), other, key=lambda one: one.cost(final.about))
+
+
+def _with_width(begin: Fitted, width: FloatArray, widths: tuple[float, ...], progress: Progress) -> Fitted:
+    """Fit with functions of speed about a zero-speed width, rad/s, (n_axis,), which laws with a sign have, too."""
+    case = replace(begin.case, friction_speed=width, widths=widths)
+    shares = dict(zip(case.told.axis_names, (case.width / begin.case.width).tolist(), strict=True))
+    return case.fit(begin.hypothesis.with_wider_signs(shares), progress, begin=begin)
+
+
+def _fitted_width(fitted: Fitted, progress: Progress) -> Fitted:
+    """Return the fit of two functions that leave their width where it is, found by secants from that of a fit."""
+    at, before = np.log(fitted.case.width), None
+    for _ in range(ROUNDS):
+        fitted = _with_width(fitted, np.exp(at), PAIR, progress)
+        moves = np.log(fitted.case.with_fitted_width(fitted).width) - at
+        if (np.abs(moves) < SAME).all():
+            break
+        step = moves
+        if before is not None:
+            way, less = at - before[0], before[1] - moves
+            step = np.divide(moves * way, less, out=moves.copy(), where=np.abs(less) > SAME * np.abs(way))
+        before = at, moves
+        at = at + np.clip(step, -FARTHEST, FARTHEST)
+    return fitted
+
+
+def _as_sure_as(other: Fitted, fitted: Fitted) -> Fitted:
+    """Return a fit of one width with the covariance of one of several, whose sum the one is: the width is unknown."""
+    n_free, n_axis, n_delay = fitted.problem.n_free, fitted.case.told.n_axis, fitted.problem.n_delay
+    n_law = len(other.problem.friction_names) - 1
+    of_axes = np.kron(np.repeat(np.eye(2), (n_law, 1), axis=1), np.eye(n_axis))
+    sums = scipy.linalg.block_diag(np.eye(n_free), of_axes, np.eye(n_delay))
+    covariance = sums @ other.solution.covariance @ sums.T
+    return replace(fitted, solution=replace(fitted.solution, covariance=covariance))
