@@ -221,10 +221,11 @@ def test_a_slip_is_refused_or_named(
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(
-    "seed", [3, 4, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(100, 120))]
+    "seed", [3, 108, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(100, 120) if seed != 108)]
 )
 def test_a_sound_record_is_read_without_a_word(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, robot: str, seed: int
 ) -> None:
+    """Of seed 108 friction and inertia of the fifth of six axes cancel, so that little torque is left to compare."""
     periodic = {"period_s": N_SAMPLE * STEP, "lines": LINES}
     assert told(tmp_path, caplog, robot_of(robot), simulated(robot, seed), periodic) == ""
