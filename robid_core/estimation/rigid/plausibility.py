@@ -24,6 +24,7 @@ from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
 
 MOST = 1000  # samples that are looked at, evenly over all experiments
 FEW = 150  # of them, by which pairs of slips are chosen
+LARGEST = 30.0  # times the friction of the robot file: gears and temperatures reach 3, thousandths 1000
 TRIM = 0.5  # of a cutoff's period, left out at both ends of an experiment
 FITS = 0.1  # of a torque's variance: an axis that leaves less is as it should be
 GAIN = 4.0  # by which a slip must lower what is left of the axes that it concerns, their median
@@ -158,6 +159,11 @@ class Recorded:
         columns = np.stack([*friction, one, -one, *more], axis=1)
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         found, norm = scipy.optimize.nnls(columns / size, target)
+        most = LARGEST * np.array([self.drives.coulomb[axis], self.drives.viscous[axis]])
+        if most.all() and (over := found[:2] / size[:2] > most).any():
+            most = np.where(over, most, 0.0)
+            kept = columns / size * np.append(~over, np.ones(columns.shape[1] - 2, dtype=bool))
+            found, norm = scipy.optimize.nnls(kept, target - columns[:, :2] @ most)
         share = norm**2 / max(float(((torque - torque.mean()) ** 2).sum()), 1e-300)
         return float(found[-1] / size[-1]), share
 
@@ -260,6 +266,12 @@ def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Se
     yield Slip("the torques look like those at the joints", f"motor_torque: {at_joint}", whole, gear.T), every
     yield (
         Slip("the torques look like those at the motors", f"motor_torque: {at_motor}", whole, motor.T),
+        every,
+    )
+    yield (
+        Slip(
+            "the torques look like thousandths, as of mA", "motor_torque: scale: 0.001", whole, 1e-3 * whole
+        ),
         every,
     )
 
