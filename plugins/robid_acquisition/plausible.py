@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from robid_core import FloatArray, Record, RobidError, Robot
+from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
 from robid_core.residual import rigid_drives
@@ -31,19 +32,29 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
         slips = [] if recorded is None else slips_in(recorded, robot.axis_names)
         if recorded is None or not slips:
             return []
+        if (counts := counts_in(recorded)) and counts.explained > explained_by(recorded, slips[0]):
+            return []  # a doubt, which explains more
         zeros = tuple(_off(zero, robot) for zero in zeros_in(recorded))
         return [replace(slips[0], ties=slips[0].ties + zeros), *slips[1:]]
     except (RobidError, ArithmeticError):  # nothing is known against the record
         return []
 
 
-def doubts_of_zero(record: Record, robot: Robot) -> list[str]:
-    """Say which axis has its zero elsewhere than the robot file; none where they fit, or cannot be told."""
+def doubts_of_angle(record: Record, robot: Robot) -> list[str]:
+    """Say which axis has its zero elsewhere, or other counts, than stated; none where they fit, or cannot be told."""
     try:
         recorded = _recorded(record, robot)
         zeros = [] if recorded is None else zeros_in(recorded)
+        counts = None if recorded is None else counts_in(recorded)
     except (RobidError, ArithmeticError):
         return []
+    if counts and (not zeros or counts.explained > zeros[0].explained):
+        name = robot.axis_names[counts.axis]
+        return [
+            f"the angle of {name} is {counts.multiple} what the torques say, as with {counts.multiple} the counts per "
+            f"turn (the robot file leaves {100 * counts.before:.0f} % of a torque, {100 * counts.after:.0f} % with the "
+            f"angle times {counts.factor:g}): look at scale (motor_position) and at the encoder's counts per turn"
+        ]
     if not zeros:
         return []
     first, name = zeros[0], robot.axis_names[zeros[0].axis]

@@ -19,10 +19,12 @@ import scipy
 
 from robid_core.arrays import FloatArray
 from robid_core.estimation.rigid.regression import differentiate, smooth
+from robid_core.estimation.rigid.reversals import Reversals
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
 
 MOST = 1000  # samples that are looked at, evenly over all experiments
 FEW = 150  # of them, by which pairs of slips are chosen
+LARGEST = 30.0  # times the friction of the robot file: gears and temperatures reach 3, thousandths 1000
 TRIM = 0.5  # of a cutoff's period, left out at both ends of an experiment
 FITS = 0.1  # of a torque's variance: an axis that leaves less is as it should be
 GAIN = 4.0  # by which a slip must lower what is left of the axes that it concerns, their median
@@ -77,6 +79,9 @@ class Recorded:
     velocity: FloatArray
     acceleration: FloatArray
     torque: FloatArray
+    direction: FloatArray
+    """Coulomb friction over its size, with the reversals above the cutoff."""
+    reversals: Reversals
 
     @classmethod
     def of_experiments(
@@ -95,27 +100,39 @@ class Recorded:
         """
         trim = round(TRIM / (cutoff_hz * sample_time)) + 2
         step = max(1, sum(len(position) - 2 * trim for position, _ in experiments) // MOST)
-        parts = []
+        parts, kept = [], list[slice]()
         for position, torque in experiments:
             smoothed = smooth(position, sample_time, cutoff_hz)
             velocity = differentiate(smoothed, sample_time)
             signals = (smoothed, velocity, differentiate(velocity, sample_time))
-            kept = slice(trim, len(position) - trim, step)
-            parts.append([one[kept] for one in (*signals, smooth(torque, sample_time, cutoff_hz))])
-        return cls(drives, *(np.concatenate(one) for one in zip(*parts, strict=True)))
+            kept.append(slice(trim, len(position) - trim, step))
+            parts.append([one[kept[-1]] for one in (*signals, smooth(torque, sample_time, cutoff_hz))])
+        angles = [position for position, _ in experiments]
+        reversals = Reversals.of_angles(angles, sample_time, cutoff_hz, kept)
+        moved, speed, faster, driven = (np.concatenate(one) for one in zip(*parts, strict=True))
+        direction = reversals.direction(drives.friction_speed)
+        return cls(drives, moved, speed, faster, driven, direction, reversals)
 
     def thinned(self, most: int) -> Recorded:
         """Return at most that many of the samples, evenly."""
-        kept = slice(None, None, max(1, -(-len(self.position) // most)))
-        names = ("position", "velocity", "acceleration", "torque")
-        return replace(self, **{name: getattr(self, name)[kept] for name in names})
+        every = max(1, -(-len(self.position) // most))
+        names = ("position", "velocity", "acceleration", "torque", "direction")
+        few = {name: getattr(self, name)[::every] for name in names}
+        return replace(self, **few, reversals=replace(self.reversals, every=every * self.reversals.every))
 
     def undone(self, slip: Slip) -> Recorded:
         """Return what would have been recorded without a slip."""
         moved = {
             name: getattr(self, name) @ slip.position.T for name in ("position", "velocity", "acceleration")
         }
-        return replace(self, **moved, torque=self.torque @ slip.torque.T)
+        reversals, steep = self.reversals.through(slip.position), self.drives.friction_speed
+        size = np.abs(slip.position)
+        if np.array_equal(size, size.astype(bool)) and np.array_equal(size @ steep, steep):
+            direction = self.direction @ slip.position.T  # turned round or exchanged: nothing to smooth anew
+        else:
+            direction = reversals.direction(steep)
+        moved |= {"torque": self.torque @ slip.torque.T, "direction": direction}
+        return replace(self, **moved, reversals=reversals)
 
     @cached_property
     def left(self) -> FloatArray:
@@ -137,11 +154,16 @@ class Recorded:
 
     def _friction(self, axis: int, target: FloatArray, *more: FloatArray) -> tuple[float, float]:
         """Fit friction, and a further column, to a target: the further column's number, and the share that is left."""
-        steep, speed = self.drives.friction_speed[axis], self.velocity[:, axis]
         one, torque = np.ones(len(target)), self.torque[:, axis]
-        columns = np.stack([np.tanh(speed / (steep if steep > 0 else 1.0)), speed, one, -one, *more], axis=1)
+        friction = self.direction[:, axis], self.velocity[:, axis]
+        columns = np.stack([*friction, one, -one, *more], axis=1)
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         found, norm = scipy.optimize.nnls(columns / size, target)
+        most = LARGEST * np.array([self.drives.coulomb[axis], self.drives.viscous[axis]])
+        if most.all() and (over := found[:2] / size[:2] > most).any():
+            most = np.where(over, most, 0.0)
+            kept = columns / size * np.append(~over, np.ones(columns.shape[1] - 2, dtype=bool))
+            found, norm = scipy.optimize.nnls(kept, target - columns[:, :2] @ most)
         share = norm**2 / max(float(((torque - torque.mean()) ** 2).sum()), 1e-300)
         return float(found[-1] / size[-1]), share
 
@@ -244,6 +266,12 @@ def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Se
     yield Slip("the torques look like those at the joints", f"motor_torque: {at_joint}", whole, gear.T), every
     yield (
         Slip("the torques look like those at the motors", f"motor_torque: {at_motor}", whole, motor.T),
+        every,
+    )
+    yield (
+        Slip(
+            "the torques look like thousandths, as of mA", "motor_torque: scale: 0.001", whole, 1e-3 * whole
+        ),
         every,
     )
 

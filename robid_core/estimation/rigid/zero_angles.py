@@ -35,6 +35,8 @@ class Zero:
     """Likewise, once the angle is mended."""
     alone: bool
     """Whether only the torque of this axis tells, so that a constant in it would look the same."""
+    explained: float
+    """Logarithm of what is left less, over all axes."""
 
 
 def zeros_in(recorded: Recorded) -> list[Zero]:
@@ -51,7 +53,7 @@ def zeros_in(recorded: Recorded) -> list[Zero]:
     wrong = before > NOTICED
     if not wrong.any():
         return []
-    few, found = recorded.thinned(FEW), list[tuple[float, Zero]]()
+    few, found = recorded.thinned(FEW), list[Zero]()
     for axis, joint in enumerate(recorded.drives.arm.tolist()):
         if recorded.drives.tree.joint_type[joint] != REVOLUTE:
             continue
@@ -64,10 +66,9 @@ def zeros_in(recorded: Recorded) -> list[Zero]:
         worst = int(np.argmax(before))
         alone = bool(wrong.sum() == 1 and worst == axis)
         rms = float(np.sqrt(before[worst])), float(np.sqrt(after[worst]))
-        found.append((float(gain.sum()), Zero(axis, angle, *rms, alone)))
-    most = max((gain for gain, _ in found), default=0.0)
-    likely = [(gain, zero) for gain, zero in found if gain > most - TIE]
-    return [zero for _, zero in sorted(likely, key=lambda one: -one[0])]
+        found.append(Zero(axis, angle, *rms, alone, float(gain.sum())))
+    most = max((zero.explained for zero in found), default=0.0)
+    return sorted((zero for zero in found if zero.explained > most - TIE), key=lambda zero: -zero.explained)
 
 
 def turned(recorded: Recorded, axis: int, angle: float) -> Recorded:
@@ -78,10 +79,10 @@ def turned(recorded: Recorded, axis: int, angle: float) -> Recorded:
 
 def shares(recorded: Recorded) -> FloatArray:
     """Share of each torque's power that the robot leaves with the friction that suits it best, (n_axis,)."""
-    steep, rest = recorded.drives.friction_speed, recorded.torque - recorded.rigid - recorded.drives.offset
+    rest = recorded.torque - recorded.rigid - recorded.drives.offset
     result = np.empty(recorded.drives.n_axis)
-    for axis, speed in enumerate(recorded.velocity.T):
-        columns = np.stack([np.tanh(speed / (steep[axis] if steep[axis] > 0 else 1.0)), speed], axis=1)
+    for axis in range(recorded.drives.n_axis):
+        columns = np.stack([recorded.direction[:, axis], recorded.velocity[:, axis]], axis=1)
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         left = scipy.optimize.nnls(columns / size, rest[:, axis])[1]
         result[axis] = left**2 / max(float((recorded.torque[:, axis] ** 2).sum()), 1e-300)

@@ -164,8 +164,8 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
     "milliamperes": (
         of_one("tau", lambda x: 1000 * x),
         {},
-        "like thousandths|1e.03 times",
-        {"one_axis", "scara", "six_axis"},
+        "like thousandths",
+        set(ROBOTS),
     ),
     "rpm": (with_speed(60 / (2 * np.pi)), {}, "it looks like rpm", set(ROBOTS)),
     "joint's angle": (through_gear("q", 1), {}, "refused.*like (that|those) of the joint", set(ROBOTS)),
@@ -173,7 +173,7 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
         through_gear("tau", -1),
         {},
         "like (that|those) (at|of) the joint",
-        {"one_axis", "scara", "six_axis"},
+        set(ROBOTS),
     ),
     "sign": (of_one("tau", np.negative), {}, "refused.*torque of .* has the opposite sign", set(ROBOTS)),
     "three samples late": (late(3), {}, r"lags? the angles by (2\.[6-9]|3)", {"one_axis", "six_axis"}),
@@ -186,7 +186,7 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
     "half the counts": (
         of_one("q", lambda x: x / 2),
         {},
-        "half the counts",
+        "as with twice the counts|as with half the counts",
         {"one_axis", "two_axes", "six_axis"},
     ),
     "low-passed": (low_passed, {}, "low-passed", set(ROBOTS)),
@@ -221,10 +221,11 @@ def test_a_slip_is_refused_or_named(
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(
-    "seed", [3, 4, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(100, 120))]
+    "seed", [3, 108, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(100, 120) if seed != 108)]
 )
 def test_a_sound_record_is_read_without_a_word(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, robot: str, seed: int
 ) -> None:
+    """Of seed 108 friction and inertia of the fifth of six axes cancel, so that little torque is left to compare."""
     periodic = {"period_s": N_SAMPLE * STEP, "lines": LINES}
     assert told(tmp_path, caplog, robot_of(robot), simulated(robot, seed), periodic) == ""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robid_core import FloatArray, Robot
+from robid_core.estimation.rigid.encoder_counts import counts_in
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
 from robid_core.estimation.rigid.zero_angles import zeros_in
 from robid_core.residual import rigid_drives
@@ -108,12 +109,26 @@ def test_a_robot_that_is_told_wrong_is_no_slip(robot: Robot, off: float, payload
 
 
 @pytest.mark.parametrize("off, payload", [(0.01, 0.0), (0.1, 0.0), (0.01, 20.0)])
-def test_a_robot_that_is_told_wrong_has_its_zeros_where_they_are(
+def test_a_robot_that_is_told_wrong_has_its_zeros_and_counts(
     robot: Robot, off: float, payload: float
 ) -> None:
     experiments = measured(robot, off, payload)
     recorded = Recorded.of_experiments(rigid_drives(robot), experiments, robot.sample_time_s, CUTOFF_HZ)
     assert zeros_in(recorded) == []
+    assert counts_in(recorded) is None
+
+
+@pytest.mark.parametrize(("axis", "factor"), [(0, 0.25), (1, 2.0), (3, 0.5), (4, 4.0)])
+def test_counts_are_found_in_a_robot_that_is_not_quite_the_told_one(
+    robot: Robot, sound: Experiments, axis: int, factor: float
+) -> None:
+    """Where they change a torque by a fifth: of the others nothing is said."""
+    scale = np.diag(np.where(np.arange(6) == axis, factor, 1.0))
+    wrong = [(position @ scale, torque) for position, torque in sound]
+    recorded = Recorded.of_experiments(rigid_drives(robot), wrong, robot.sample_time_s, CUTOFF_HZ)
+    found = counts_in(recorded)
+    assert found is not None
+    assert (found.axis, found.factor) == (axis, 1 / factor)
 
 
 @pytest.mark.parametrize(("axis", "off"), [(1, 0.3), (2, -0.8), (3, 0.6)])
