@@ -18,22 +18,26 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
 import os
 import signal
 import time
 from collections.abc import Callable, Iterator
 from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from robid_core.errors import MotionAborted, PluginError
 from robid_core.interruption import SIGNALS, heed, held
 from robid_core.run.confined_stage import Job, crash_file, last_frame, run_job
-from robid_core.run.warm_start import process_context
+from robid_core.run.process_state import umask
+from robid_core.run.warm_start import has_died, started
 
 LOG = logging.getLogger("robid.confine")
 LOOK_S = 0.05  # how often deadline and interruption are looked at
 STOPPING_S = 10.0  # what a process with drives may take to stop them
 GONE_S = 5.0  # what the system may take to clear away a killed process
+SERVER_GONE = 255  # what multiprocessing gives as exit code where nobody is left who could know it
 Hear = Callable[..., None]  # "progress", done, total, note; or "compiling", kernel
 
 
@@ -62,18 +66,18 @@ class _Confined:
     """The other process, seen from here."""
 
     def __init__(self, job: Job, memory_mb: int | None) -> None:
-        context = process_context()
         self._job, self._memory_mb, self._begun = job, memory_mb, False
-        self._here, self._there = context.Pipe(duplex=False)
-        arguments = (job, memory_mb, dict(os.environ), self._there)
-        self._process = context.Process(target=run_job, args=arguments, name=f"robid {job.name}")
+        self._here, self._there = multiprocessing.Pipe(duplex=False)
+        self._process: BaseProcess | None = None
+        self._server: int | None = None
 
     def start(self) -> None:
         """Start it deaf to signals until it has a process group of its own."""
         with held():
             resource_tracker.ensure_running()  # which would let signals through again
             with _blocked_signals():  # in the server too, where this is the first
-                self._process.start()
+                arguments = (self._job, self._memory_mb, dict(os.environ), umask(), self._there)
+                self._process, self._server = started(run_job, arguments, f"robid {self._job.name}")
             self._there.close()
 
     def follow(self, deadline_s: float | None, hear: Hear) -> None:
@@ -110,10 +114,14 @@ class _Confined:
             raise self._died() from None
 
     def _died(self) -> PluginError:
+        assert self._process is not None
         self._process.join(GONE_S)
         code = self._process.exitcode
         limit = f" (its limit was {self._memory_mb} MB)" if self._memory_mb else ""
-        if code is None or code == -signal.SIGKILL:
+        if code == SERVER_GONE and self._server is not None and has_died(self._server):
+            how = "R11: the server that starts processes was killed, and this one ended without a result"
+            advice = "run again; where memory runs out the system kills, so give it less work if that repeats"
+        elif code is None or code == -signal.SIGKILL:
             how = f"R11: its process was killed{limit}, as the system does where memory runs out"
             advice = "give it less work or a larger --memory"
         elif code < 0:
@@ -127,7 +135,7 @@ class _Confined:
 
     def ask_to_stop(self) -> MotionAborted | None:
         """Let a process with drives stop them, and return what went wrong with that; not for longer than STOPPING_S."""
-        if not self._job.has_drives or self._process.pid is None:
+        if not self._job.has_drives or self._process is None or self._process.pid is None:
             return None
         limit = time.monotonic() + STOPPING_S
         with contextlib.suppress(PluginError, OSError):  # it has ended
@@ -144,7 +152,7 @@ class _Confined:
 
     def end(self) -> None:
         """Kill it and its group, children and all; one that has finished is only collected."""
-        if self._process.pid is not None:
+        if self._process is not None and self._process.pid is not None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)  # no such group before it has called setsid
             self._process.kill()

@@ -13,12 +13,15 @@ import re
 import resource
 import signal
 import threading
+import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from robid_core.artifacts import Artifact
 from robid_core.executors import one_thread
@@ -86,11 +89,12 @@ class _Log(logging.handlers.QueueHandler):
         self._line.send("log", record)
 
 
-def run_job(job: Job, memory_mb: int | None, environment: Mapping[str, str], pipe: Connection) -> None:
+def run_job(
+    job: Job, memory_mb: int | None, environment: Mapping[str, str], umask: int, pipe: Connection
+) -> None:
     """Run a stage in this process, which was started for it, and tell how it went."""
     os.setsid()  # a process group of its own, which ends as a whole
-    os.environ.clear()  # that of the run as it is now; the server's is that of its first stage
-    os.environ.update(environment)
+    _take_over(environment, umask)
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
@@ -113,6 +117,15 @@ def run_job(job: Job, memory_mb: int | None, environment: Mapping[str, str], pip
             message = ("error", told, text)
         with contextlib.suppress(BrokenPipeError):  # nobody listens any more
             line.send(*message)
+
+
+def _take_over(environment: Mapping[str, str], umask: int) -> None:
+    """Take what the run has now: a server has what the run of its first stage had."""
+    os.environ.clear()
+    os.environ.update(environment)
+    time.tzset()
+    os.umask(umask)
+    np.random.seed()  # noqa: NPY002  # who draws from it without a seed shall not draw what the stage before drew
 
 
 def _work(job: Job, memory_mb: int | None, line: _Line) -> None:

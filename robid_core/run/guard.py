@@ -35,9 +35,9 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
             raise
         log.error("stage %s: %s failed", node.name, node.plugin, exc_info=True)
         if isinstance(error, OSError) and error.errno in OF_THE_MACHINE:
-            with failures_named(
-                f"run stage {node.name}, {node.plugin}, with", Path(error.filename or log_path)
-            ):
+            named = ", with" if error.filename else ""
+            file = Path(error.filename) if error.filename else None
+            with failures_named(f"run stage {node.name}, {node.plugin}{named}", file):
                 raise
         raise PluginError(
             f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"

@@ -28,7 +28,8 @@ class _Part(NamedTuple):
     put: Callable[[Any], object]
 
 
-def _umask() -> int:
+def umask() -> int:
+    """Return the umask of this process."""
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
@@ -59,7 +60,7 @@ def _put_warning_filters(filters: list[Any]) -> None:
 
 PARTS = {
     "numpy's error mode": _Part(np.geterr, lambda mode: np.seterr(**mode)),
-    "umask": _Part(_umask, os.umask),
+    "umask": _Part(umask, os.umask),
     "working folder": _Part(_folder, _put_folder),
     "locale": _Part(
         lambda: locale.setlocale(locale.LC_ALL), lambda name: locale.setlocale(locale.LC_ALL, name)

@@ -7,6 +7,7 @@ import datetime
 import logging
 import os
 import time
+import traceback
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -136,7 +137,7 @@ class _Run:
         except BaseException as error:
             stopped = isinstance(error, KeyboardInterrupt)
             self.manifest.ending = said_by(error).partition("\n")[0]
-            self._end("interrupted" if stopped else "failed")
+            self._end("interrupted" if stopped else "failed", error)
             raise
         self._end("done")
         seconds = time.perf_counter() - began
@@ -310,11 +311,21 @@ class _Run:
         logging.getLogger(NAME).warning(text)
         self.listener.note(text)
 
-    def _end(self, status: str) -> None:
+    def _end(self, status: str, error: BaseException | None = None) -> None:
         self.manifest.status = status
         self.manifest.finished = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        if status == "done":
+        try:
             self.manifest.write(self.store, self.folder)
-            return
-        with contextlib.suppress(StoreError):  # the error that is on its way says more
-            self.manifest.write(self.store, self.folder)
+        except StoreError:
+            if error is None:
+                raise
+            _let_go(error)  # perhaps it is the files that a failed stage has open that are too many
+            with contextlib.suppress(StoreError):  # the error that is on its way says more
+                self.manifest.write(self.store, self.folder)
+
+
+def _let_go(error: BaseException | None) -> None:
+    """Let go what the functions that an error went through hold, open files above all."""
+    while error is not None:
+        traceback.clear_frames(error.__traceback__)
+        error = error.__cause__

@@ -2,26 +2,56 @@
 
 The server is multiprocessing's: it runs no code of third parties, ends with the run, and gives each stage the state of
 a process that has just begun. It starts with the signals of a run blocked, so Ctrl-C at a terminal reaches the run and
-its stages, and not the server.
+its stages, and not the server. Where it cannot start (no folder for its socket, a limit of the system) or was killed
+while it started a process, that process is a Python of its own.
 """
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import multiprocessing
 import os
-from multiprocessing.context import ForkServerContext, SpawnContext
+import time
+from collections.abc import Callable
+from multiprocessing import forkserver
+from multiprocessing.process import BaseProcess
+from typing import Any
 
+LOG = logging.getLogger("robid.confine")
 _IMPORTED = ["robid_core.run.preloaded"]
 _OWNER = os.getpid()
+_LAST_BREATH_S = 0.5  # in which the system says that a process is dead whose files it has closed
 
 
-def process_context() -> ForkServerContext | SpawnContext:
-    """Return what starts the process of a stage.
+def started(
+    target: Callable[..., Any], arguments: tuple[Any, ...], name: str
+) -> tuple[BaseProcess, int | None]:
+    """Start a process; return it, and the process id of the server that it was forked from, where it was.
 
-    A process that was forked from one that has a server cannot use it, and starts Python anew for each stage.
+    A process that was forked from one that has a server cannot use that, and starts Python anew for each stage.
     """
-    if os.getpid() != _OWNER:
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_IMPORTED)
-    return context
+    if os.getpid() == _OWNER:
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(_IMPORTED)
+        process: BaseProcess = context.Process(target=target, args=arguments, name=name)
+        try:
+            process.start()
+        except (OSError, EOFError) as error:
+            LOG.warning("no server can start the process of a stage (%s): it starts Python anew", error)
+        else:
+            return process, forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    process = multiprocessing.get_context("spawn").Process(target=target, args=arguments, name=name)
+    process.start()
+    return process, None
+
+
+def has_died(server: int) -> bool:
+    """Tell whether a server was killed; multiprocessing gives its processes exit code 255 then, however they ended."""
+    limit = time.monotonic() + _LAST_BREATH_S
+    with contextlib.suppress(ChildProcessError):  # dead, and replaced already
+        while os.waitid(os.P_PID, server, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+            if time.monotonic() > limit:
+                return False
+            time.sleep(0.01)
+    return True

@@ -107,7 +107,7 @@ def _sync(path: Path, flags: int) -> None:
 
 
 @contextlib.contextmanager
-def failures_named(doing: str, path: Path, needed: int = 0) -> Iterator[None]:
+def failures_named(doing: str, path: Path | None, needed: int = 0) -> Iterator[None]:
     """Turn an OSError into a StoreError: what was done to which path, why it failed, what to do.
 
     Parameters
@@ -115,7 +115,7 @@ def failures_named(doing: str, path: Path, needed: int = 0) -> Iterator[None]:
     doing
         The verb: "write", "read", "set aside".
     path
-        What the user knows it by.
+        What the user knows it by; None where the system named no file.
     needed
         Bytes that were to be written, for the message when the disk is full.
     """
@@ -123,11 +123,11 @@ def failures_named(doing: str, path: Path, needed: int = 0) -> Iterator[None]:
         yield
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else said_by(error).partition("\n")[0]
-        room = _room(path, needed) if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        room = _room(path, needed) if full and path is not None else ""
         advice = ADVICE.get(error.errno or 0, "check the disk and run again")
-        raise StoreError(
-            f"cannot {doing} {path}: {why}{room}; what was finished before is kept; {advice}"
-        ) from error
+        what = doing if path is None else f"{doing} {path}"
+        raise StoreError(f"cannot {what}: {why}{room}; what was finished before is kept; {advice}") from error
 
 
 # Failures of the machine, whoever's code they meet.

@@ -44,6 +44,7 @@ MOST_ATTEMPTS = 10
 LONGEST_S = 30.0  # who takes longer hangs
 GONE_S = 1.0  # within which processes of a dead host are cleared away
 REFUSED, ABORTED, HANGS = 3, 4, -999  # exit codes; of one that did not end
+LOADED = ["robid_core.commands.app", "robid_acquisition.drives", "robid_mcap.writer"]  # once, for all chunks
 PLANT = "one_axis_true"
 PIPELINE = """\
 robid: 1
@@ -113,6 +114,7 @@ class Seen:
     lost: list[tuple[float, float]] = field(
         default_factory=list
     )  # enabled: when, and when the watchdog was due
+    missed: bool = False  # the watchdog fired, enabled or not
     moves: list[float] = field(default_factory=list)  # moves to a start, beginnings of a run
     runs: int = 0
     held_up_s: float = 0.0  # that this process got no time to serve the drive
@@ -153,7 +155,7 @@ class Drives:
             hear(node_id, now_us)
 
         def lost() -> None:
-            self.seen.quiet = system.time_s
+            self.seen.quiet, self.seen.missed = system.time_s, True
             if node.state.name == "OPERATION_ENABLED":
                 self.seen.lost.append((system.time_s, self.seen.heard + self.watchdog_s))
             lose()
@@ -276,8 +278,6 @@ class Drill:
     """A drive, a project in which all is made but the motion, and what an undisturbed run is like."""
 
     def __init__(self, top: Path) -> None:
-        import robid_acquisition.drives  # noqa: F401  # loaded once, for all hosts
-        import robid_mcap.writer  # noqa: F401
         from robid_core.commands.app import command_line
 
         self.top, self.drives = top, Drives()
@@ -380,6 +380,8 @@ def judge(
     if not seen.moves and again.code not in (0, REFUSED):
         whys.append(f"the second run ended with {again.code}")
     possible = {(ABORTED if seen.moves else REFUSED) if seen.lost else 0}
+    if seen.missed and not seen.moves:  # not enabled yet, a drive says so, and the host refuses
+        possible |= {REFUSED}
     if case.kind != "continue":
         possible |= {0, -signal.SIGKILL}
     if host.code not in possible:
@@ -427,8 +429,9 @@ def main() -> None:
     wanted = [death for death in range(arguments.deaths) if death not in known]
     chunks = [wanted[i : i + arguments.chunk] for i in range(0, len(wanted), arguments.chunk)]
     good = 0
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(arguments.jobs, spawn, max_tasks_per_child=1) as processes:
+    server = multiprocessing.get_context("forkserver")
+    server.set_forkserver_preload(LOADED)
+    with ProcessPoolExecutor(arguments.jobs, server, max_tasks_per_child=1) as processes:
         for outcomes in processes.map(perform, chunks, [arguments.seed] * len(chunks)):
             for outcome in outcomes:
                 good += outcome.good

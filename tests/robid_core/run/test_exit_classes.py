@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -37,6 +38,62 @@ def test_R04_what_the_machine_refuses_a_plugin_is_no_fault_of_the_plugin(world: 
         "cannot run stage fit, 'strange.estimate' (robid_strange_stages 1.0), with /data/one: Too many open files; "
         "what was finished before is kept; raise the limit of open files (ulimit -n) and run again"
     )
+
+
+UNTIL_NONE_IS_LEFT = """\
+        files = []
+        while True:
+            files.append(open("/dev/null"))
+"""
+
+
+@fault(
+    "R04",
+    sees="exit 7, and a manifest that says failed, where a stage has opened all files that it may",
+    mutant=("robid_core/run/runner.py", "        traceback.clear_frames(error.__traceback__)\n", ""),
+)
+@pytest.mark.parametrize("trust", [True, False])
+def test_R04_the_files_that_a_failed_stage_has_open_are_let_go(world: Any, trust: bool) -> None:
+    world.run(last="frf")
+    world.edit(FIT, FIT + UNTIL_NONE_IS_LEFT)
+    limited = [
+        "bash",
+        "-c",
+        'ulimit -n 64; exec "$@"',
+        "bash",
+        *world.command(last="fit", trust_plugins=trust),
+    ]
+    done = subprocess.run(limited, env=world.environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 7, done.stderr
+    assert re.search("cannot run stage fit, .* with /dev/null: Too many open files; .*ulimit -n", done.stderr)
+    assert '"status": "failed"' in (world.folder / "manifest.json").read_text()
+
+
+@fault(
+    "R04",
+    sees="exit 7: no space left on device, where a stage's file fails only when it is closed; no other disk is blamed",
+    mutant=(GUARD, "Path(error.filename) if error.filename else None", "Path(error.filename or log_path)"),
+)
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs a device that is always full")
+def test_R04_a_file_of_a_stage_that_fails_to_close_is_the_machines_fault(world: Any) -> None:
+    world.edit(
+        FIT, FIT + '        file = open("/dev/full", "w")\n        file.write("x")\n        file.close()\n'
+    )
+    with pytest.raises(StoreError) as caught:
+        world.run(last="fit")
+    assert str(caught.value) == (
+        "cannot run stage fit, 'strange.estimate' (robid_strange_stages 1.0): No space left on device; "
+        "what was finished before is kept; free some space and run again"
+    )
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs a device that is always full")
+def test_a_log_whose_disk_is_full_when_it_is_closed_ends_no_run(world: Any) -> None:
+    world.folder.mkdir(parents=True)
+    (world.folder / "log.txt").symlink_to("/dev/full")
+    done = world.elsewhere(last="where")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert '"status": "done"' in (world.folder / "manifest.json").read_text()
 
 
 def test_a_plugins_own_system_error_stays_the_plugins(world: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,14 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from faults.fault import fault
+
+from robid_core.errors import StoreError
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
+@pytest.fixture(params=["size=400k"])
+def small_disk(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
     place = tmp_path / "disk"
     place.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(place)], capture_output=True, check=False
+        ["mount", "-t", "tmpfs", "-o", request.param, "tmpfs", str(place)], capture_output=True, check=False
     )
     if mounted.returncode:
         pytest.skip("mounting a small file system needs the rights of root")
@@ -43,5 +47,35 @@ def test_a_run_on_a_disk_that_fills_up_says_so_and_completes_later(world: Any, s
         filler.unlink()
     assert ends[0] == 7
     assert world.elsewhere().returncode == 0
+    assert world.hashes() == wanted
+    assert list((world.folder / "store" / "temporary").iterdir()) == []
+
+
+@fault(
+    "R03",
+    sees="exit 7 on a real disk without inodes: all 24 files that it can hold are there; later the run completes",
+    mutant=(
+        "robid_core/store/files.py",
+        "            if system.f_files and not system.f_favail:\n",
+        "            if False:\n",
+    ),
+)
+@pytest.mark.skipif(sys.platform != "linux", reason="mounts a tmpfs")
+@pytest.mark.parametrize("small_disk", ["nr_inodes=24"], indirect=True)
+def test_R03_a_disk_that_can_hold_no_more_files_is_told_as_that_and_completes_later(
+    world: Any, small_disk: Path
+) -> None:
+    world.run()
+    wanted = world.hashes()
+    runs = world.project / "runs"
+    shutil.rmtree(runs)
+    runs.symlink_to(small_disk)
+    with pytest.raises(StoreError) as caught:
+        world.run()
+    assert "No space left on device (all 24 files that this disk can hold are there; remove some)" in str(
+        caught.value
+    )
+    subprocess.run(["mount", "-o", "remount,nr_inodes=200", str(small_disk)], check=True)
+    world.run()
     assert world.hashes() == wanted
     assert list((world.folder / "store" / "temporary").iterdir()) == []
