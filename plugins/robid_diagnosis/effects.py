@@ -37,6 +37,7 @@ from robid_core.residual import check_variants, effect_names, leading_periods, m
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.free_motion import closed_loop_errors
+from robid_diagnosis.gear_ratio import gear_ratio_lines
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.impossible_motion import check_possible
 from robid_diagnosis.judgement import errors_of, parted
@@ -230,6 +231,7 @@ class Effects(DiagnosisStage):
         ]
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
+        lines += gear_ratio_lines(causes, values, final.misfit)
         if witness is not None:
             lines.append(witness_line(witness))
         if data.n_config == 1:
