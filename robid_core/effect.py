@@ -188,6 +188,9 @@ class ForceEffect(_LawEffect):
     sides: ClassVar[tuple[Side, ...]]
     """Where the effect may sit; the first is the default."""
 
+    searched_at: ClassVar[tuple[Side, ...]] = ()
+    """Sides beside the first at which a diagnosis tries it: only `arm`, behind gears that are elastic."""
+
     @classmethod
     def bind(cls, parameters: FloatArray, place: Place) -> tuple[ForceTerm, ...]:
         """Return the terms that the simulator runs: one at the place, unless the law sees another coordinate."""

@@ -123,8 +123,8 @@ def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str
 def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
     """Where an effect may sit in a robot.
 
-    Friction on one side only, which the data hardly tell from the others; where bristles bend, in the gear as well:
-    there it is hysteresis of what winds up.
+    Friction at the motor; behind a gear that is elastic, which turns at another time, too, where an effect says so.
+    Where bristles bend, in the gear as well: there it is hysteresis of what winds up.
     """
     if issubclass(effect, SignalEffect):
         yield from (Spot(on, channel) for channel in effect.channels for on in robot.axis_names)
@@ -137,6 +137,8 @@ def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:
         for side in springs:
             for on in robot.structure.bearings if side == "bearing" else robot.axis_names:
                 yield Spot(on, side)
+        if "arm" in effect.searched_at:
+            yield from (Spot(on, "arm") for on in robot.axis_names if place_in(robot, LABEL, on, "gear"))
 
 
 def place_at(robot: Robot, spot: Spot) -> Place | None:
@@ -205,15 +207,16 @@ def _angles(row: Parameter, scales: Scales) -> list[float]:
     return [share * scales.position for share in WIDTHS] if row.default > 0 else [row.default]
 
 
-def shape_of(effect: type[Effect], linear: Sequence[str]) -> tuple[str, ...]:
+def shape_of(effect: type[Effect], linear: Sequence[str], side: str = "motor") -> tuple[str, ...]:
     """Parameters that a search may move: not linear, no phase, free to vary between bounds, begun from the motion.
 
-    Also angles that may have either sign where a law acts on the axis' angle; at zero nothing moves them.
+    Also angles that may have either sign where a law acts on the axis' angle; at zero nothing moves them. And, behind
+    a gear, the zero-speed width: that of a motor's friction is told and fitted, of an arm's nobody knows anything.
     """
     if {"order", "phase"} <= {row.name for row in effect.parameters}:
         return ("order",)
     units = ["rad/s", "1/turn", "rad", "s", "N m/rad"] + ["N m"] * issubclass(effect, SignalEffect)
-    held = (*linear, "phase", *ZERO_SPEEDS)
+    held = (*linear, "phase", *(() if side == "arm" else ZERO_SPEEDS))
     return tuple(
         row.name
         for row in effect.parameters

@@ -177,7 +177,7 @@ class Motion:
         probe = {row.name: row.default for row in effect.parameters}
         first = Candidate(use, spot, effect, probe, place)
         linear = _linear_names(first)
-        shape = shape_of(effect, linear)
+        shape = shape_of(effect, linear, spot.side)
         scales = self.scales(place, effect)
         values = [one for start in effect.starts(place) for one in grid(effect, linear, scales, start)]
         return [Candidate(use, spot, effect, one, place, tuple(n for n in shape if one[n])) for one in values]

@@ -38,7 +38,9 @@ from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
 from robid_diagnosis.free_motion import closed_loop_errors
+from robid_diagnosis.gear_ratio import gear_ratio_lines
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.impossible_motion import check_possible
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.residual_curves import residual_curves
@@ -170,6 +172,7 @@ class Effects(DiagnosisStage):
         check_variants(records, robot, robots, ())
         training, tests = parted(records)
         _check(records, training, robot)
+        check_possible(records, robot)
         case = Case(
             training, robot, self.prior, self.highest_hz, discard, self.passes, self.model_error,
             robots=robots,
@@ -231,6 +234,7 @@ class Effects(DiagnosisStage):
         ]
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
+        lines += gear_ratio_lines(causes, values, final.misfit)
         if witness is not None:
             lines.append(witness_line(witness))
         if data.n_config == 1:

@@ -38,6 +38,7 @@ class Coulomb(ForceEffect):
 
     source = "C. A. de Coulomb, Theorie des machines simples, 1785; thesis eq. (2.8)"
     sides = ("motor", "gear", "arm")
+    searched_at = ("arm",)
     parameters = (
         Parameter("coulomb", "N m", 0.5, 0.0, 1e5, "level of the torque, F_c"),
         Parameter("speed", "rad/s", 0.05, 1e-6, 1e3, "below it the sign is a straight line, v_0: numerical"),
@@ -70,6 +71,7 @@ class CoulombTanh(ForceEffect):
 
     source = "thesis eq. (2.9)"
     sides = ("motor", "gear", "arm")
+    searched_at = ("arm",)
     parameters = (
         Parameter("coulomb", "N m", 0.5, 0.0, 1e5, "level of the torque, F_c"),
         Parameter("speed", "rad/s", 0.5, 1e-6, 1e3, "smoothing speed, v_s"),

@@ -42,6 +42,7 @@ class LoadDependent(ForceEffect):
 
     source = "A. C. Bittencourt, S. Gunnarsson, ASME Journal of Dynamic Systems, Measurement, and Control 134(5), 2012"
     sides = ("motor", "gear", "arm")
+    searched_at = ("arm",)
     parameters = (
         Parameter("coulomb", "N m", 0.5, 0.0, 1e5, "level without load, F_c"),
         Parameter("load_coulomb", "1", 0.03, 0.0, 1.0, "Coulomb level per load, a"),

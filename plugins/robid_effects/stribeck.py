@@ -56,6 +56,7 @@ class Stribeck(ForceEffect):
         "30(7), 1994"
     )
     sides = ("motor", "gear", "arm")
+    searched_at = ("arm",)
     parameters = (
         Parameter("coulomb", "N m", 0.5, 0.0, 1e5, "level of fast sliding, F_c"),
         Parameter("breakaway", "N m", 0.8, 0.0, 1e5, "level of slow sliding, F_s, not below F_c"),

@@ -24,6 +24,7 @@ class Viscous(ForceEffect):
 
     source = "thesis section 2.5, after O. Egeland, J. T. Gravdahl, Modeling and Simulation for Automatic Control, 2002"
     sides = ("motor", "gear", "arm", "bearing")
+    searched_at = ("arm",)
     parameters = (Parameter("viscous", "N m s/rad", 0.005, 0.0, 1e6, "torque per speed, d"),)
     law = staticmethod(viscous_law)
     test_values = (
