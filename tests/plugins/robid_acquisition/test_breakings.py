@@ -183,6 +183,12 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
         "clock is wrong .sample_time_s: 0.001000",
         set(ROBOTS),
     ),
+    "clock of a period": (
+        lambda run, _: run,
+        {"sample_time_s": 1.01 * STEP, "period_s": N_SAMPLE * STEP},
+        "refused.*repeats every 1000 samples: sample_time_s is 0.001 where",
+        {"one_axis", "two_axes", "six_axis"},
+    ),
     "half the counts": (
         of_one("q", lambda x: x / 2),
         {},
