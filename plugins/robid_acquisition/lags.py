@@ -28,6 +28,7 @@ ERROR = 0.15  # samples, likewise
 MODEL = 0.1  # samples that the model may be wrong by at an axis
 SURE = 0.12  # samples, error of the mean, with which a hold is doubted
 ALONE = 0.1  # samples, likewise of a single axis with friction free: its hold is then told by 3.5 deviations
+CERTAIN = 3.5  # standard errors, by which a single axis must lag
 FEWEST = 10  # bins
 LATE = 0.65  # samples: a lag below may be of the model
 PHASE = 0.12  # rad that a lag must turn in the middle of the band: friction and damping may turn as much
@@ -64,6 +65,8 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
         if len(known) == 1:  # nothing but friction may have turned the phase
             alone = lag_beside_friction(*next(iter(bins.values())), step)
             sure, apart = alone.error < ALONE, alone.samples
+            if abs(alone.samples) < CERTAIN * alone.error:
+                return []
         if sure and (wrong := _hold(record.torque_hold, apart)):
             return [wrong]
         whose = "all torques that tell" if len(known) > 1 else f"the torque of {next(iter(known))}"
