@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from robid_core import FloatArray, Record, RobidError, Robot
-from robid_core.estimation.response.torque_lag import Lag, torque_lag
+from robid_core.estimation.response.torque_lag import Lag, lag_beside_friction, torque_lag
 
 CHANNELS = ("motor_position", "motor_torque")
 HELD, CONTINUOUS = "zero_order_hold", "continuous"
@@ -27,6 +27,8 @@ SCATTER = 0.3  # rad: above, the model does not tell
 ERROR = 0.15  # samples, likewise
 MODEL = 0.1  # samples that the model may be wrong by at an axis
 SURE = 0.12  # samples, error of the mean, with which a hold is doubted
+ALONE = 0.1  # samples, likewise of a single axis with friction free: its hold is then told by 3.5 deviations
+CERTAIN = 3.5  # standard errors, by which a single axis must lag
 FEWEST = 10  # bins
 LATE = 0.65  # samples: a lag below may be of the model
 PHASE = 0.12  # rad that a lag must turn in the middle of the band: friction and damping may turn as much
@@ -42,7 +44,7 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
     except (RobidError, ArithmeticError, np.linalg.LinAlgError):
         return []
     known: dict[str, Lag] = {}
-    middle: dict[str, float] = {}
+    bins: dict[str, tuple[FloatArray, FloatArray]] = {}
     for a, name in enumerate(robot.axis_names):
         omega = np.concatenate([w for axis, w, _ in phases if axis == a] or [np.zeros(0)])
         phase = np.concatenate([p for axis, _, p in phases if axis == a] or [np.zeros(0)])
@@ -50,18 +52,22 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
             continue
         lag = torque_lag(omega, phase, step)
         if lag.scatter < SCATTER and lag.error < ERROR:
-            known[name], middle[name] = lag, float(np.median(omega))
+            known[name], bins[name] = lag, (omega, phase)
     if not known:
         return []
+    middle = {name: float(np.median(omega)) for name, (omega, _) in bins.items()}
     lags = np.array([one.samples for one in known.values()])
     weights = np.array([1 / (one.error**2 + MODEL**2) for one in known.values()])
     common = float(np.average(lags, weights=weights))
     if np.ptp(lags) < ALIKE:
         turned = abs(common) * step * float(np.median(list(middle.values())))
-        sure = (
-            len(known) > 1 and weights.sum() > 1 / SURE**2
-        )  # of one axis friction may turn the phase as much
-        if sure and (wrong := _hold(record.torque_hold, common)):
+        sure, apart = weights.sum() > 1 / SURE**2, common
+        if len(known) == 1:  # nothing but friction may have turned the phase
+            alone = lag_beside_friction(*next(iter(bins.values())), step)
+            sure, apart = alone.error < ALONE, alone.samples
+            if abs(alone.samples) < CERTAIN * alone.error:
+                return []
+        if sure and (wrong := _hold(record.torque_hold, apart)):
             return [wrong]
         whose = "all torques that tell" if len(known) > 1 else f"the torque of {next(iter(known))}"
         return [_sentence(whose, common, step)] if abs(common) > LATE and turned > PHASE else []

@@ -21,6 +21,26 @@ def found_period(values: Mapping[str, FloatArray], sample_time_s: float) -> floa
     return samples_of_period(_measured(values)[0], sample_time_s) * sample_time_s
 
 
+def clock_of_period(values: Mapping[str, FloatArray], period_s: float) -> str:
+    """Say at which sample time an experiment would repeat after its period; empty where it does not repeat.
+
+    Parameters
+    ----------
+    values
+        Channels, (n_sample, n_axis) each.
+    period_s
+        Of the excitation, as whoever made it knows it.
+    """
+    try:
+        n_sample = samples_of_period(_measured(values), 1.0)
+    except DataRejected:
+        return ""
+    return (
+        f"; the recording repeats every {n_sample} samples: sample_time_s is {period_s / n_sample:.6g} where period_s "
+        "is right"
+    )
+
+
 def doubts_of_claimed_period(
     channels: Mapping[str, FloatArray], sample_time_s: float
 ) -> list[tuple[Index, str]]:

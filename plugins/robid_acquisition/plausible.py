@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from robid_core import FloatArray, Record, RobidError, Robot
+from robid_core.estimation.rigid.coupled_axes import Coupling, coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
@@ -32,8 +33,9 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
         slips = [] if recorded is None else slips_in(recorded, robot.axis_names)
         if recorded is None or not slips:
             return []
-        if (counts := counts_in(recorded)) and counts.explained > explained_by(recorded, slips[0]):
-            return []  # a doubt, which explains more
+        doubts = [one.explained for one in (counts_in(recorded), coupling_in(recorded)) if one]
+        if doubts and max(doubts) > explained_by(recorded, slips[0]):
+            return []  # a doubt explains more
         zeros = tuple(_off(zero, robot) for zero in zeros_in(recorded))
         return [replace(slips[0], ties=slips[0].ties + zeros), *slips[1:]]
     except (RobidError, ArithmeticError):  # nothing is known against the record
@@ -41,14 +43,17 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
 
 
 def doubts_of_angle(record: Record, robot: Robot) -> list[str]:
-    """Say which axis has its zero elsewhere, or other counts, than stated; none where they fit, or cannot be told."""
+    """Say which axis has another zero or other counts than stated, or is coupled; none where all fit, or none mends."""
     try:
         recorded = _recorded(record, robot)
         zeros = [] if recorded is None else zeros_in(recorded)
-        counts = None if recorded is None else counts_in(recorded)
+        counts, coupling = (None, None) if recorded is None else (counts_in(recorded), coupling_in(recorded))
     except (RobidError, ArithmeticError):
         return []
-    if counts and (not zeros or counts.explained > zeros[0].explained):
+    most = max((one.explained for one in (*zeros[:1], counts, coupling) if one), default=0.0)
+    if coupling and coupling.explained == most:
+        return [_coupled(coupling, robot)]
+    if counts and counts.explained == most:
         name = robot.axis_names[counts.axis]
         return [
             f"the angle of {name} is {counts.multiple} what the torques say, as with {counts.multiple} the counts per "
@@ -66,6 +71,16 @@ def doubts_of_angle(record: Record, robot: Robot) -> list[str]:
         f"{100 * first.after:.0f} % with the first mended): look at zero (motor_position, joint_position), at the "
         "pose in which the robot file has its axes at zero, and at centres of mass"
     ]
+
+
+def _coupled(coupling: Coupling, robot: Robot) -> str:
+    """Say which joint moves with another motor."""
+    axis, motor = robot.axis_names[coupling.axis], robot.axis_names[coupling.motor]
+    return (
+        f"{axis} moves with the motor of {motor}, by {'' if coupling.sign > 0 else 'minus '}the angle of {motor} "
+        f"(the robot file leaves {100 * coupling.before:.0f} % of a torque, {100 * coupling.after:.0f} % with this "
+        "coupling): look at coupling in the robot file, and at whether the controller takes it out of the angles"
+    )
 
 
 def _off(zero: Zero, robot: Robot) -> str:

@@ -22,6 +22,7 @@ from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
 from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.periodicity import (
+    clock_of_period,
     doubts_of_claimed_lines,
     doubts_of_claimed_period,
     found_lines,
@@ -284,7 +285,11 @@ class RecordedAcquisition(ReadFiles):
         if self.gaps == "refuse" and (hole := samples.first_hole(kept)):
             raise DataRejected(hole)
         n_recorded = kept.stop - kept.start
-        n_per_period = samples_per_period(n_recorded, step, period_s)
+        try:
+            n_per_period = samples_per_period(n_recorded, step, period_s)
+        except DataRejected as error:
+            values, _ = samples.window(kept, self.channels, robot.axis_names, None)
+            raise DataRejected(f"{error}{clock_of_period(values, period_s or 0.0)}") from None
         kept = slice(kept.start, kept.start + n_recorded // n_per_period * n_per_period)
         values, known = samples.window(
             kept, self.channels, robot.axis_names, n_per_period if period_s is not None else None

@@ -135,9 +135,11 @@ def doubts_of_period(signals: FloatArray, n_per_period: int, sample_time_s: floa
                     f"{n_per_period * sample_time_s:.6g} s it differs from itself by {share:.3g} % of what unrelated "
                     "pieces do"
                 )
+                clock = n_per_period * sample_time_s / other
+                mend = f"correct period_s, or the clock where that is wrong (sample_time_s: {clock:.6g})"
                 if claimed > REPEATS:
-                    raise DataRejected(f"A09: {told}; correct period_s")
-                words.append(told)
+                    raise DataRejected(f"A09: {told}; {mend}")
+                words.append(f"{told}; {mend}")
     return [*words, *_transient(signals, n_per_period)]
 
 

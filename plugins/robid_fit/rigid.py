@@ -31,7 +31,7 @@ from robid_core import (
 )
 from robid_core.estimation.rigid.essential import eliminate
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
-from robid_core.residual import excited_range, leading_periods
+from robid_core.residual import excited_range, leading_periods, variant_robots
 from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
@@ -111,6 +111,8 @@ class RigidBodyFit(Estimator):
     blocks: Annotated[int, Field(ge=2, le=100)] | None = None
     """Blocks into which the record is cut: each is left out of a fit in turn, and what the others make of its torque is
     told; null: none."""
+    constants: dict[str, str] = {}
+    """Constants of the record that are parameters of the robot, `{payload_kg: effect.load.mass}`; one value each."""
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot."""
@@ -119,6 +121,7 @@ class RigidBodyFit(Estimator):
     def run(self, record: Record, robot: Robot, context: Context | None = None) -> Fit:
         """Smooth, differentiate, decimate, solve."""
         progress = context.progress if context is not None else lambda *_: None
+        robot, _ = variant_robots((record,), robot, {}, self.constants)  # of one variant: others are refused
         stiff = rigid_robot(robot)
         speed = robot.drives.friction_speed
         if self.friction_speed is not None:

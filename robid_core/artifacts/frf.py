@@ -139,12 +139,12 @@ class Frf(Artifact):
         *,
         angle: npt.ArrayLike,
         sample_time_s: float,
+        torque_hold: Literal["zero_order_hold", "continuous"],
         unit: str = arrays.ACCELERATION,
         deviation: npt.ArrayLike | None = None,
         degrees_of_freedom: float | None = None,
         axis_names: Sequence[str] = (),
         robot: arrays.Axes | None = None,
-        torque_hold: Literal["zero_order_hold", "continuous"] = "zero_order_hold",
         estimator: str = "arrays",
     ) -> Self:
         """Make a frequency response of arrays.
@@ -159,7 +159,10 @@ class Frf(Artifact):
         angle
             Motor angles seen through the gear, rad, (n_config, n_axis).
         sample_time_s
-            Of the controller, between whose samples the torque is held.
+            Of the controller.
+        torque_hold
+            "zero_order_hold" where the response is that to a torque held between samples, "continuous" to one that is
+            not: half a sample of phase lies between the two.
         unit
             "(rad/s^2)/(N m)", or "(rad/s)/(N m)" or "rad/(N m)", which are multiplied by i w or its square.
         deviation
@@ -169,8 +172,6 @@ class Frf(Artifact):
             Behind the deviation; by default it counts as known.
         axis_names, robot
             Names of the axes, or whose they are; by default axis_1, axis_2, ...
-        torque_hold
-            "zero_order_hold" or "continuous".
         estimator
             What made the response, in words.
 
@@ -187,7 +188,8 @@ class Frf(Artifact):
         >>> frequency = np.array([5.0, 10.0, 20.0])
         >>> mobility = 1 / (2j * np.pi * frequency * 1e-3)
         >>> frf = robid.Frf.from_arrays(
-        ...     mobility, frequency, unit="(rad/s)/(N m)", deviation=0.1, angle=[[0.0]], sample_time_s=1e-3)
+        ...     mobility, frequency, unit="(rad/s)/(N m)", deviation=0.1, angle=[[0.0]], sample_time_s=1e-3,
+        ...     torque_hold="continuous")
         >>> frf.response[0, :, 0, 0].real.round(6).tolist()
         [1000.0, 1000.0, 1000.0]
         """
@@ -220,7 +222,8 @@ class Frf(Artifact):
         Examples
         --------
         >>> import robid_core as robid
-        >>> frf = robid.Frf.from_arrays([2.0, 2j], [5.0, 10.0], angle=[[0.0]], sample_time_s=1e-3)
+        >>> frf = robid.Frf.from_arrays(
+        ...     [2.0, 2j], [5.0, 10.0], angle=[[0.0]], sample_time_s=1e-3, torque_hold="continuous")
         >>> table = frf.table()
         >>> table["frequency_hz"], table["size"], table["phase_deg"]
         ([5.0, 10.0], [2.0, 2.0], [0.0, 90.0])

@@ -69,7 +69,7 @@ class Record(Artifact):
         units: Mapping[str, str] | None = None,
         period_s: float | None = None,
         excited_hz: Iterable[float] = (),
-        torque_hold: Literal["zero_order_hold", "continuous"] = "continuous",
+        torque_hold: Literal["zero_order_hold", "continuous"] | None = None,
         source: str = "arrays",
         **channels: npt.ArrayLike,
     ) -> Self:
@@ -97,7 +97,8 @@ class Record(Artifact):
             Excited frequencies, where the record is for a frequency response; then `period_s` is needed unless
             `n_sample` is one period.
         torque_hold
-            "zero_order_hold" where a digital controller holds the torque between samples, else "continuous".
+            "zero_order_hold" where a digital controller holds the torque between samples, else "continuous" (measured,
+            filtered), which is the default; to be given with `excited_hz`, since half a sample lies between the two.
         source
             Where the arrays come from, in words.
         channels
@@ -125,6 +126,12 @@ class Record(Artifact):
         """
         if not channels:
             raise DataRejected("a record needs channels, as motor_position=..., motor_torque=...")
+        wanted = list(excited_hz)
+        if wanted and torque_hold is None:
+            raise DataRejected(
+                "torque_hold is missing, which excited_hz goes with: zero_order_hold where a digital controller holds "
+                "the torque from sample to sample, continuous where it was measured or filtered"
+            )
         period = None if period_s is None else round(period_s / sample_time_s)
         full = {name: arrays.dense(name, values, axes, period) for name, values in channels.items()}
         shape = arrays.common_shape(full)
@@ -136,11 +143,10 @@ class Record(Artifact):
         known = [np.isfinite(one.values).all(axis=-1) for name, one in made.items() if name in MEASURED]
         valid = np.logical_and.reduce(known) if known else np.full(shape[:-1], True)
         time_s = np.arange(shape[4], dtype=np.float64) * sample_time_s
-        wanted = list(excited_hz)
         return cls(
             axis_names=arrays.names_of_axes(robot, axis_names, shape[5]),
             source=source,
-            torque_hold=torque_hold,
+            torque_hold=torque_hold or "continuous",
             runs=(DenseRun(sample_time_s, made, time_s, valid),),
             angle=arrays.angles(angle, robot, position, shape[0], shape[5]),
             line=arrays.bins(wanted, shape[4] * sample_time_s) if wanted else None,

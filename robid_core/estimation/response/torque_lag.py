@@ -56,3 +56,26 @@ def torque_lag(omega: FloatArray, phase: FloatArray, sample_time_s: float) -> La
     # Of normal errors a median has pi/2 times the variance of a mean.
     error = scatter * np.sqrt(0.5 * np.pi * NEIGHBOURS / (turn**2).sum())
     return Lag(start + more, float(error), scatter)
+
+
+def lag_beside_friction(omega: FloatArray, phase: FloatArray, sample_time_s: float) -> Lag:
+    """Return the lag of a torque where friction may turn the phase, too, as of a single axis nothing else tells.
+
+    Friction and damping that the model lacks turn the phase of a motor above its corner by about c / w; a lag turns it
+    by w d T. Both are found together by least squares, so that the standard error counts what they share; deviations
+    that are no noise make it larger.
+
+    Parameters
+    ----------
+    omega, phase, sample_time_s
+        As of `torque_lag`.
+    """
+    rough = torque_lag(omega, phase, sample_time_s)
+    turn = omega * sample_time_s
+    rest = np.angle(np.exp(1j * (phase - turn * rough.samples)))
+    columns = np.stack([turn, 1 / turn], axis=1)
+    found = np.linalg.lstsq(columns, rest, rcond=None)[0]
+    free = len(turn) / NEIGHBOURS - 2
+    scatter = np.sqrt(((rest - columns @ found) ** 2).sum() / NEIGHBOURS / free) if free > 0 else np.inf
+    variance = NEIGHBOURS * np.linalg.inv(columns.T @ columns)[0, 0]
+    return Lag(rough.samples + float(found[0]), float(scatter * np.sqrt(variance)), float(scatter))

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import FloatArray
-from robid_core.estimation.rigid.plausibility import GAIN, LEFT, NOTICED, SPOILS, TIE, Recorded, Slip
-from robid_core.estimation.rigid.zero_angles import MODEL, shares
+from robid_core.estimation.rigid.plausibility import NOTICED, TIE, Recorded, Slip
+from robid_core.estimation.rigid.zero_angles import explained, mends, shares
 
 FACTORS = {2.0: "half", 0.5: "twice", 4.0: "a quarter of", 0.25: "four times"}
 
@@ -49,21 +49,17 @@ def counts_in(recorded: Recorded) -> Counts | None:
         What was recorded, below the robot's first resonance.
     """
     before, n_axis = shares(recorded), recorded.drives.n_axis
-    wrong = before > NOTICED
-    if not wrong.any():
+    if not (before > NOTICED).any():
         return None
     worst = int(np.argmax(before))
     best = None
     for axis in range(n_axis):
         for factor in FACTORS:
             after = shares(recorded.undone(Slip("", "", _scaled(n_axis, axis, factor), np.eye(n_axis))))
-            gain = _gain(before, after)
-            spoiled = (after[~wrong] > np.maximum(SPOILS * before[~wrong], NOTICED)).any()
-            if np.median(gain[wrong]) < np.log(GAIN) or np.median(after[wrong]) > LEFT or spoiled:
-                continue
-            if best is None or gain.sum() > best.explained:
+            gain = explained(before, after)
+            if mends(before, after) and (best is None or gain > best.explained):
                 rms = float(np.sqrt(before[worst])), float(np.sqrt(after[worst]))
-                best = Counts(axis, factor, *rms, float(gain.sum()))
+                best = Counts(axis, factor, *rms, gain)
     if best is None or best.explained < TIE + max(_by_torque(recorded, a) for a in range(n_axis)):
         return None
     return best
@@ -71,7 +67,7 @@ def counts_in(recorded: Recorded) -> Counts | None:
 
 def explained_by(recorded: Recorded, slip: Slip) -> float:
     """Return the logarithm of what is left less without a slip, over all axes."""
-    return float(_gain(shares(recorded), shares(recorded.undone(slip))).sum())
+    return explained(shares(recorded), shares(recorded.undone(slip)))
 
 
 def _by_torque(recorded: Recorded, axis: int) -> float:
@@ -81,11 +77,6 @@ def _by_torque(recorded: Recorded, axis: int) -> float:
         return 0.0
     n_axis = recorded.drives.n_axis
     return explained_by(recorded, Slip("", "", np.eye(n_axis), _scaled(n_axis, axis, 1 / factor)))
-
-
-def _gain(before: FloatArray, after: FloatArray) -> FloatArray:
-    result: FloatArray = np.log(np.maximum(before, MODEL) / np.maximum(after, MODEL))
-    return result
 
 
 def _scaled(n_axis: int, axis: int, factor: float) -> FloatArray:

@@ -59,16 +59,27 @@ def zeros_in(recorded: Recorded) -> list[Zero]:
             continue
         angle = _best(few, recorded, axis)
         after = shares(turned(recorded, axis, -angle))
-        gain = np.log(np.maximum(before, MODEL) / np.maximum(after, MODEL))
-        spoiled = (after[~wrong] > np.maximum(SPOILS * before[~wrong], NOTICED)).any()
-        if np.median(gain[wrong]) < np.log(GAIN) or np.median(after[wrong]) > LEFT or spoiled:
+        if not mends(before, after):
             continue
         worst = int(np.argmax(before))
         alone = bool(wrong.sum() == 1 and worst == axis)
         rms = float(np.sqrt(before[worst])), float(np.sqrt(after[worst]))
-        found.append(Zero(axis, angle, *rms, alone, float(gain.sum())))
+        found.append(Zero(axis, angle, *rms, alone, explained(before, after)))
     most = max((zero.explained for zero in found), default=0.0)
     return sorted((zero for zero in found if zero.explained > most - TIE), key=lambda zero: -zero.explained)
+
+
+def mends(before: FloatArray, after: FloatArray) -> bool:
+    """Whether a change makes torques fit that did not, and spoils no other; shares that are left, (n_axis,) each."""
+    wrong = before > NOTICED
+    gain = np.log(np.maximum(before, MODEL) / np.maximum(after, MODEL))
+    spoiled = (after[~wrong] > np.maximum(SPOILS * before[~wrong], NOTICED)).any()
+    return bool(np.median(gain[wrong]) > np.log(GAIN) and np.median(after[wrong]) < LEFT and not spoiled)
+
+
+def explained(before: FloatArray, after: FloatArray) -> float:
+    """Return the logarithm of what is left less, over all axes."""
+    return float(np.log(np.maximum(before, MODEL) / np.maximum(after, MODEL)).sum())
 
 
 def turned(recorded: Recorded, axis: int, angle: float) -> Recorded:

@@ -10,6 +10,7 @@ import json
 import logging
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +35,15 @@ def robot_of(name: str) -> Robot:
     return two_axes() if name == "two_axes" else Robot.load(name)
 
 
-def simulated(name: str, seed: int) -> Run:
+def simulated(robot: Robot, seed: int) -> Run:
     """Angles and torques of multisines on slow sines, one period to settle left out."""
-    robot, draw = robot_of(name), np.random.default_rng(seed)
+    draw = np.random.default_rng(seed)
     time = np.arange((N_PERIOD + 1) * N_SAMPLE) * STEP
     phase = draw.uniform(0, 2 * np.pi, (robot.n_axis, len(LINES), 1))
     waves = np.cos(2 * np.pi * np.array(LINES)[:, None] * time + phase).sum(axis=1)
     slow = np.sin(2 * np.pi * time + draw.uniform(0, 2 * np.pi, (robot.n_axis, 1)))
     angle = draw.uniform(-0.6, 0.6, (1, robot.n_axis))
-    if name == "scara":
+    if robot.name == "scara":
         angle[0, 2] = 0.1  # m
     done = robot.simulate((4 * waves / waves.std() + 30 * slow).T[None], angle, seed=seed)
     return {"q": done.position[0][N_SAMPLE:], "tau": done.torque[0][N_SAMPLE:]}
@@ -50,7 +51,7 @@ def simulated(name: str, seed: int) -> Run:
 
 @functools.cache
 def sound(name: str) -> Run:
-    return simulated(name, 3)
+    return simulated(robot_of(name), 3)
 
 
 def told(
@@ -183,6 +184,12 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
         "clock is wrong .sample_time_s: 0.001000",
         set(ROBOTS),
     ),
+    "clock of a period": (
+        lambda run, _: run,
+        {"sample_time_s": 1.01 * STEP, "period_s": N_SAMPLE * STEP},
+        "refused.*repeats every 1000 samples: sample_time_s is 0.001 where",
+        {"one_axis", "two_axes", "six_axis"},
+    ),
     "half the counts": (
         of_one("q", lambda x: x / 2),
         {},
@@ -219,6 +226,27 @@ def test_a_slip_is_refused_or_named(
     assert re.search(words, said), said
 
 
+@pytest.mark.parametrize(
+    ("name", "axis", "motor", "sign", "seed"),
+    [
+        ("two_axes", 1, 0, -1, 3),
+        *(pytest.param("six_axis", *case, marks=pytest.mark.full) for case in ((5, 4, 1, 4), (4, 3, -1, 5))),
+    ],
+)
+def test_a_coupling_that_the_robot_file_lacks_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str, axis: int, motor: int, sign: int, seed: int
+) -> None:
+    """As of a wrist whose gears pass through one another, or a belt along an arm."""
+    robot = robot_of(name)
+    gear = np.diag(np.diag(robot.drives.gear))
+    gear[axis, motor] = sign * gear[motor, motor]
+    coupled = tuple(map(tuple, gear.tolist()))
+    plant = replace(robot, description=robot.description.model_copy(update={"coupling": coupled}))
+    said = told(tmp_path, caplog, robot, simulated(plant, seed), {})
+    assert f"{robot.axis_names[axis]} moves with the motor of {robot.axis_names[motor]}" in said
+    assert ("by minus the angle" in said) == (sign < 0)
+
+
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(
     "seed", [3, 108, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(100, 120) if seed != 108)]
@@ -228,4 +256,4 @@ def test_a_sound_record_is_read_without_a_word(
 ) -> None:
     """Of seed 108 friction and inertia of the fifth of six axes cancel, so that little torque is left to compare."""
     periodic = {"period_s": N_SAMPLE * STEP, "lines": LINES}
-    assert told(tmp_path, caplog, robot_of(robot), simulated(robot, seed), periodic) == ""
+    assert told(tmp_path, caplog, robot_of(robot), simulated(robot_of(robot), seed), periodic) == ""

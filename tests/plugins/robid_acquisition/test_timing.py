@@ -14,6 +14,7 @@ from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.plausible import doubts_of_scale
 from robid_acquisition.recorded import RecordedAcquisition
 from robid_core import Channel, Context, DenseRun, FloatArray, Record, Robot
+from robid_core.estimation.response.torque_lag import lag_beside_friction
 from robid_core.stage import map_in_process
 
 ROBOT = Robot.load("six_axis")
@@ -106,6 +107,46 @@ def test_a_hold_that_is_told_wrong_looks_like_half_a_sample(sound: tuple[FloatAr
     (words,) = doubts_of_timing(record(position, late(torque, 0.5)), ROBOT)
     assert "torque_hold: zero_order_hold is told" in words
     assert "as with continuous" in words
+
+
+def of_one_axis(seed: int, highest_hz: float, hold: str) -> Record:
+    """Four experiments of one axis with friction; its drive holds the torque."""
+    robot, draw = Robot.load("one_axis"), np.random.default_rng(seed)
+    time = STEP * np.arange(2000)
+    lines = np.arange(3.0, highest_hz, 1.5)[:, None]
+    waves = np.cos(2 * np.pi * lines * time + draw.uniform(0, 2 * np.pi, (4, 1, len(lines), 1))).sum(axis=2)
+    slow = np.sin(2 * np.pi * time + draw.uniform(0, 2 * np.pi, (4, 1, 1)))
+    reference = np.swapaxes(8 * waves / waves.std() + 10 * slow, 1, 2)
+    done = robot.simulate(reference, draw.uniform(-0.6, 0.6, (4, 1)), seed=seed)
+    return Record.from_arrays(
+        motor_position=done.position,
+        motor_torque=done.torque,
+        axes="n_exp n_sample n_axis",
+        sample_time_s=STEP,
+        robot=robot,
+        torque_hold=hold,  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.full) for k in range(2, 20))])
+def test_the_hold_of_a_single_axis_is_doubted_where_friction_cannot_explain_it(seed: int) -> None:
+    """Half a sample turns the phase at 150 Hz by 0.5 rad; friction does the less, the higher the frequency."""
+    robot = Robot.load("one_axis")
+    (words,) = doubts_of_timing(of_one_axis(seed, 150.0, "continuous"), robot)
+    assert "torque_hold: continuous is told" in words
+    assert doubts_of_timing(of_one_axis(seed, 150.0, "zero_order_hold"), robot) == []
+
+
+def test_a_lag_beside_friction_has_the_error_that_is_stated() -> None:
+    """The phase turns by a half sample and by friction at random: the first is found, and its error holds."""
+    draw, omega = np.random.default_rng(2), 2 * np.pi * np.repeat(np.arange(70.0, 140.0, 1.5), 4)
+    off = []
+    for friction in np.linspace(-20, 20, 100):
+        noise = np.repeat(draw.normal(0, 0.05, len(omega) // 4), 4)  # of bins that share it
+        lag = lag_beside_friction(omega, 0.5 * STEP * omega + friction / omega + noise, STEP)
+        off.append((lag.samples - 0.5) / lag.error)
+    assert np.std(off) == pytest.approx(1.0, abs=0.25)  # 3.5 standard errors of a deviation of 100
+    assert abs(np.mean(off)) < 0.4
 
 
 @pytest.mark.parametrize("plant", [{}, {"masses": 0.1}, {"payload": 15.0}, {"ripple": 0.05}])

@@ -267,6 +267,23 @@ def test_a_payload_is_known(tmp_path: Path, unknowns: Any) -> None:
         assert untold.time[0].relative_error > 20 * told.time[0].relative_error
 
 
+def test_a_payload_that_the_record_states_is_known(tmp_path: Path) -> None:
+    """The robot file says one kilogram and the table four: as good as a file that says four, to the last digit."""
+    tool = {"use": "load.payload", "on": "j2", "with": {"mass": 4, "x": 0.3}}
+    truth = loaded(tmp_path, {**ARM, "name": "loaded", "effects": {"tool": tool}})
+    nominal = truth.with_parameters({"effect.tool.mass": 1.0})
+    record = recording(truth, 3, seconds=5.0)
+    run = record.run.replace(constant_names=("payload_kg",), constants=np.full((1, 1, 1, 1), 4.0))
+    settings = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20)
+    stated = settings.model_copy(update={"constants": {"payload_kg": "effect.tool.mass"}})
+    fit = stated.run(record.replace(runs=(run,)), nominal)
+    assert fit.parameters.estimate.tolist() == settings.run(record, truth).parameters.estimate.tolist()
+    assert fit.model is not None
+    assert Robot.of_model(fit.model).parameter("effect.tool.mass") == 4.0
+    with pytest.raises(DataRejected, match="payload_kg"):
+        stated.run(record, nominal)
+
+
 def test_the_model_has_the_bodies_that_were_measured(tmp_path: Path) -> None:
     """First moments and inertias about the joints are no numbers of a robot file: masses, centres and moments are."""
     truth = loaded(tmp_path, ARM)

@@ -33,6 +33,7 @@ def frf(angles: list[float], frequency: np.ndarray) -> Frf:
         frequency,
         angle=angle,
         sample_time_s=robot.sample_time_s,
+        torque_hold="zero_order_hold",
         robot=robot,
     )
 

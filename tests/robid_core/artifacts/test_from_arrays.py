@@ -81,7 +81,11 @@ TEN = np.zeros((10, 2))
         ({"angle": [[0.0, 0.0]] * 2}, "angle: 2 rows for 1 configurations"),
         ({"axis_names": ("one",)}, "the arrays have 2 axes, and 1 are named"),
         ({"period_s": 4e-3}, "no whole number of periods of 4 samples"),
-        ({"excited_hz": [150.0]}, "150 Hz has no whole number of cycles in a period of 0.01 s"),
+        ({"excited_hz": [100.0]}, "torque_hold is missing, which excited_hz goes with"),
+        (
+            {"excited_hz": [150.0], "torque_hold": "continuous"},
+            "150 Hz has no whole number of cycles in a period of 0.01 s",
+        ),
     ],
 )
 def test_what_does_not_belong_together_is_refused_in_a_sentence(changes: dict[str, Any], told: str) -> None:
@@ -104,6 +108,7 @@ def test_a_mobility_becomes_the_response_with_its_deviation() -> None:
         angle=frf.angle,
         robot=robot,
         sample_time_s=frf.sample_time_s,
+        torque_hold="zero_order_hold",
     )
     np.testing.assert_allclose(again.response, frf.response, rtol=1e-12)
     np.testing.assert_allclose(again.variance(), frf.variance(), rtol=1e-12)
@@ -116,7 +121,7 @@ def test_a_mobility_becomes_the_response_with_its_deviation() -> None:
 def test_deviations_by_output_and_input_are_kept_and_others_refused() -> None:
     response = np.ones((3, 2, 2), dtype=complex)
     size = np.outer([1.0, 3.0], [2.0, 0.5])
-    given: dict[str, Any] = {"angle": [[0.0, 0.0]], "sample_time_s": STEP}
+    given: dict[str, Any] = {"angle": [[0.0, 0.0]], "sample_time_s": STEP, "torque_hold": "continuous"}
     frf = Frf.from_arrays(response, [1.0, 2.0, 3.0], deviation=np.broadcast_to(size, (3, 2, 2)), **given)
     np.testing.assert_allclose(np.sqrt(frf.variance()[0]), np.broadcast_to(size, (3, 2, 2)), rtol=1e-12)
     odd = size + np.array([[0.0, 0.0], [0.0, 1.0]])
@@ -131,7 +136,9 @@ def test_deviations_by_output_and_input_are_kept_and_others_refused() -> None:
 
 
 def test_lines_without_a_value_are_masked() -> None:
-    frf = Frf.from_arrays([1.0, np.nan, 1.0], [1.0, 2.0, 3.0], angle=[[0.0]], sample_time_s=STEP)
+    frf = Frf.from_arrays(
+        [1.0, np.nan, 1.0], [1.0, 2.0, 3.0], angle=[[0.0]], sample_time_s=STEP, torque_hold="continuous"
+    )
     assert frf.valid_lines.tolist() == [[True, False, True]]
     assert frf.table()["frequency_hz"] == [1.0, 3.0]
 

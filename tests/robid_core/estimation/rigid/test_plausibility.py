@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robid_core import FloatArray, Robot
+from robid_core.estimation.rigid.coupled_axes import coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
 from robid_core.estimation.rigid.zero_angles import zeros_in
@@ -116,6 +117,7 @@ def test_a_robot_that_is_told_wrong_has_its_zeros_and_counts(
     recorded = Recorded.of_experiments(rigid_drives(robot), experiments, robot.sample_time_s, CUTOFF_HZ)
     assert zeros_in(recorded) == []
     assert counts_in(recorded) is None
+    assert coupling_in(recorded) is None
 
 
 @pytest.mark.parametrize(("axis", "factor"), [(0, 0.25), (1, 2.0), (3, 0.5), (4, 4.0)])
