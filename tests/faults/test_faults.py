@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from faults.fault import Fault, fault, faults_in
 from faults.table import KINDS, ROOT, TABLE, table
-from mutants.mutant import copy_sources, pytest_in, survival
+from mutants.mutant import Fate, copy_sources, pytest_in, tried
 
 FAULTS = faults_in(ROOT / "tests", ROOT)
 BROKEN = [one for one in FAULTS if one.mutant is not None]
@@ -48,7 +49,7 @@ def test_a_mutant_of_a_seal_is_caught(tmp_path: Path) -> None:
     assert mutant is not None
     copy = copy_sources(tmp_path)
     assert pytest_in(copy, mutant.test).returncode == 0
-    assert not survival(mutant, copy)
+    assert tried(mutant, copy)[0] is Fate.FAILS
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,8 @@ def test_the_sound_copy_passes(copy: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("one", BROKEN, ids=identifier)
-def test_a_mutant_is_caught(one: Fault, copy: Path) -> None:
+def test_a_mutant_is_caught(one: Fault, copy: Path, record_property: Callable[[str, object], None]) -> None:
     assert one.mutant is not None
-    assert not (words := survival(one.mutant, copy)), words
+    fate, words = tried(one.mutant, copy)
+    record_property("caught by", fate.value)
+    assert fate is not Fate.SURVIVES, words

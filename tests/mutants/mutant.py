@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import enum
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,6 +31,21 @@ class Mutant(NamedTuple):
     def stands_once(self) -> bool:
         """Whether its line is there, and can be no other."""
         return (ROOT / self.file).read_text(encoding="utf-8").count(self.old) == 1
+
+    @property
+    def has_its_test(self) -> bool:
+        """Whether the test that shall notice is there."""
+        file, _, name = self.test.partition("::")
+        return f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+
+
+class Fate(enum.Enum):
+    """What becomes of a mutant: caught by a test that fails, by one that dies of it, by the time limit, or not."""
+
+    FAILS = "the test fails"
+    CRASHES = "the test's process ends"
+    HANGS = "the time limit"
+    SURVIVES = "SURVIVES"
 
 
 def copy_sources(folder: Path) -> Path:
@@ -53,17 +72,32 @@ def pytest_in(copy: Path, *tests: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def survival(mutant: Mutant, copy: Path) -> str:
-    """Break the line in the copy and run the test: empty where it is caught, else what pytest said."""
+def tried(mutant: Mutant, copy: Path) -> tuple[Fate, str]:
+    """Break the line in the copy and run the test: what became of it, and what pytest said where it survived."""
     file = copy / mutant.file
     sound = file.read_text(encoding="utf-8")
     file.write_text(sound.replace(mutant.old, mutant.new), encoding="utf-8")
     try:
         done = pytest_in(copy, mutant.test)
     except subprocess.TimeoutExpired:
-        return ""  # it hangs: caught
+        return Fate.HANGS, ""
     finally:
         file.write_text(sound, encoding="utf-8")
-    crashed = done.returncode < 0
-    caught = crashed or done.returncode == 1 or "KeyboardInterrupt" in done.stdout  # 1: tests failed
-    return "" if caught else f"exit code {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    summed_up = " passed" in done.stdout or " skipped" in done.stdout
+    if done.returncode < 0 or "KeyboardInterrupt" in done.stdout or (not done.returncode and not summed_up):
+        return Fate.CRASHES, ""
+    if done.returncode == 1:  # tests failed
+        return Fate.FAILS, ""
+    return Fate.SURVIVES, f"exit code {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+
+
+def count(mutants: Iterable[Mutant]) -> Counter[Fate]:
+    """Try mutants in a fresh copy, a line each; return how many had which fate."""
+    fates: Counter[Fate] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        copy = copy_sources(Path(folder))
+        for mutant in mutants:
+            fate, words = tried(mutant, copy)
+            fates[fate] += 1
+            print(f"{fate.value}: {mutant.name} ({mutant.test})", words, flush=True)
+    return fates

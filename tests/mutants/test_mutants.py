@@ -1,4 +1,5 @@
-"""Broken mutants of what stops a robot, each one line away from the real thing: a named test must fail on each.
+"""Broken mutants of what stops a robot and of the rooms around it (`rooms.py`), each one line away from the real thing:
+a named test must fail on each.
 
 A plain run sees that every line is still there. `pytest -m full tests/mutants` copies the sources, breaks one line and
 runs the tests that shall notice.
@@ -6,10 +7,12 @@ runs the tests that shall notice.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mutants.mutant import Mutant, copy_sources, pytest_in, survival
+from mutants.mutant import Fate, Mutant, copy_sources, pytest_in, tried
+from mutants.rooms import ROOMS
 
 STOPPING = "tests/adapters/robid_can/test_can_stopping.py"
 INTERRUPTION = "tests/robid_core/test_interruption.py"
@@ -17,7 +20,7 @@ LIMITS = "tests/robid_core/run/test_limits.py"
 TWO_RUNS = "tests/robid_core/run/test_two_runs.py"
 
 
-MUTANTS = [
+STOP_PATH = [
     Mutant(
         "each drive is told after the one before was judged",
         "adapters/robid_can/host/stopping.py",
@@ -166,11 +169,13 @@ MUTANTS = [
         f"{LIMITS}::test_a_stage_with_drives_that_does_not_end_is_killed_all_the_same",
     ),
 ]
+MUTANTS = [*STOP_PATH, *ROOMS]
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
-def test_the_line_that_a_mutant_breaks_stands_once(mutant: Mutant) -> None:
+def test_the_line_that_a_mutant_breaks_stands_once_and_its_test_is_there(mutant: Mutant) -> None:
     assert mutant.stands_once
+    assert mutant.has_its_test
 
 
 @pytest.fixture(scope="module")
@@ -186,5 +191,9 @@ def test_the_sound_copy_passes(copy: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
-def test_a_mutant_is_caught(mutant: Mutant, copy: Path) -> None:
-    assert not (words := survival(mutant, copy)), words
+def test_a_mutant_is_caught(
+    mutant: Mutant, copy: Path, record_property: Callable[[str, object], None]
+) -> None:
+    fate, words = tried(mutant, copy)
+    record_property("caught by", fate.value)
+    assert fate is not Fate.SURVIVES, words

@@ -169,6 +169,9 @@ def test_a_clearance_covers_exactly_what_was_checked() -> None:
     assert not clearance.covers(start, reference, 2 * T, 3)
     assert not clearance.covers(start, reference, T, 3.9)  # type: ignore[arg-type]  # as a number it is 3
     assert not clearance.covers(start, reference.T, T, 3)
+    numbers = np.arange(6.0) * 1e-3  # one motor with five samples, or two with two
+    one = clear_motion(numbers[:1], numbers[1:, None], T, 3, limits())
+    assert not one.covers(numbers[:2], numbers[2:].reshape(2, 2), T, 3)
     assert not clearance.covers(start, reference.astype(np.float32), T, 3)  # type: ignore[arg-type]
 
 

@@ -181,6 +181,23 @@ def test_rest_is_what_the_speed_says_not_the_command(rig):
     assert "axis_5 (node 5) still turns at 0.001 rad/s: USE" in problem
 
 
+def test_what_a_drive_said_before_the_stop_confirms_no_rest(rig):
+    rig.begin()
+    rig.nodes[3].objects.on_read[od.VELOCITY_ACTUAL] = lambda: 0
+    rig.host.drives[3].send_read(od.VELOCITY_ACTUAL)
+    attend(rig, 0.1)
+    rig.nodes[3].request = lambda requests: None
+    assert "axis_4 (node 4) does not say whether it turns" in rig.host.stop()[0]
+
+
+def test_a_drive_that_holds_its_motor_after_a_quick_stop_is_switched_off(rig):
+    """Its option says so (0x605A: 6), whoever has written that since the bring-up."""
+    rig.begin()
+    rig.nodes[2].objects.download(od.QUICK_STOP_OPTION, b"\x06\x00")
+    assert rig.host.stop() == []
+    assert rig.nodes[2].state is State.SWITCH_ON_DISABLED
+
+
 class DeadBus:
     """Takes nothing."""
 

@@ -79,3 +79,19 @@ def test_a_cut_file_is_rejected(tmp_path: Path) -> None:
         path.write_bytes(whole[:length])
         with pytest.raises(DataRejected, match=r"run\.parquet: cannot be read as Parquet"):
             ParquetRecords.read(path)
+
+
+def test_a_page_must_fit_its_checksum(tmp_path: Path) -> None:
+    path, values = tmp_path / "run.parquet", np.random.default_rng(5).normal(size=1000)
+    pyarrow.parquet.write_table(
+        pyarrow.table({"q": values}),
+        path,
+        compression="none",
+        use_dictionary=False,
+        write_page_checksum=True,
+    )
+    whole = path.read_bytes()
+    place = whole.index(values[500].tobytes())
+    path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    with pytest.raises(DataRejected, match=r"run\.parquet: cannot be read as Parquet"):
+        ParquetRecords.read(path)

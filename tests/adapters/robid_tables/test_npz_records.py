@@ -26,8 +26,10 @@ class Trap:
 
 def test_arrays_come_back_as_numbers_and_text_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "recording.npz"
-    np.savez(path, q=np.arange(4, dtype=np.int32), tau=np.ones((4, 6)), label=np.array(["a", "b"]))
+    torque = np.asfortranarray(np.arange(24.0).reshape(4, 6))  # stored column by column
+    np.savez(path, q=np.arange(4, dtype=np.int32), tau=torque, label=np.array(["a", "b"]))
     columns = NpzRecords.read(path)
+    np.testing.assert_array_equal(columns["tau"], torque)
     assert set(columns) == {"q", "tau"}
     assert columns["q"].dtype == np.float64
     assert NpzRecords.describe(path) == ["q: (4,)", "tau: (4, 6)"]

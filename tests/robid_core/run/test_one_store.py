@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 from robid_core.errors import MotionRefused, StoreError
 from robid_core.run import Action, RunOptions, preview_run
+from robid_core.store import canonical_json, text_hash
 
 OTHER = ("name=other", "stages.fit.with.rows=3")
 
@@ -68,7 +70,9 @@ def test_a_damaged_artifact_of_another_run_is_not_taken(world: Any) -> None:
 def test_what_a_newer_robid_left_beside_is_passed_over(world: Any) -> None:
     world.run()
     for path in (world.folder / "store" / "index").iterdir():
-        path.write_text(path.read_text().replace('"format": 1', '"format": 99'))
+        content = {**json.loads(path.read_text()), "format": 99}
+        content["check"] = text_hash(canonical_json({k: v for k, v in content.items() if k != "check"}))
+        path.write_text(json.dumps(content))
     assert world.run(*OTHER).outcomes["acquire"] == "made"
 
 

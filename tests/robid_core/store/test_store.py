@@ -14,6 +14,7 @@ from robid_core import Configurations, Fit, ParameterTable, Report
 from robid_core.errors import ConfigurationError, StoreError
 from robid_core.store import State, Store, canonical_json
 from robid_core.store.entry import STORE_FORMAT
+from robid_core.store.files import CHUNK
 from robid_core.store.store import size_of
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -34,6 +35,24 @@ def test_what_is_put_is_found_and_read(store: Store, artifact: Configurations) -
     assert found.state is State.PRESENT
     assert found.entry == entry
     assert (store.read(entry, Configurations).angle == artifact.angle).all()
+
+
+def test_bytes_that_are_gone_or_changed_are_no_artifact(store: Store) -> None:
+    large = Configurations(("axis_1",), np.arange(200_000.0)[:, None])
+    entry = store.put(KEY, "where", large, {}, recording=False)
+    blob = store.blobs / entry.blob_name
+    assert blob.stat().st_size > CHUNK
+    whole = blob.read_bytes()
+    assert entry.sha256 == hashlib.sha256(whole).hexdigest()
+    blob.chmod(0o644)
+    blob.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))  # beyond the first block
+    assert store.lookup(KEY).state is State.DAMAGED
+    with pytest.raises(StoreError, match=r"where: .* is damaged: its sha256 is .*run again"):
+        store.read(entry, Configurations)
+    blob.unlink()
+    assert store.lookup(KEY).state is State.DAMAGED
+    with pytest.raises(StoreError, match="is missing; run again"):
+        store.read(entry, Configurations)
 
 
 def test_equal_content_is_stored_once(store: Store, artifact: Configurations) -> None:
