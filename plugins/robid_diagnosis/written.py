@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from robid_core import FloatArray, RobidError
+from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Failure
@@ -32,6 +33,8 @@ Progress = Callable[[float, float, str], None]
 def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fitted:
     """Return a fit with one zero-speed width at each axis; the fit as it is where there is none, which is noted.
 
+    None is where friction would be negative beside a law that follows it: no robot file has that.
+
     Parameters
     ----------
     final
@@ -44,14 +47,28 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
     numbers = (len(NEAR_ALONE) - 1) * final.case.told.n_axis
     try:
         fitted = _with_width(final, final.case.with_fitted_width(final).width, ALONE, progress)
-        if fitted.cost(final.about) - final.cost(final.about) < PRICE * numbers * max(1.0, final.misfit):
+        near = fitted.cost(final.about) - final.cost(final.about) < PRICE * numbers * max(1.0, final.misfit)
+        if near and _is_possible(fitted):
             return _as_sure_as(final, fitted)
         pair = _fitted_width(fitted, progress)
         other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
     except RobidError as error:
         failures.append(Failure("zero-speed width", None, None, str(error)))
         return final
-    return min(_as_sure_as(pair, fitted), other, key=lambda one: one.cost(final.about))
+    possible = [one for one in (_as_sure_as(pair, fitted), other) if _is_possible(one)]
+    if not possible:
+        failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
+    return min(possible, key=lambda one: one.cost(final.about), default=final)
+
+
+def _is_possible(fitted: Fitted) -> bool:
+    """Whether friction is nowhere negative: a robot file has zero there, which must change next to nothing.
+
+    Two standard errors with all other numbers held are four of twice the log-likelihood.
+    """
+    own = slice(fitted.problem.n_free, fitted.problem.n_free + fitted.case.told.n_axis)
+    information = np.diag(scaled_inverse(fitted.solution.covariance))[own]
+    return bool((fitted.point[own] >= -2 / np.sqrt(information)).all())
 
 
 def _with_width(begin: Fitted, width: FloatArray, widths: tuple[float, ...], progress: Progress) -> Fitted:
