@@ -128,6 +128,9 @@ class _Confined:
             name = signal.Signals(-code).name
             how = f"R09: its code crashed with {name}{last_frame(crash_file(self._job))}{limit}"
             advice = "that is a mistake in compiled code; tell the author of the plugin"
+        elif not self._begun:
+            how = f"R11: its process ended with exit code {code} before the stage began"
+            advice = "raise the limits of the system (ulimit), or tell the author of the plugin, which is imported then"
         else:
             how = f"R09: its code ended its process with exit code {code} before there was a result"
             advice = "a plugin returns or raises, and calls no os._exit; tell its author"

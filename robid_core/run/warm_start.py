@@ -2,8 +2,8 @@
 
 The server is multiprocessing's: it runs no code of third parties, ends with the run, and gives each stage the state of
 a process that has just begun. It starts with the signals of a run blocked, so Ctrl-C at a terminal reaches the run and
-its stages, and not the server. Where it cannot start (no folder for its socket, a limit of the system) or was killed
-while it started a process, that process is a Python of its own.
+its stages, and not the server. Where it cannot start (no folder for its socket, a limit of the system), was killed
+while it started a process, or does not answer, that process is a Python of its own.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import contextlib
 import logging
 import multiprocessing
 import os
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from multiprocessing import forkserver
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -21,6 +23,7 @@ from typing import Any
 LOG = logging.getLogger("robid.confine")
 _IMPORTED = ["robid_core.run.preloaded"]
 _OWNER = os.getpid()
+LONGEST_START_S = 60.0  # a second on an idle computer
 _LAST_BREATH_S = 0.5  # in which the system says that a process is dead whose files it has closed
 
 
@@ -36,14 +39,37 @@ def started(
         context.set_forkserver_preload(_IMPORTED)
         process: BaseProcess = context.Process(target=target, args=arguments, name=name)
         try:
-            process.start()
-        except (OSError, EOFError) as error:
+            with _limit_of_waiting():
+                process.start()
+        except (OSError, EOFError, RuntimeError) as error:  # the last: no thread can be started
             LOG.warning("no server can start the process of a stage (%s): it starts Python anew", error)
         else:
-            return process, forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+            return process, _server()
     process = multiprocessing.get_context("spawn").Process(target=target, args=arguments, name=name)
     process.start()
     return process, None
+
+
+@contextlib.contextmanager
+def _limit_of_waiting() -> Iterator[None]:
+    """Kill a server that does not answer: it was stopped, or hangs while it imports (OpenBLAS without memory does)."""
+    limit = threading.Timer(LONGEST_START_S, _kill)
+    limit.daemon = True
+    limit.start()
+    try:
+        yield
+    finally:
+        limit.cancel()
+
+
+def _kill() -> None:
+    if (server := _server()) is not None:
+        os.kill(server, signal.SIGKILL)
+
+
+def _server() -> int | None:
+    number: int | None = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    return number
 
 
 def has_died(server: int) -> bool:

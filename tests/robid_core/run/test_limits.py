@@ -92,6 +92,7 @@ def stage_processes() -> list[int]:
 
 def test_a_deadline_that_passes_while_the_process_still_starts_ends_it(world: Any) -> None:
     world.run(last="frf")
+    world.edit("BIAS = 0.0", f"BIAS = 0.0 if os.getpid() == {os.getpid()} else time.sleep(30)")
     before = stage_processes()
     began = time.monotonic()
     with pytest.raises(PluginError, match=r"stage fit: R10: not finished after 0.1 s, and killed"):

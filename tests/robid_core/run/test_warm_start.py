@@ -17,6 +17,7 @@ import pytest
 from faults.fault import fault
 
 from robid_core.errors import PluginError
+from robid_core.run import warm_start
 
 CONFINE = "robid_core/run/confine.py"
 INSIDE = "robid_core/run/confined_stage.py"
@@ -55,6 +56,20 @@ def test_a_plugin_that_ends_itself_with_the_code_of_a_lost_server_is_named(world
         world.run(last="fit", trust_plugins=False)
 
 
+@fault(
+    "R11",
+    sees="exit 8: its process ended before the stage began: limits of the system, or the plugin while it is imported",
+    mutant=(CONFINE, "        elif not self._begun:\n", "        elif False:\n"),
+)
+def test_R11_a_process_that_ends_before_its_stage_begins_is_told_as_that(world: Any) -> None:
+    world.run(last="frf")
+    world.edit("BIAS = 0.0", f"BIAS = 0.0 if os.getpid() == {os.getpid()} else os._exit(3)")
+    with pytest.raises(
+        PluginError, match="R11: its process ended with exit code 3 before the stage began; .*ulimit"
+    ):
+        world.run(last="fit", trust_plugins=False, force=("fit",))
+
+
 def test_stages_go_on_when_their_server_is_killed_during_one_and_between_two(world: Any) -> None:
     world.edit('        called("where")\n', '        called("where")\n' + KILL_SERVER)
     world.run(last="acquire", trust_plugins=False)
@@ -69,8 +84,8 @@ def test_stages_go_on_when_their_server_is_killed_during_one_and_between_two(wor
     sees="the log: no server can start the process of a stage, and why; the stage is made",
     mutant=(
         WARM_START,
-        "        except (OSError, EOFError) as error:\n",
-        "        except EOFError as error:\n",
+        "        except (OSError, EOFError, RuntimeError) as error:",
+        "        except (EOFError, RuntimeError) as error:",
     ),
 )
 def test_R11_a_folder_for_temporary_files_that_holds_no_socket_ends_no_run(
@@ -83,6 +98,26 @@ def test_R11_a_folder_for_temporary_files_that_holds_no_socket_ends_no_run(
     assert (done.returncode, world.ran()) == (0, ["where"]), done.stderr
     log = (world.folder / "log.txt").read_text()
     assert "no server can start the process of a stage (AF_UNIX path too long)" in log
+
+
+@fault(
+    "R11",
+    sees="a server that does not answer is killed after a minute, and the stage is made without it",
+    mutant=(WARM_START, "        os.kill(server, signal.SIGKILL)", "        os.kill(server, 0)"),
+)
+def test_R11_a_server_that_does_not_answer_is_done_without(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world.run(last="where", trust_plugins=False)
+    server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    os.kill(server, signal.SIGSTOP)
+    monkeypatch.setattr(warm_start, "LONGEST_START_S", 0.3)
+    try:
+        assert world.run(last="acquire", trust_plugins=False).outcomes["acquire"] == "made"
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(server, signal.SIGCONT)
+    assert warm_start.has_died(server)
 
 
 STATE = """\
