@@ -12,7 +12,7 @@ from __future__ import annotations
 import fnmatch
 import functools
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,8 +69,7 @@ class Ruler:
         """Fit the true robot, without what is hidden, to the noise-free record of a plant that hides something."""
         problem, point = _at_truth(self.robot, clean, self.late)
         (block,) = problem.blocks
-        turn = np.exp(1j * block.motion.omega[:, None] * problem.delay(point))
-        block.motion = replace(block.motion, torque_spectrum=block.motion.torque_spectrum - self.off / turn)
+        block.added = -self.off  # of the spectra it would not stay off: under a window delays shift samples
         for _ in range(PASSES):
             prescribe_at(problem, point, ANY)
             point = minimised(problem, point, problem.linearise(point, self.weights))

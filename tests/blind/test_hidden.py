@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 import scipy
 
-from blind.cases import _search, _shown
+from blind.cases import LEAST, _clean, _search, _shown
 from blind.experiments import Experiments
 from blind.foreign_plant import STEPS, ForeignPlant, Unbounded
 from blind.judging import judged
 from blind.kinds import LAWS, Plant
 from blind.plan import Wanted, asked, plan
-from blind.robots import base_robot
+from blind.robots import base_robot, told_robot, true_robot
 from blind.standing import Base
 from blind.strangers import diagnosed, measured
+from blind.strength import Ruler
 from blind.table import late_by, wilson
 
 FIRST = 910_000
@@ -93,6 +95,17 @@ def test_a_plant_that_is_unstable_counts_as_too_strong() -> None:
     size, strength = _search(lambda one: 100 * one**2 if one < 3 else np.inf, 500.0, (400.0, 600.0), 8.0)
     assert 400 <= strength <= 600
     assert size < 3
+
+
+@pytest.mark.parametrize("motion", ["multisine", "moves"])
+def test_what_is_not_there_has_no_strength(motion: Literal["multisine", "moves"]) -> None:
+    """Torques half a sample late: what two simulators disagree in is taken off under a window, too (26 if not)."""
+    generator = np.random.default_rng(FIRST)
+    truth = true_robot(told_robot(base_robot(1), generator), generator)
+    few = Experiments.drawn(truth, motion, generator).first()
+    clean = _clean(Plant(truth), truth, few, 0.5)
+    ruler = Ruler.of_records(truth, clean, few.with_noise(clean, truth, generator), 0.5)
+    assert ruler.strength(clean).total(1.0) < LEAST
 
 
 def test_a_small_share_of_the_plan_is_a_small_score() -> None:
