@@ -6,7 +6,7 @@ from the same files, and leaves its result in a file; what it tells and logs com
 (`confined_stage.py` is the other end). Whatever it does to its process - settings of numpy, umask, folder, locale,
 threads - ends with it. This is no sandbox: files and network are as open to it as to the run.
 
-A process costs 0.25 s of processor time a stage, and 0.9 s the first, which starts the server that forks them
+A process costs 0.2 s of processor time a stage, and 0.6 s the first, which starts the server that forks them
 (`warm_start.py`; `python tests/bench/confinement.py`); `--trust-plugins` saves that.
 Effects of third parties are no stages: they are compiled into the simulator, in the run's process.
 
