@@ -85,4 +85,4 @@ def said_by(error: BaseException) -> str:
     try:
         return str(error)
     except Exception as second:
-        return f"(its text cannot be told: {type(second).__name__})"
+        return f"(its text cannot be shown: {type(second).__name__})"

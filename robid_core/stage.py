@@ -109,14 +109,14 @@ class Stage(Settings):
     """Base of all stages; subclass one of the kinds below.
 
     Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are held out
-    for tests are left out; where `tells_variants` is false, a record of several variants (payloads, tools) is refused.
-    Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines.
+    for tests are left out; where `handles_variants` is false, a record of several variants (payloads, tools) is
+    refused. Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines.
     """
 
     kind: ClassVar[str] = ""
     output: ClassVar[type[Artifact]] = Artifact
     sees_test: ClassVar[bool] = True
-    tells_variants: ClassVar[bool] = True
+    handles_variants: ClassVar[bool] = True
     needs_lines: ClassVar[bool] = False
 
     run: ClassVar[Callable[..., Any]]
@@ -248,7 +248,7 @@ class FrfEstimator(Stage):
     kind = "frf"
     output = Frf
     sees_test = False
-    tells_variants = False
+    handles_variants = False
 
 
 class Estimator(Stage):
@@ -257,7 +257,7 @@ class Estimator(Stage):
     kind = "fit"
     output = Fit
     sees_test = False
-    tells_variants = False
+    handles_variants = False
 
 
 class ExperimentDesign(Stage):
@@ -272,7 +272,7 @@ class DiagnosisStage(Stage):
 
     kind = "diagnosis"
     output = Diagnosis
-    tells_variants = False
+    handles_variants = False
 
 
 class ReportStage(Stage):

@@ -84,7 +84,7 @@ def _hold(told: str, lag: float) -> str:
     if abs(sign * lag - 0.5) > HOLD:
         return ""
     return (
-        f"torque_hold: {told} is told, but torques and angles are {abs(lag):.2g} samples apart, as with {other}; "
+        f"torque_hold: {told} is stated, but torques and angles are {abs(lag):.2g} samples apart, as with {other}; "
         "half a sample costs percents of a stiffness"
     )
 

@@ -44,6 +44,7 @@ from robid_diagnosis.impossible_motion import check_possible
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
 from robid_diagnosis.residual_curves import residual_curves
+from robid_diagnosis.response_check import Chain, disagreements, response_check_of
 from robid_diagnosis.results import (
     data_of,
     finding_of,
@@ -58,17 +59,16 @@ from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.timing import timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
-from robid_diagnosis.witness import Chain, disagreements, witness_of
 from robid_diagnosis.wording import (
     asked_line,
     data_line,
     errors_line,
     finding_line,
+    response_check_line,
     separation_line,
     settling_line,
     silent_line,
     values_line,
-    witness_line,
 )
 
 DEAD = 3  # values: what toggles by a count has as many
@@ -80,14 +80,15 @@ class Effects(DiagnosisStage):
     """Names what a model lacks, extends it, and says how much better it is.
 
     Effects on forces and signals are searched, and changes of the robot itself: foundations, elastic coordinates,
-    coupled axes. Of bodies, rotors and springs it says whether they are told wrong. Experiments that separate ties are
-    recorded motions, slower or faster, in other configurations; of more than three rivals the best are compared.
+    coupled axes. Bodies, rotors and springs whose values in the robot file are wrong are reported. Experiments that
+    separate ties are recorded motions, slower or faster, in other configurations; of more than three rivals the best
+    are compared.
 
-    Records may be of several variants (payloads, tools): all share springs, friction and what is found; `robots:` tells
-    the robot of each that is not the nominal one, what it carries as an effect (`load.payload`), which may turn out to
-    be told wrong. Experiments of the role `test` are looked at by the last judgement only: how much torque is left.
+    Records may be of several variants (payloads, tools): all share springs, friction and what is found; `robots:` gives
+    the robot file of each that is not the nominal one, with its payload as an effect (`load.payload`), whose values may
+    turn out to be wrong. Experiments of the role `test` are used only for the final prediction error.
 
-    Where records give frequency responses, these are asked about the stiffnesses, too (`witness`).
+    Where records give frequency responses, stiffnesses are estimated from them, too (`response_check`).
 
     Example::
 
@@ -113,14 +114,14 @@ class Effects(DiagnosisStage):
     discard: NonNegativeInt | None = None
     """Leading periods dropped as transient; null: decided from the data, as many as differ from those after them."""
     blocks: Annotated[int, Field(ge=1, le=100)] = 1
-    """Into which each experiment that does not repeat is cut: what one long motion tells must hold in parts of it."""
+    """Blocks into which each experiment that does not repeat is cut: a cause must be seen in each of them."""
     skip_s: NonNegativeFloat = 0.0
     """Left out at the beginning of each such experiment."""
     separate: bool = True
     """Whether to search, by simulation, for the experiment that distinguishes tied causes."""
     closed_loop: bool | None = None
-    """Whether the robot as told, refitted and extended is simulated under the recorded references, with the controllers
-    of its file; null: where references were recorded and the file tells the controllers."""
+    """Whether the nominal, the refitted and the extended robot are simulated under the recorded references, with the
+    controllers of the robot file; null: where references were recorded and the file gives the controllers."""
     robots: dict[str, RobotName] = {}
     """Robots under which variants were measured, where they are not the nominal one: `{loaded: arm.yaml}`."""
 
@@ -128,16 +129,16 @@ class Effects(DiagnosisStage):
     """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
     has the value of its experiments, and needs no file under `robots`."""
 
-    witness: tuple[StageRef, ...] = (
+    response_check: tuple[StageRef, ...] = (
         StageRef(use="compensate.friction"),
         StageRef(use="frf.lrm"),
         StageRef(use="fit.log_response", with_={"starts": 1}),
     )
-    """Stages from a record to a fit of its responses, by which stiffnesses are told once more; []: no witness.
+    """Stages from a record to a fit of its responses, an independent estimate of the stiffnesses; []: no check.
 
     Those that prepare the record are left out where it lacks what they take."""
 
-    tells_variants: ClassVar[bool] = True
+    handles_variants: ClassVar[bool] = True
 
     def uses(self) -> list[tuple[str, str]]:
         """Every effect that is tried, and may come into the robot."""
@@ -149,7 +150,7 @@ class Effects(DiagnosisStage):
 
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
-        uses, whole, chain = self._known(), record, Chain.of(self.witness)
+        uses, whole, chain = self._known(), record, Chain.of(self.response_check)
         record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
         discard = leading_periods(record, self.discard, context.log)
@@ -223,9 +224,11 @@ class Effects(DiagnosisStage):
             for step, partial in zip(outcome.steps, are_partial(outcome), strict=True)
         )
         timing, data = timing_of(final), data_of(case, final, tests)
-        witness = witness_of(chain, case, final, model, timing, context) if self.witness else None
+        response_check = (
+            response_check_of(chain, case, final, model, timing, context) if self.response_check else None
+        )
         causes = with_unknown(causes, unknown_of(outcome))
-        findings = (*causes, *disagreements(witness))
+        findings = (*causes, *disagreements(response_check))
         lines = [settling_line(unsettled_axes(problem))]
         lines += [
             line
@@ -235,8 +238,8 @@ class Effects(DiagnosisStage):
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         lines += gear_ratio_lines(causes, values, final.misfit)
-        if witness is not None:
-            lines.append(witness_line(witness))
+        if response_check is not None:
+            lines.append(response_check_line(response_check))
         if data.n_config == 1:
             lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
@@ -284,7 +287,7 @@ class Effects(DiagnosisStage):
             data=data,
             residuals=residual_curves(refitted, final, outcome.motion),
             model=model,
-            witness=witness,
+            response_check=response_check,
         )
 
     def _moving(

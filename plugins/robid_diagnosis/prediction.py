@@ -84,7 +84,7 @@ class Prediction(DiagnosisStage):
     """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
     has the value of its experiments, and needs no file under `robots`."""
 
-    tells_variants: ClassVar[bool] = True
+    handles_variants: ClassVar[bool] = True
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """What a closed loop takes, where it is asked for; else it is left out where the file lacks it."""

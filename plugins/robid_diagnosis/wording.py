@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, Witness
+from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, ResponseCheck
 from robid_diagnosis.intervals import over_axes
 
 SURE = 5.0  # standard errors from zero, or from what was told: what is read out
@@ -35,7 +35,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
         "value": "wrong value: {}",
     }[finding.kind].format(finding.effect if finding.kind != "value" else f"{finding.effect} of {finding.on}")
     rows = list(
-        zip(finding.names, finding.value, finding.standard_error, finding.told, finding.units, strict=True)
+        zip(finding.names, finding.value, finding.standard_error, finding.nominal, finding.units, strict=True)
     )
     moved = [row for row in rows if not abs(row[1] - row[3]) <= MOVED * row[2]]
     sizes = ", ".join(_size(*row) for row in moved or rows)
@@ -106,21 +106,21 @@ def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
     return f"Values: {'; '.join(lines)}{more}." if lines else ""
 
 
-def witness_line(witness: Witness) -> str:
+def response_check_line(check: ResponseCheck) -> str:
     """Say whether frequency responses agree about the stiffnesses, or why there are none to ask."""
-    if witness.reason:
-        return f"No check by frequency responses: {witness.reason}."
-    n = len(witness.names)
-    order = np.argsort(-np.abs(witness.z))
-    apart = order[~witness.agree[order]].tolist()
+    if check.reason:
+        return f"No check by frequency responses: {check.reason}."
+    n = len(check.names)
+    order = np.argsort(-np.abs(check.z))
+    apart = order[~check.agree[order]].tolist()
     if not apart:
         worst = int(order[0])
         which = f"all {n} stiffnesses; furthest apart" if n > 1 else "the stiffness"
         return (
-            f"Check by frequency responses, fitted separately: they agree about {which}: {witness.names[worst]}, "
-            f"{_both(witness, worst)}."
+            f"Check by frequency responses, fitted separately: they agree about {which}: {check.names[worst]}, "
+            f"{_both(check, worst)}."
         )
-    told = "; ".join(f"{witness.names[i]}, {_both(witness, i)}" for i in apart[:SHOWN])
+    told = "; ".join(f"{check.names[i]}, {_both(check, i)}" for i in apart[:SHOWN])
     more = f"; {len(apart) - SHOWN} more" if len(apart) > SHOWN else ""
     return (
         f"Check by frequency responses, fitted separately: they disagree about {len(apart)} of {n} stiffnesses: "
@@ -128,12 +128,12 @@ def witness_line(witness: Witness) -> str:
     )
 
 
-def _both(witness: Witness, i: int) -> str:
+def _both(check: ResponseCheck, i: int) -> str:
     """What both ways say of a stiffness, and how far that is apart."""
     return (
-        f"{plain(witness.by_responses[i])} ± {witness.responses_error[i]:.2g} {witness.units[i]} by responses, "
-        f"{plain(witness.by_torques[i])} ± {witness.torques_error[i]:.2g} by torques: {abs(witness.z[i]):.1f} standard "
-        f"errors, where {witness.limit:.1f} would count as a difference"
+        f"{plain(check.by_responses[i])} ± {check.responses_error[i]:.2g} {check.units[i]} by responses, "
+        f"{plain(check.by_torques[i])} ± {check.torques_error[i]:.2g} by torques: {abs(check.z[i]):.1f} standard "
+        f"errors, where {check.limit:.1f} would count as a difference"
     )
 
 

@@ -4,7 +4,7 @@ Theory: a rigid body of mass m, centre of mass c in the frame of the joint, and 
 through it (r its radius of gyration). Two bodies joined have the mass m0 + m, their common centre of mass, and
 about it the inertia I0 + m r^2 + m0 m / (m0 + m) (d^2 1 - d d^T) with d the way between the two (parallel axes).
 Mass matrix, bias and gravity torque are linear in m for given c and r; a negative m is a body that is lighter than
-the model has it. Its torque changes with the pose and not with the sign of speed, which tells it from friction.
+the model has it. Its torque changes with the pose and not with the sign of speed, which distinguishes it from friction.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ class TimeDomainFit(Estimator):
     """Constants of the records that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
     has the value of its experiments, and needs no file under `robots`."""
 
-    tells_variants: ClassVar[bool] = True
+    handles_variants: ClassVar[bool] = True
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""

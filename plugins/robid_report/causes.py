@@ -35,7 +35,7 @@ def _section(finding: Finding) -> dict[str, Any]:
             significant(float(error), 2),
         )
         for name, unit, told, value, error in zip(
-            finding.names, finding.units, finding.told, finding.value, finding.standard_error, strict=True
+            finding.names, finding.units, finding.nominal, finding.value, finding.standard_error, strict=True
         )
     ]
     return {

@@ -49,10 +49,10 @@ from robid_report.parameters import essential_rows, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
 from robid_report.residuals import residual_sections
+from robid_report.response_check import response_check_table
 from robid_report.steady_state import spectra_of, steady_state
 from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 from robid_report.visible import visible_table
-from robid_report.witness import witness_table
 
 LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "python-can", "canopen", "plotly")
 
@@ -308,7 +308,7 @@ class HtmlReport(ReportStage):
             "runs": run_sections(diagnosis),
             "curves": curve_sections(diagnosis),
             "visible": visible_table(diagnosis),
-            "witness": witness_table(diagnosis),
+            "response_check": response_check_table(diagnosis),
             "response": response is not None,
             "fitted": response is not None and response["fitted"],
             "panels": list(response["rows"]) if response is not None else [],

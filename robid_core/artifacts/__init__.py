@@ -27,11 +27,11 @@ from robid_core.artifacts.model import Model
 from robid_core.artifacts.prediction import ExcitedRange, PredictionCurve, RunErrors
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.report import Report, Truth
+from robid_core.artifacts.response_check import ResponseCheck
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
 from robid_core.artifacts.tables import Table
 from robid_core.artifacts.timing import Timing
 from robid_core.artifacts.units import QUANTITIES, UNITS
-from robid_core.artifacts.witness import Witness
 
 __all__ = [
     "QUANTITIES",
@@ -68,7 +68,7 @@ __all__ = [
     "TimeComparison",
     "Timing",
     "Truth",
-    "Witness",
+    "ResponseCheck",
     "array",
     "frozen",
     "mean_travel",

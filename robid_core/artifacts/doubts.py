@@ -148,7 +148,7 @@ def _coaxial_springs(fit: Fit) -> Iterator[Doubt]:
     if pairs:
         yield Doubt(
             "coaxial springs",
-            f"not told apart: {_listed(pairs)}",
+            f"not separated by the data: {_listed(pairs)}",
             "add configurations in which their axes are not parallel, or hold one of them",
         )
 

@@ -1,4 +1,4 @@
-"""Findings of a diagnosis: what data demand beside the model that was told, one cause each."""
+"""Findings of a diagnosis: what data demand beside the nominal model, one cause each."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class Finding(Artifact):
 
     `kind` is `cause` (an effect that explains what free functions at its place do), `partial` (it explains less),
     `unknown` (only free functions of what `effect` says explain what is left, or responses and torques disagree), or
-    `value` (numbers that are told wrong). `effect` is the effect's plugin, or body, rotor or spring for values; `on`
-    and `side` say where. `gain` is of twice the log-likelihood, `p_value` counts the search. `share` is the gain over
-    that of the best free functions at the place, NaN where there are none. `by_configuration` is the gain in each
-    configuration, `held_out` with sizes that the other configurations tell, `by_own_size` what a size of its own gains
-    there beside such sizes in all others: of that which acts in one configuration only, nothing elsewhere. The picture
-    shows mean residual torques over a variable, and what the effect does there.
+    `value` (numbers of the robot file that are wrong). `effect` is the effect's plugin, or body, rotor or spring for
+    values; `on` and `side` say where. `gain` is of twice the log-likelihood, `p_value` counts the search. `share` is
+    the gain over that of the best free functions at the place, NaN where there are none. `by_configuration` is the gain
+    in each configuration, `held_out` with sizes from the other configurations, `by_own_size` what a size of its own
+    gains there beside such sizes in all others: of that which acts in one configuration only, nothing elsewhere. The
+    picture shows mean residual torques over a variable, and what the effect does there.
     """
 
     kind: str
@@ -32,7 +32,7 @@ class Finding(Artifact):
     share: float
     names: tuple[str, ...]
     units: tuple[str, ...]
-    told: FloatArray = array("n_parameter", finite=False)
+    nominal: FloatArray = array("n_parameter", finite=False)
     value: FloatArray = array("n_parameter")
     standard_error: FloatArray = array("n_parameter", finite=False)
     by_configuration: FloatArray = array("n_config", finite=False)
@@ -78,7 +78,7 @@ class VisibleSize(Artifact):
 class ResidualCurve(Artifact):
     """Torque that models leave at one motor over a variable: mean over parts that hold equally many samples.
 
-    `refitted` is left by the told robot with its values fitted, `extended` by the robot that was found. Over time and
+    `refitted` is left by the nominal robot with its values fitted, `extended` by the found robot. Over time and
     frequency they are root mean squares, beside that of the measured torque. `share` is the part of the squared
     residual of the refitted robot that a function of the variable does beyond chance, `odd` and `even` what functions
     of such symmetry do; NaN where that has no meaning.

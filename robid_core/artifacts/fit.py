@@ -15,9 +15,9 @@ from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
 from robid_core.artifacts.model import Model
 from robid_core.artifacts.prediction import ExcitedRange, PredictionCurve, RunErrors
+from robid_core.artifacts.response_check import ResponseCheck
 from robid_core.artifacts.tables import Table, comparison_table, finding_table, parameter_table
 from robid_core.artifacts.timing import Timing
-from robid_core.artifacts.witness import Witness
 
 N_CURVE = 300  # over two decades a step of 1.5 %: a resonance of 1 % damping is 2 % wide
 NEAR = 1e-6  # a line and a frequency between lines are one
@@ -191,7 +191,7 @@ class Diagnosis(Artifact):
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
     `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
     `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency;
-    `witness` what frequency responses say of its stiffnesses, None where they were not asked; `runs` are errors of
+    `response_check` what frequency responses say of its stiffnesses, None where not asked for; `runs` are errors of
     single runs and `curves` what a prediction leaves; `doubts` are reasons not to rely on its numbers.
     """
 
@@ -208,7 +208,7 @@ class Diagnosis(Artifact):
     left: MisfitTable | None = None
     data: DiagnosedData | None = None
     residuals: tuple[ResidualCurve, ...] = ()
-    witness: Witness | None = None
+    response_check: ResponseCheck | None = None
     runs: tuple[RunErrors, ...] = ()
     curves: tuple[PredictionCurve, ...] = ()
     doubts: tuple[Doubt, ...] = ()

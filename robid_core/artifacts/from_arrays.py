@@ -49,7 +49,7 @@ def dense(name: str, values: npt.ArrayLike, axes: str, period: int | None) -> Fl
     by_size = {1: "n_sample", 2: "n_sample n_axis", 6: " ".join(AXES)}
     words = (axes or by_size.get(array.ndim, "")).split()
     if len(words) != array.ndim or len(set(words)) != len(words) or not set(words) <= set(AXES):
-        told = f"axes='{axes}'" if axes else "no axes told"
+        told = f"axes='{axes}'" if axes else "no axes named"
         raise DataRejected(
             f"{name}: shape {array.shape} with {told}; name each of its {array.ndim} axes, "
             f'as axes="n_exp n_sample n_axis", out of {", ".join(AXES)}'

@@ -41,18 +41,18 @@ class SeparatingExperiment(Artifact):
 
     @property
     def tells(self) -> BoolArray:
-        """Which rivals it tells from the finding, (n_rival,)."""
+        """Which rivals it separates from the finding, (n_rival,)."""
         result: BoolArray = self.ratio >= self.TELLING
         return result
 
     @property
     def expected(self) -> float:
-        """Smallest ratio of the rivals that it tells from the finding; the largest of all where it tells none."""
+        """Smallest ratio of the rivals that it separates from the finding; if none, the largest of all."""
         return float(self.ratio[self.tells].min() if self.tells.any() else self.ratio.max())
 
     @property
     def sentence(self) -> str:
-        """How to tell the finding from its rivals, or that no experiment that was tried does."""
+        """How to separate the finding from its rivals, or that no experiment that was tried does."""
         told, untold = (
             ", ".join(name for name, tells in zip(self.rivals, self.tells, strict=True) if tells == wanted)
             for wanted in (True, False)
@@ -60,10 +60,10 @@ class SeparatingExperiment(Artifact):
         if not told:
             return (
                 "no experiment of this kind (a recorded motion, slower or faster, here or in another configuration) "
-                f"tells it from {untold}: expected log-likelihood ratio {self.expected:.2g} an experiment at most"
+                f"separates it from {untold}: expected log-likelihood ratio {self.expected:.2g} an experiment at most"
             )
         where = ", ".join(f"{angle:.3g}" for angle in self.configuration)
-        text = f"tell it from {told} with: configuration [{where}]"
+        text = f"separate it from {told} with: configuration [{where}]"
         text += f" ({self.difference})" if self.difference else ""
         text += (
             f", recorded speeds times {self.amplitude:g}; expected log-likelihood ratio {self.expected:.3g} an "
@@ -72,7 +72,7 @@ class SeparatingExperiment(Artifact):
         repeat = self.repeat[self.tells]
         if np.isfinite(repeat).all():
             text += f", {repeat.min():.2g} where a recorded one is repeated"
-        return text + (f"; none of this kind tells it from {untold}" if untold else "")
+        return text + (f"; none of this kind separates it from {untold}" if untold else "")
 
 
 def _duration(seconds: float) -> str:

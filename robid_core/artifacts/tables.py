@@ -114,12 +114,12 @@ def configuration_table(configurations: Configurations) -> Table:
 def finding_table(diagnosis: Diagnosis) -> Table:
     """Return a row for each number of each finding, the one that gains most first."""
     rows = [
-        (one.kind, one.effect, one.where, name, unit, told, value, error, one.gain, one.p_value)
+        (one.kind, one.effect, one.where, name, unit, nominal, value, error, one.gain, one.p_value)
         for one in diagnosis.findings
-        for name, unit, told, value, error in zip(
+        for name, unit, nominal, value, error in zip(
             one.names or ("",),
             one.units or ("",),
-            one.told.tolist() or (float("nan"),),
+            one.nominal.tolist() or (float("nan"),),
             one.value.tolist() or (float("nan"),),
             one.standard_error.tolist() or (float("nan"),),
             strict=True,
@@ -131,7 +131,7 @@ def finding_table(diagnosis: Diagnosis) -> Table:
         "where",
         "parameter",
         "unit",
-        "told",
+        "nominal",
         "value",
         "standard_error",
         "gain",

@@ -160,7 +160,7 @@ def check_variants(
                 )
             if other.parameter(name) != robot.parameter(name):
                 raise ConfigurationError(
-                    f"robots: {variant}: {name} is free and shared, but told otherwise than in {robot.name} "
+                    f"robots: {variant}: {name} is free and shared, but has another value than in {robot.name} "
                     f"({other.parameter(name):g}, {robot.parameter(name):g}); say what differs as an effect "
                     "(load.payload), or hold it"
                 )

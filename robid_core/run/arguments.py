@@ -1,7 +1,7 @@
 """What the artifacts of other stages become as arguments of `run`.
 
 Of a record a stage sees what it says it can use: no fit and no estimator gets the experiments that are held out for
-tests, and only a stage that tells variants apart gets several of them.
+tests, and only a stage that handles variants gets several of them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def arguments_of(
     Raises
     ------
     DataRejected
-        If a record holds several variants and the stage does not tell them apart.
+        If a record holds several variants and the stage does not handle them.
     """
     many = {entry.name for entry in stage.inputs() if entry.many}
     arguments: dict[str, Argument] = {}
@@ -46,11 +46,11 @@ def arguments_of(
 def _seen_by(stage: Stage, record: Record, log: logging.Logger) -> Record:
     """Return what a stage may see of a record."""
     names = tuple(dict.fromkeys(record.variants))
-    if len(names) > 1 and not stage.tells_variants:
+    if len(names) > 1 and not stage.handles_variants:
         raise DataRejected(
-            f"the record holds several variants ({', '.join(names)}), which {type(stage).__name__} does not tell "
-            f"apart; import each by a stage of its own (acquisition.recorded, `variant: {names[0]}`) and name the one "
-            "that is meant under `inputs:`"
+            f"the record holds several variants ({', '.join(names)}), which {type(stage).__name__} does not "
+            f"handle; import each by a stage of its own (acquisition.recorded, `variant: {names[0]}`) and name the one "
+            "to use under `inputs:`"
         )
     if stage.sees_test:
         return record

@@ -1,16 +1,17 @@
 """The verdict of a diagnosis as JSON, for programs: `verdict.<stage>.json` in the folder of a run.
 
-Fields: `verdict` (sentences), `robot` (name and hash of the one that was told), `data` (experiments in how many
-configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side,
-parameters with told value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value
-after the search, share of the gain of free functions, ties, the experiment that separates them with the expected
-log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values`
-(all that was estimated, with the tolerance that was told), `witness` (stiffnesses by responses and by torques, their
-difference in standard errors and whether they agree within the limit, or the reason why there is none), `timing` (by
-how many samples the torque of each axis lags), `errors` (torque that each model leaves; where references were recorded,
-speed in closed loop), `left` (misfit of each axis in each band, on the excited lines and in the bins between),
-`residuals` (which part of what the refitted robot leaves, squared, functions of speed, angle, load and acceleration
-would do, odd and even ones), `searched` (how many, which, excluded, failed, smallest sizes that would have been found).
+Fields: `verdict` (sentences), `robot` (name and hash of the nominal one), `data` (experiments in how many
+configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side, parameters
+with nominal value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value after
+the search, share of the gain of free functions, ties, the experiment that separates them with the expected log-
+likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values` (all
+that was estimated, with its tolerance in the robot file), `response_check` (stiffnesses by responses and by torques,
+their difference in standard errors and whether they agree within the limit, or the reason why there is none), `timing`
+(by how many samples the torque of each axis lags), `errors` (torque that each model leaves; where references were
+recorded, speed in closed loop), `left` (misfit of each axis in each band, on the excited lines and in the bins
+between), `residuals` (which part of what the refitted robot leaves, squared, functions of speed, angle, load and
+acceleration would do, odd and even ones), `searched` (how many, which, excluded, failed, smallest sizes that would have
+been found).
 Numbers that do not exist are null.
 """
 
@@ -28,12 +29,12 @@ from robid_core.artifacts import (
     Diagnosis,
     Finding,
     MisfitTable,
+    ResponseCheck,
     SeparatingExperiment,
     Timing,
-    Witness,
 )
 
-VERSION = 1
+VERSION = 2
 SURE = 1.96  # standard errors to either side
 
 
@@ -61,7 +62,9 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
                 strict=True,
             )
         ],
-        "witness": None if diagnosis.witness is None else _witness(diagnosis.witness),
+        "response_check": None
+        if diagnosis.response_check is None
+        else _response_check(diagnosis.response_check),
         "timing": None if diagnosis.timing is None else _timing(diagnosis.timing),
         "errors": [
             {
@@ -125,7 +128,9 @@ def _data(data: DiagnosedData) -> dict[str, Any]:
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
-    rows = zip(finding.names, finding.units, finding.told, finding.value, finding.standard_error, strict=True)
+    rows = zip(
+        finding.names, finding.units, finding.nominal, finding.value, finding.standard_error, strict=True
+    )
     return {
         "kind": finding.kind,
         "effect": finding.effect,
@@ -145,7 +150,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
 
 def _separation(best: SeparatingExperiment) -> dict[str, Any]:
     return {
-        "told": best.sentence,
+        "sentence": best.sentence,
         "configuration": best.configuration.tolist(),
         "difference": best.difference,
         "amplitude": best.amplitude,
@@ -159,21 +164,21 @@ def _separation(best: SeparatingExperiment) -> dict[str, Any]:
     }
 
 
-def _witness(witness: Witness) -> dict[str, Any]:
+def _response_check(response_check: ResponseCheck) -> dict[str, Any]:
     rows = zip(
-        witness.names,
-        witness.units,
-        zip(witness.by_responses.tolist(), witness.responses_error.tolist(), strict=True),
-        zip(witness.by_torques.tolist(), witness.torques_error.tolist(), strict=True),
-        witness.z.tolist(),
-        witness.agree.tolist(),
+        response_check.names,
+        response_check.units,
+        zip(response_check.by_responses.tolist(), response_check.responses_error.tolist(), strict=True),
+        zip(response_check.by_torques.tolist(), response_check.torques_error.tolist(), strict=True),
+        response_check.z.tolist(),
+        response_check.agree.tolist(),
         strict=True,
     )
     return {
-        "method": witness.method or None,
-        "reason": witness.reason or None,
-        "misfit": _number(witness.misfit),
-        "limit": _number(witness.limit),
+        "method": response_check.method or None,
+        "reason": response_check.reason or None,
+        "misfit": _number(response_check.misfit),
+        "limit": _number(response_check.limit),
         "stiffnesses": [
             {
                 "name": name,
@@ -206,12 +211,12 @@ def _left(table: MisfitTable) -> dict[str, Any]:
     }
 
 
-def _value(name: str, unit: str, told: float, value: float, error: float) -> dict[str, Any]:
+def _value(name: str, unit: str, nominal: float, value: float, error: float) -> dict[str, Any]:
     interval = [_number(value - SURE * error), _number(value + SURE * error)]
     return {
         "name": name,
         "unit": unit,
-        "told": _number(told),
+        "nominal": _number(nominal),
         "estimate": _number(value),
         "standard_error": _number(error),
         "interval": interval,

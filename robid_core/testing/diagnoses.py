@@ -58,9 +58,8 @@ def check_null_and_cause(stage: DiagnosisStage, robot: Robot, data: Data | None)
     if right.findings:
         found = right.findings[0]
         raise ContractBroken(
-            f"{name}: with a record of the very robot that it is told it finds {found.effect} at {found.where}: "
-            f"a false "
-            "alarm"
+            f"{name}: with a record of the very robot that it is given it finds {found.effect} at {found.where}: "
+            "a false alarm"
         )
     if wrong.findings:
         return

@@ -137,7 +137,7 @@ def _check_estimates(name: str, plant: KnownPlant, fit: Fit, tolerance: float) -
         raise ContractBroken(f"{name}: it does not converge with data of a known plant: {fit.status}")
     lost = [one for one in plant.names if one not in table.names]
     if lost:
-        raise ContractBroken(f"{name}: with data of another plant it no longer tells {lost[0]}")
+        raise ContractBroken(f"{name}: with data of another plant it no longer determines {lost[0]}")
     told = []
     for one in plant.names:
         row = table.names.index(one)
@@ -148,14 +148,14 @@ def _check_estimates(name: str, plant: KnownPlant, fit: Fit, tolerance: float) -
             raise ContractBroken(f"{name}: {says}: state a standard error for what is free")
         if abs(estimate - true) > ERRORS * error + tolerance * abs(true):
             raise ContractBroken(
-                f"{name}: {says}, more than {ERRORS:g} standard errors and {tolerance:.1%} off (it was told "
-                f"{began:.5g})"
+                f"{name}: {says}, more than {ERRORS:g} standard errors and {tolerance:.1%} off (it "
+                f"started from {began:.5g})"
             )
         if error < TOLD * abs(true - began):
             told.append(one)
             if abs(estimate - true) > abs(began - true) / 2:
                 raise ContractBroken(
-                    f"{name}: {says}; that is hardly nearer than the {began:.5g} that it was told"
+                    f"{name}: {says}; that is hardly nearer than the {began:.5g} from which it started"
                 )
     return tuple(told)
 

@@ -59,7 +59,9 @@ def judged(wanted: Wanted, commit: str) -> dict[str, str]:
         np.random.default_rng(wanted.seed), map_in_process, lambda *_: None, logging.getLogger("blind")
     )
     began = time.perf_counter()
-    diagnosis = Effects(exclude=exclude, separate=False, witness=()).run((case.record,), case.told, context)
+    diagnosis = Effects(exclude=exclude, separate=False, response_check=()).run(
+        (case.record,), case.told, context
+    )
     seconds = time.perf_counter() - began
     return _row(case, diagnosis) | {"make_s": f"{made:.1f}", "seconds": f"{seconds:.1f}", "commit": commit}
 

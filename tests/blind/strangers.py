@@ -120,7 +120,7 @@ def measured(seed: int, settle_s: float = SETTLE_S) -> tuple[Robot, Record]:
 def diagnosed(told: Robot, record: Record) -> Diagnosis:
     """Diagnose a record with default settings."""
     quiet = Context(np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("blind"))
-    return Effects(separate=False, witness=()).run((record,), told, quiet)
+    return Effects(separate=False, response_check=()).run((record,), told, quiet)
 
 
 def main() -> None:

@@ -40,14 +40,14 @@ def test_the_verdict_names_the_effect_with_its_size(folder: Path) -> None:
     )
     (size,) = finding["parameters"]
     assert size["name"] == "load_coulomb"
-    assert size["told"] is None
+    assert size["nominal"] is None
     assert abs(size["estimate"] - HIDDEN) < 4 * size["standard_error"]
     assert told["searched"]["failed"] == []
 
 
 def test_responses_agree_about_the_spring(folder: Path) -> None:
     """Both ways hold the plant's own spring, the responses to half a percent."""
-    told = json.loads((folder / "verdict.explain.json").read_text(encoding="utf-8"))["witness"]
+    told = json.loads((folder / "verdict.explain.json").read_text(encoding="utf-8"))["response_check"]
     (spring,) = told["stiffnesses"]
     truth = Robot.load(str(folder.parents[1] / "plant.yaml")).parameter(spring["name"])
     assert spring["agree"]

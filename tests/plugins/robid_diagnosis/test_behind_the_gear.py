@@ -30,7 +30,7 @@ def test_friction_of_the_arm_is_named_where_it_acts(
     }
     plant = plant.with_effect("hidden", "friction.coulomb_tanh", "axis_1", "arm", values)
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
-    stage = Effects.model_validate({"separate": False, "witness": (), "only": FRICTION})
+    stage = Effects.model_validate({"separate": False, "response_check": (), "only": FRICTION})
     (finding,) = stage.run((measured(plant, 4),), told, context).findings
     assert (finding.kind, finding.effect, finding.side) == ("cause", "friction.coulomb_tanh", "arm")
     assert set(finding.names) == set(values)

@@ -15,7 +15,7 @@ ANGLE, TORQUE = ("sensing.gain_error", "position"), ("sensing.gain_error", "torq
 
 def finding(effect: str, side: str, error: float) -> Finding:
     return Finding(
-        kind="cause", effect=effect, on="elbow", side=side, names=("error",), units=("1",), told=np.array([np.nan]),
+        kind="cause", effect=effect, on="elbow", side=side, names=("error",), units=("1",), nominal=np.array([np.nan]),
         value=np.array([error]), standard_error=np.array([ERROR]), gain=1e4, p_value=1e-9, share=1.0,
         by_configuration=NOTHING, held_out=NOTHING, by_own_size=NOTHING,
     )  # fmt: skip

@@ -83,7 +83,7 @@ def recorded(angle: np.ndarray, torque: np.ndarray) -> Record:
 def diagnosed(record: Record, folder: Path, **settings: object) -> Diagnosis:
     (folder / "servo.yaml").write_text(SERVO)
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
-    stage = Effects.model_validate({"separate": False, "witness": ()} | settings)
+    stage = Effects.model_validate({"separate": False, "response_check": ()} | settings)
     return stage.run((record,), Robot.load(str(folder / "servo.yaml")), context)
 
 

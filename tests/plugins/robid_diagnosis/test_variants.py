@@ -131,7 +131,7 @@ def test_a_load_that_is_told_wrong_is_a_value_of_its_variant(
 def number(finding: Finding, name: str) -> tuple[float, float, float]:
     """Told, found, standard error."""
     i = finding.names.index(name)
-    return float(finding.told[i]), float(finding.value[i]), float(finding.standard_error[i])
+    return float(finding.nominal[i]), float(finding.value[i]), float(finding.standard_error[i])
 
 
 def test_experiments_of_the_role_test_judge_and_are_not_looked_at(told: Robot) -> None:
@@ -185,7 +185,7 @@ def test_a_variant_that_is_not_told_is_refused(told: Robot, loaded_file: str) ->
     with pytest.raises(ConfigurationError, match="nothing was measured as 'heavy'"):
         diagnosed((record,), told, robots={"heavy": loaded_file})
     other = told.with_parameters({"mass.axis_1": 55.0})
-    with pytest.raises(ConfigurationError, match=r"mass.axis_1 is free and shared, but told otherwise"):
+    with pytest.raises(ConfigurationError, match=r"mass.axis_1 is free and shared, but has another value"):
         check_variants((record,), told, {"loaded": other}, ("mass.axis_1",))
 
 

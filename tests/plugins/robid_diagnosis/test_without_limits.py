@@ -62,5 +62,5 @@ def test_a_diagnosis_says_what_it_left_out_and_why(told: Robot, record: Record) 
     assert {one.quantity for one in predicted.errors} == {"torque in open loop"}
     explained = Effects(only=FRICTION, most=1, passes=4).run((record,), bare, context())
     assert f"The closed loop could not be simulated: {LACKS}"[:60] in explained.verdict
-    assert explained.witness is not None
-    assert "lacks controller of axis_1" in explained.witness.reason
+    assert explained.response_check is not None
+    assert "lacks controller of axis_1" in explained.response_check.reason

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import Finding, ParameterTable, Witness
-from robid_diagnosis.wording import finding_line, values_line, witness_line
+from robid_core import Finding, ParameterTable, ResponseCheck
+from robid_diagnosis.wording import finding_line, response_check_line, values_line
 
 
 def table(estimate: list[float], error: list[float], group: str = "stiffness") -> ParameterTable:
@@ -42,7 +42,7 @@ def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
     """Eight configurations that each show a little are data; a gain that none shows is told numbers' nearness."""
     one = {
         "kind": "cause", "effect": "drive.torque_constant", "on": "axis_1", "side": "torque", "p_value": 1e-9,
-        "share": float("nan"), "names": ("error",), "units": ("1",), "told": np.array([np.nan]),
+        "share": float("nan"), "names": ("error",), "units": ("1",), "nominal": np.array([np.nan]),
         "value": np.array([0.07]), "standard_error": np.array([0.006]), "held_out": np.zeros(8),
         "by_own_size": np.array([10.0, *np.zeros(7)]),
     }  # fmt: skip
@@ -52,16 +52,16 @@ def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
     assert "without it parameters of the robot file would leave their tolerances" in finding_line(pulled, 8)
 
 
-def witness(*z: float) -> Witness:
+def response_check(*z: float) -> ResponseCheck:
     n, torques = len(z), np.full(len(z), 100.0)
-    return Witness(
+    return ResponseCheck(
         "frf.lrm, fit.log_response", "", 1.0, 3.5, tuple(f"gear_stiffness.axis_{i + 1}" for i in range(n)),
         ("N m/rad",) * n, torques + np.array(z), np.full(n, 0.8), torques, np.full(n, 0.6), np.array(z),
     )  # fmt: skip
 
 
-def test_a_witness_that_agrees_is_told_by_what_is_furthest_apart() -> None:
-    assert witness_line(witness(0.1, -2.0, 1.0)) == (
+def test_a_check_that_agrees_states_what_is_furthest_apart() -> None:
+    assert response_check_line(response_check(0.1, -2.0, 1.0)) == (
         "Check by frequency responses, fitted separately: they agree about all 3 stiffnesses; furthest apart: "
         "gear_stiffness.axis_2, 98 ± 0.8 N m/rad by responses, 100 ± 0.6 by torques: 2.0 standard errors, where 3.5 "
         "would count as a difference."
@@ -69,7 +69,7 @@ def test_a_witness_that_agrees_is_told_by_what_is_furthest_apart() -> None:
 
 
 def test_disagreements_are_read_out_the_furthest_first_and_many_are_counted() -> None:
-    line = witness_line(witness(0.1, 5.0, -9.0))
+    line = response_check_line(response_check(0.1, 5.0, -9.0))
     assert "disagree about 2 of 3 stiffnesses: gear_stiffness.axis_3, 91 ± 0.8" in line
     assert line.index("axis_3") < line.index("axis_2")
-    assert witness_line(witness(*[9.0] * 7)).endswith("; 2 more.")
+    assert response_check_line(response_check(*[9.0] * 7)).endswith("; 2 more.")

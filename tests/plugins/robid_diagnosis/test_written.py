@@ -45,7 +45,7 @@ def test_the_error_that_is_told_is_that_of_the_robot_that_is_written(
     values = STRIBECK | {"speed": width}
     record = measured(plant.with_effect("hidden", "friction.stribeck", "axis_1", values=values), 4)
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
-    stage = Effects.model_validate({"separate": False, "witness": (), "only": ("friction.stribeck",)})
+    stage = Effects.model_validate({"separate": False, "response_check": (), "only": ("friction.stribeck",)})
     diagnosis = stage.run((record,), told, context)
     (finding,) = diagnosis.findings
     assert diagnosis.model is not None

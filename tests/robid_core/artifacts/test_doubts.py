@@ -81,7 +81,7 @@ DOUBTED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "coaxial springs": (
         {"covariance": correlated(0, 1, -0.995)},
-        "not told apart: gear_stiffness.axis_1 and gear_stiffness.axis_2 (correlation -0.995)",
+        "not separated by the data: gear_stiffness.axis_1 and gear_stiffness.axis_2 (correlation -0.995)",
     ),
     "friction": (
         {"estimate": np.where(marked("friction_factor.axis_2"), 1.45, ESTIMATE)},

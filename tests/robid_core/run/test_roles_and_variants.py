@@ -47,7 +47,7 @@ def test_several_variants_are_refused_by_the_stage_that_cannot_tell_them_apart(
     measure(world, "{variants: [light, heavy, light]}")
     with pytest.raises(
         DataRejected,
-        match=r"^stage frf: the record holds several variants \(light, heavy\), which Respond does not tell apart; "
+        match=r"^stage frf: the record holds several variants \(light, heavy\), which Respond does not handle; "
         r"import each by .*`variant: light`",
     ):
         world.run(**limits)
@@ -61,7 +61,7 @@ def test_one_variant_is_no_reason_to_refuse(world: Any) -> None:
 
 def test_a_stage_that_says_so_takes_several_variants(world: Any) -> None:
     measure(world, "{variants: [light, heavy, light]}")
-    world.edit("    power: int = 2\n", "    tells_variants = True\n    power: int = 2\n")
+    world.edit("    power: int = 2\n", "    handles_variants = True\n    power: int = 2\n")
     world.run()
     assert artifact(world, Record, "acquire").variants == ("light", "heavy", "light")
     assert len(artifact(world, Frf, "frf").angle) == 3

@@ -15,11 +15,11 @@ from robid_core import (
     MisfitTable,
     ParameterTable,
     ResidualCurve,
+    ResponseCheck,
     SearchRecord,
     SeparatingExperiment,
     Timing,
     VisibleSize,
-    Witness,
 )
 from robid_core.run.verdict_file import verdict_json
 
@@ -29,7 +29,7 @@ GAINS = np.array([40.0, 3.0, np.nan])
 def finding(**changes: Any) -> Finding:
     fields = {
         "kind": "cause", "effect": "friction.stribeck", "on": "axis_2", "side": "motor", "gain": 43.0, "p_value": 1e-9,
-        "share": float("nan"), "names": ("breakaway",), "units": ("N m",), "told": np.array([np.nan]),
+        "share": float("nan"), "names": ("breakaway",), "units": ("N m",), "nominal": np.array([np.nan]),
         "value": np.array([0.3]), "standard_error": np.array([0.01]), "by_configuration": GAINS, "held_out": GAINS,
         "by_own_size": GAINS,
         "ties": ("friction.lugre at axis_2 (motor)",),
@@ -45,7 +45,7 @@ def test_what_is_told_stands_in_the_file() -> None:
     data = DiagnosedData(4, 12, 2, 100.0, ("differences between periods",), ("loaded",))
     diagnosis = Diagnosis("effects", "First line.\nSecond.", findings=(finding(),), search=search, data=data)
     told = json.loads(verdict_json(diagnosis, "arm.yaml", "abc"))
-    assert told["robid_verdict"] == 1
+    assert told["robid_verdict"] == 2
     assert told["robot"] == {"name": "arm.yaml", "sha256": "abc"}
     assert told["verdict"] == ["First line.", "Second."]
     assert told["data"] == {
@@ -56,7 +56,7 @@ def test_what_is_told_stands_in_the_file() -> None:
     assert found["by_configuration"] == [40.0, 3.0, None]
     assert found["share_of_ceiling"] is None
     (size,) = found["parameters"]
-    assert size["told"] is None
+    assert size["nominal"] is None
     assert size["interval"] == pytest.approx([0.3 - 0.0196, 0.3 + 0.0196])
     assert told["searched"]["tried"] == 145
     assert told["searched"]["failed"] == ["drive.saturation: no"]
@@ -84,7 +84,7 @@ def test_timing_tolerances_and_what_is_left_stand_in_the_file() -> None:
     )  # fmt: skip
     told = json.loads(verdict_json(diagnosis, "arm.yaml", "abc"))
     (mass,) = told["values"]
-    assert (mass["told"], mass["estimate"], mass["tolerance"]) == (2.0, 2.1, 0.02)
+    assert (mass["nominal"], mass["estimate"], mass["tolerance"]) == (2.0, 2.1, 0.02)
     (lag,) = told["timing"]["lag"]
     assert (lag["name"], lag["unit"], lag["estimate"]) == ("axis_1", "sample", 1.03)
     assert told["left"]["axes"]["axis_1"] == {"lines": [1.0, 4.0], "other_bins": [None, 2.0]}
@@ -139,9 +139,9 @@ def test_the_experiment_that_separates_ties_is_told() -> None:
     assert [row["separated"] for row in found["rivals"]] == [True, False]
     assert [row["expected"] for row in found["rivals"]] == [3.7, 0.2]
     assert best.sentence == (
-        "tell it from friction.lugre at axis_2 (motor) with: configuration [0.5, -1.25] (opposite gravity torque at "
-        "axis_2: -3 N m), recorded speeds times 2; expected log-likelihood ratio 3.7 an experiment (1.5 min), 0.4 "
-        "where a recorded one is repeated; none of this kind tells it from friction.dahl at axis_2 (motor)"
+        "separate it from friction.lugre at axis_2 (motor) with: configuration [0.5, -1.25] (opposite gravity torque "
+        "at axis_2: -3 N m), recorded speeds times 2; expected log-likelihood ratio 3.7 an experiment (1.5 min), 0.4 "
+        "where a recorded one is repeated; none of this kind separates it from friction.dahl at axis_2 (motor)"
     )
     assert "repeated" not in experiment([3.7], repeat=np.nan).sentence
     none = json.loads(verdict_json(Diagnosis("effects", "", findings=(finding(),)), "arm", ""))
@@ -155,12 +155,14 @@ def test_where_no_experiment_separates_ties_it_is_said() -> None:
 
 
 def test_what_responses_say_of_stiffnesses_stands_in_the_file() -> None:
-    witness = Witness(
+    response_check = ResponseCheck(
         "frf.lrm, fit.log_response", "", 1.1, 3.5, ("gear_stiffness.axis_1", "gear_stiffness.axis_2"),
         ("N m/rad", "N m/rad"), np.array([101.0, 90.0]), np.array([0.8, 0.8]), np.array([100.0, 100.0]),
         np.array([0.6, 0.6]), np.array([1.0, -10.0]),
     )  # fmt: skip
-    told = json.loads(verdict_json(Diagnosis("effects", "", witness=witness), "arm.yaml", "abc"))["witness"]
+    told = json.loads(
+        verdict_json(Diagnosis("effects", "", response_check=response_check), "arm.yaml", "abc")
+    )["response_check"]
     first, second = told["stiffnesses"]
     assert (told["method"], told["reason"], told["limit"]) == ("frf.lrm, fit.log_response", None, 3.5)
     assert (first["agree"], second["agree"], second["z"]) == (True, False, -10.0)
@@ -168,9 +170,13 @@ def test_what_responses_say_of_stiffnesses_stands_in_the_file() -> None:
     assert first["by_torques"] == {"estimate": 100.0, "standard_error": 0.6}
 
 
-def test_without_a_witness_the_file_says_why() -> None:
+def test_without_a_check_the_file_says_why() -> None:
     none, number = np.empty(0), float("nan")
-    witness = Witness("", "the record does not repeat", number, number, (), (), none, none, none, none, none)
-    told = json.loads(verdict_json(Diagnosis("effects", "", witness=witness), "arm.yaml", "abc"))["witness"]
+    response_check = ResponseCheck(
+        "", "the record does not repeat", number, number, (), (), none, none, none, none, none
+    )
+    told = json.loads(
+        verdict_json(Diagnosis("effects", "", response_check=response_check), "arm.yaml", "abc")
+    )["response_check"]
     assert (told["reason"], told["limit"], told["stiffnesses"]) == ("the record does not repeat", None, [])
-    assert json.loads(verdict_json(Diagnosis("effects", ""), "arm.yaml", "abc"))["witness"] is None
+    assert json.loads(verdict_json(Diagnosis("effects", ""), "arm.yaml", "abc"))["response_check"] is None

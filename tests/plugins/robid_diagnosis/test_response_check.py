@@ -16,13 +16,13 @@ from robid_core import (
     Diagnosis,
     FloatArray,
     Record,
+    ResponseCheck,
     Robot,
     Timing,
-    Witness,
 )
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
-from robid_diagnosis.witness import nonlinear_springs, on_time, periodic_record
+from robid_diagnosis.response_check import nonlinear_springs, on_time, periodic_record
 
 Plants = Callable[[Robot, int], Robot]
 Measured = Callable[..., Record]
@@ -37,9 +37,9 @@ def diagnosed(record: Record, robot: Robot, **settings: object) -> Diagnosis:
     return Effects.model_validate(few | settings).run((record,), robot, context)
 
 
-def witness_in(diagnosis: Diagnosis) -> Witness:
-    assert diagnosis.witness is not None
-    return diagnosis.witness
+def check_in(diagnosis: Diagnosis) -> ResponseCheck:
+    assert diagnosis.response_check is not None
+    return diagnosis.response_check
 
 
 def with_torque(record: Record, torque: FloatArray) -> Record:
@@ -66,7 +66,7 @@ def test_responses_agree_where_nothing_is_wrong(told: Robot, plant_of: Plants, m
     record = measured(plant, 4, with_reference=True)
     channels = {name: one for name, one in record.run.channels.items() if name != "speed_reference"}
     bare = record.replace(runs=(record.run.replace(channels=channels),))
-    seen, unaided = (witness_in(diagnosed(one, told)) for one in (record, bare))
+    seen, unaided = (check_in(diagnosed(one, told)) for one in (record, bare))
     assert seen.method == "compensate.friction, frf.lrm, fit.log_response"
     assert unaided.method == "frf.lrm, fit.log_response"
     for one in (seen, unaided):
@@ -84,10 +84,10 @@ def test_a_gear_that_is_stiffer_for_fast_motion_is_told(
     plant = plant_of(told, 3)
     record = stiffer_above(measured(plant, 4, with_reference=True), plant, 1.1, SLOW_HZ)
     diagnosis = diagnosed(record, told, highest_hz=SLOW_HZ)
-    witness = witness_in(diagnosis)
+    response_check = check_in(diagnosis)
     slow = plant.parameter(SPRING)
-    assert abs(witness.by_torques[0] - slow) < 3 * witness.torques_error[0]
-    assert abs(witness.by_responses[0] - 1.1 * slow) < 3 * witness.responses_error[0]
+    assert abs(response_check.by_torques[0] - slow) < 3 * response_check.torques_error[0]
+    assert abs(response_check.by_responses[0] - 1.1 * slow) < 3 * response_check.responses_error[0]
     (finding,) = diagnosis.findings
     assert (finding.kind, finding.on) == ("unknown", "axis_1")
     assert finding.effect == f"responses and torques disagree about {SPRING}"
@@ -97,10 +97,10 @@ def test_a_gear_that_is_stiffer_for_fast_motion_is_told(
 
 
 def test_nothing_else_changes_by_asking(told: Robot, plant_of: Plants, measured: Measured) -> None:
-    """Intervals are drawn; with and without a witness they are the same to the last digit."""
+    """Intervals are drawn; with and without a check they are the same to the last digit."""
     record = measured(plant_of(told, 3), 4)
-    asked, not_asked = diagnosed(record, told), diagnosed(record, told, witness=())
-    assert not_asked.witness is None
+    asked, not_asked = diagnosed(record, told), diagnosed(record, told, response_check=())
+    assert not_asked.response_check is None
     assert set(asked.verdict.split("\n")) - set(not_asked.verdict.split("\n")) == {
         line for line in asked.verdict.split("\n") if line.startswith("Check by frequency responses")
     }
@@ -115,11 +115,13 @@ def test_where_there_is_none_the_verdict_says_why(told: Robot, plant_of: Plants,
     for diagnosis, why in (
         (diagnosed(moves, told), "the record does not repeat"),
         (
-            diagnosed(record, told, witness=({"use": "frf.lrm", "with": {"discard": 2}}, "fit.log_response")),
+            diagnosed(
+                record, told, response_check=({"use": "frf.lrm", "with": {"discard": 2}}, "fit.log_response")
+            ),
             "2 periods were measured and 2 are to be dropped",
         ),
     ):
-        assert why in witness_in(diagnosis).reason
+        assert why in check_in(diagnosis).reason
         assert f"No check by frequency responses: {why}" in diagnosis.verdict
         assert diagnosis.findings == ()
 
@@ -178,5 +180,7 @@ def test_stages_that_lead_elsewhere_are_refused(
 ) -> None:
     """No fit at the end, no responses for it, another kind of stage: told before anything is fitted."""
     record = measured(plant_of(told, 3), 4)
-    with pytest.raises(ConfigurationError, match=f"'{wrong}' has no place there: witness is a list of st"):
-        diagnosed(record, told, witness=stages)
+    with pytest.raises(
+        ConfigurationError, match=f"'{wrong}' has no place there: response_check is a list of st"
+    ):
+        diagnosed(record, told, response_check=stages)

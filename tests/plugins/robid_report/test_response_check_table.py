@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import Diagnosis, Witness
-from robid_report.witness import witness_table
+from robid_core import Diagnosis, ResponseCheck
+from robid_report.response_check import response_check_table
 
 
 def test_both_estimates_their_difference_and_the_judgement_stand_in_a_row() -> None:
-    witness = Witness(
+    response_check = ResponseCheck(
         "frf.lrm, fit.log_response", "", 1.1, 3.48, ("gear_stiffness.axis_1",), ("N m/rad",), np.array([90.0]),
         np.array([0.8]), np.array([100.0]), np.array([0.6]), np.array([-10.0]),
     )  # fmt: skip
-    table = witness_table(Diagnosis("effects", "", witness=witness))
+    table = response_check_table(Diagnosis("effects", "", response_check=response_check))
     assert table is not None
     assert (table["method"], table["limit"]) == ("frf.lrm, fit.log_response", "3.5")
     (row,) = table["rows"]
@@ -21,8 +21,10 @@ def test_both_estimates_their_difference_and_the_judgement_stand_in_a_row() -> N
     assert (row["difference"].split()[0], row["apart"], row["agree"]) == ("−10.00", "−10.0", False)
 
 
-def test_where_there_is_no_witness_there_is_no_table() -> None:
+def test_where_there_is_no_check_there_is_no_table() -> None:
     none, number = np.empty(0), float("nan")
-    silent = Witness("", "the record does not repeat", number, number, (), (), none, none, none, none, none)
-    assert witness_table(Diagnosis("effects", "", witness=silent)) is None
-    assert witness_table(Diagnosis("effects", "")) is None
+    silent = ResponseCheck(
+        "", "the record does not repeat", number, number, (), (), none, none, none, none, none
+    )
+    assert response_check_table(Diagnosis("effects", "", response_check=silent)) is None
+    assert response_check_table(Diagnosis("effects", "")) is None

@@ -8,10 +8,10 @@ from robid_core import Diagnosis
 from robid_report.numbers import percent, significant
 
 
-def witness_table(diagnosis: Diagnosis | None) -> dict[str, Any] | None:
-    """Return stages, limit and rows as text; None where there is no witness, which the verdict says."""
-    witness = diagnosis.witness if diagnosis is not None else None
-    if witness is None or witness.reason:
+def response_check_table(diagnosis: Diagnosis | None) -> dict[str, Any] | None:
+    """Return stages, limit and rows as text; None where there is no check, which the verdict says."""
+    response_check = diagnosis.response_check if diagnosis is not None else None
+    if response_check is None or response_check.reason:
         return None
     rows = [
         {
@@ -24,20 +24,20 @@ def witness_table(diagnosis: Diagnosis | None) -> dict[str, Any] | None:
             "agree": agree,
         }
         for name, unit, torques, torques_error, responses, responses_error, z, agree in zip(
-            witness.names,
-            witness.units,
-            witness.by_torques.tolist(),
-            witness.torques_error.tolist(),
-            witness.by_responses.tolist(),
-            witness.responses_error.tolist(),
-            witness.z.tolist(),
-            witness.agree.tolist(),
+            response_check.names,
+            response_check.units,
+            response_check.by_torques.tolist(),
+            response_check.torques_error.tolist(),
+            response_check.by_responses.tolist(),
+            response_check.responses_error.tolist(),
+            response_check.z.tolist(),
+            response_check.agree.tolist(),
             strict=True,
         )
     ]
     return {
-        "method": witness.method,
-        "misfit": significant(witness.misfit, 3),
-        "limit": significant(witness.limit, 2),
+        "method": response_check.method,
+        "misfit": significant(response_check.misfit, 3),
+        "limit": significant(response_check.limit, 2),
         "rows": rows,
     }

@@ -1,4 +1,4 @@
-"""An independent witness: stiffnesses once more, from frequency responses, with the robot that a diagnosis found.
+"""An independent check of stiffnesses: estimated again from frequency responses, with the robot that a diagnosis found.
 
 The torque residual weighs all bins and simulates the motion; responses see the excited lines only, through another
 estimator and the linear model. What both say of a stiffness may differ by the errors that they state, by those that
@@ -28,12 +28,12 @@ from robid_core import (
     Model,
     Preprocessing,
     Record,
+    ResponseCheck,
     RobidError,
     Robot,
     Stage,
     StageRef,
     Timing,
-    Witness,
 )
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.results import unknown
@@ -62,14 +62,14 @@ class Chain:
             last = i == len(chain.stages)
             if not (isinstance(stage, STAGES) and fed and (isinstance(stage, Estimator) or not last)):
                 raise ConfigurationError(
-                    f"diagnosis.effects: '{chain.uses[i - 1]}' has no place there: witness is a list of stages that "
-                    "lead from a record to a fit, such as [frf.lrm, fit.log_response]"
+                    f"diagnosis.effects: '{chain.uses[i - 1]}' has no place there: response_check is a list of stages "
+                    "that lead from a record to a fit, such as [frf.lrm, fit.log_response]"
                 )
             made.append(stage.output)
         return chain
 
     def run(self, record: Record, robot: Robot, context: Context) -> tuple[Fit, str]:
-        """Run one after the other on what those before made, and return the fit and the stages that had a part in it.
+        """Run one after the other on what those before made, and return the fit and the stages that were used.
 
         What prepares a record is left out where the record lacks what it takes, a reference most of all.
         """
@@ -95,10 +95,10 @@ class Chain:
         return fit, ", ".join(used)
 
 
-def witness_of(
+def response_check_of(
     chain: Chain, case: Case, final: Fitted, model: Model, timing: Timing, context: Context
-) -> Witness:
-    """Have responses tell the stiffnesses of the robot that was found; where they cannot, the witness says why."""
+) -> ResponseCheck:
+    """Estimate the stiffnesses of the found robot from responses; where that is impossible, say why."""
     record, why = periodic_record(case.nominal_records, case.told.n_axis)
     if record is None:
         return _none(why)
@@ -111,7 +111,7 @@ def witness_of(
     return compared(fit, method, final, case.model_error)
 
 
-def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> Witness:
+def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> ResponseCheck:
     """Hold each stiffness of a fit of responses against that of a torque fit, of that relative error of the model."""
     table = fit.parameters
     # Responses that misfit know less than their weights say.
@@ -134,7 +134,7 @@ def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> Witnes
     by_torques, torques_error = np.array([final.estimate(name) for name in names]).T
     by_responses, responses_error = table.estimate[rows], error[rows]
     torques_error = np.hypot(torques_error, model_error * by_torques)
-    return Witness(
+    return ResponseCheck(
         method,
         "",
         fit.misfit,
@@ -169,19 +169,19 @@ def response_bias(fit: Fit) -> float:
     return float(variance[heard].mean()) if heard.any() else float("nan")
 
 
-def disagreements(witness: Witness | None) -> tuple[Finding, ...]:
+def disagreements(response_check: ResponseCheck | None) -> tuple[Finding, ...]:
     """Return a finding for each stiffness about which responses and torques disagree."""
-    if witness is None:
+    if response_check is None:
         return ()
-    n = len(witness.names)
+    n = len(response_check.names)
     return tuple(
         unknown(
-            f"responses and torques disagree about {witness.names[i]}",
-            witness.names[i].partition(".")[2],
-            float(witness.z[i] ** 2),
-            min(1.0, 2 * n * float(scipy.stats.norm.sf(abs(witness.z[i])))),
+            f"responses and torques disagree about {response_check.names[i]}",
+            response_check.names[i].partition(".")[2],
+            float(response_check.z[i] ** 2),
+            min(1.0, 2 * n * float(scipy.stats.norm.sf(abs(response_check.z[i])))),
         )
-        for i in np.flatnonzero(~witness.agree)
+        for i in np.flatnonzero(~response_check.agree)
     )
 
 
@@ -227,6 +227,6 @@ def _count(number: int) -> str:
     return "is one" if number == 1 else f"are {number}"
 
 
-def _none(reason: str) -> Witness:
+def _none(reason: str) -> ResponseCheck:
     none: FloatArray = np.empty(0)
-    return Witness("", reason, float("nan"), float("nan"), (), (), none, none, none, none, none)
+    return ResponseCheck("", reason, float("nan"), float("nan"), (), (), none, none, none, none, none)

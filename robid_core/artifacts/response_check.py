@@ -1,4 +1,4 @@
-"""Stiffnesses told twice, by the torque residual and by frequency responses, and whether the two agree."""
+"""Stiffnesses estimated twice, by the torque residual and from frequency responses, and whether the two agree."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from robid_core.artifacts.artifact import Artifact, array
 
 
 @dataclass(frozen=True, eq=False)
-class Witness(Artifact):
+class ResponseCheck(Artifact):
     """Another estimate of each stiffness from the same record, beside the one that a diagnosis stands on.
 
     `method` names the stages that estimated and fitted responses, `misfit` says how well the fit explains them.
     Standard errors have, beside what each fit states, the error that it grants to its model and the bias that noisy
     responses may have. `z` is the difference (responses less torques) over both errors; beyond `limit` the two
-    disagree. Where there is no witness `reason` says why in a clause, and all arrays are empty.
+    disagree. Where there is no check `reason` says why in a clause, and all arrays are empty.
     """
 
     method: str
