@@ -16,6 +16,7 @@ import json
 import platform
 import sys
 from importlib import metadata, resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -298,7 +299,9 @@ class HtmlReport(ReportStage):
             "nuisances": [row for row in table if not row.reported],
             "base": rows(fit.base, None)[0] if fit is not None and fit.base is not None else [],
             "essential": essential_rows(fit.essential) if fit is not None else None,
-            "plant": truth.plant if truth is not None else "",
+            "plant": Path(truth.plant).name
+            if truth is not None
+            else "",  # the page names no folder of the machine
             "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],
             "responding": responding.method if responding is not None and responding is not fit else "",

@@ -348,8 +348,10 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     ) -> ComplexArray:
         """Response from motor torque to motor acceleration, shape (n_config, n_freq, n_axis, n_axis).
 
-        With ``hold="zero_order_hold"`` torque is held between samples and position sampled at the instant;
-        ``"continuous"`` is the plain (2.7). Signal effects (lag, delay, gain...) are in it as reported torque and
+        `motor_damping`, (n_config, n_axis), is what friction is under the motion (`equivalent_motor_damping`); without
+        it there is only viscous friction, and a measured robot's stiffness comes out wrong. With
+        ``hold="zero_order_hold"`` torque is held between samples and position sampled at the instant; ``"continuous"``
+        is the plain (2.7). Signal effects (lag, delay, gain...) are in it as reported torque and
         measured position see them.
 
         >>> Robot.load("one_axis").response([[0.0]], np.array([10.0, 20.0])).shape

@@ -6,7 +6,7 @@ What a simulation does not need is compiled when it is called.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -24,13 +24,7 @@ _WIDTHS = 2
 """Codes that the simulator's outermost loop has: for one experiment and for eight at once."""
 
 
-SIMULATION = ("simulation of one experiment", "simulation of eight experiments at once")
-"""What the contract of an effect simulates."""
-
-
-def compile_ahead(
-    note: Callable[[int, int, str], None] | None = None, jobs: int = 0, parts: Sequence[str] | None = None
-) -> None:
+def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int = 0) -> None:
     """Compile the kernels of simulations, unless they are on disk.
 
     Parameters
@@ -39,12 +33,10 @@ def compile_ahead(
         Told how many groups of kernels are compiled, of how many, and what is waited for.
     jobs
         Processes; 0 takes as many as there are processors.
-    parts
-        Groups of kernels by name; None: all.
     """
     if kept_codes(run_blocks) >= _WIDTHS:
         return
-    names = list(_PARTS) if parts is None else list(parts)
+    names = list(_PARTS)
     tell = note if note is not None else _say_nothing
     with process_executor(jobs) as tasks:
         text = f"compiling kernels, once, on {_processors(tasks, len(names))}"

@@ -7,7 +7,6 @@ broken is a ContractBroken whose message says which.
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Iterator
 
@@ -20,7 +19,6 @@ from robid_core.errors import ConfigurationError
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 from robid_core.robot import Robot
 from robid_core.robot.structure_effect import StructureEffect
-from robid_core.run.compilation import SIMULATION, compile_ahead
 from robid_core.testing.broken import ContractBroken
 from robid_core.testing.laws import (
     OUTPUTS,
@@ -70,13 +68,7 @@ def check_effect(effect: type[Effect], /, **parameters: float) -> None:
         if issubclass(effect, StructureEffect):
             check_structure(effect, values)
         elif issubclass(effect, ForceEffect | SignalEffect):
-            compile_ahead(_say_compilation, parts=SIMULATION)
             _check_law_effect(effect, values)
-
-
-def _say_compilation(done: int, _total: int, text: str) -> None:
-    if not done:
-        print(f"robid: {text}; later sessions load them from disk", file=sys.stderr, flush=True)
 
 
 def _check_law_effect(effect: LawEffect, values: FloatArray) -> None:

@@ -419,13 +419,13 @@ def test_minor_findings_are_not_red(robot: Robot) -> None:
     assert banner["class"] == "banner amber"
 
 
-def test_an_estimate_far_from_the_truth_is_told(robot: Robot) -> None:
+def test_an_estimate_far_from_the_truth_is_told_and_the_plant_by_its_name_alone(robot: Robot) -> None:
     artifacts = everything(robot)
-    truth = Truth("plant", ("gear_stiffness.axis_1",), np.array([7e4]))
-    assert (
-        "More than four standard errors from the truth: gear_stiffness.axis_1"
-        in Page(page_of(robot, **{**artifacts, "truth": truth})).words
-    )
+    truth = Truth("/home/somebody/cell/plant.yaml", ("gear_stiffness.axis_1",), np.array([7e4]))
+    words = Page(page_of(robot, **{**artifacts, "truth": truth})).words
+    assert "More than four standard errors from the truth: gear_stiffness.axis_1" in words
+    assert "simulated (plant.yaml)" in words
+    assert "somebody" not in words
 
 
 def test_six_axes_fit_into_five_megabytes_and_are_drawn() -> None:
