@@ -122,7 +122,7 @@ def _phases(record: Record, robot: Robot) -> Iterator[tuple[int, FloatArray, Flo
         band = excited & (frequency[:, None] >= UPPER * top)
         bins = np.flatnonzero(band.any(axis=1))
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, min(BINS, len(bins))).astype(int))]
-        damping = robot.equivalent_motor_damping(*_speed_levels(np.diff(q, axis=0) / step))
+        damping = robot.equivalent_motor_damping(*_speed_levels(np.diff(q, axis=0) / step), frequency[bins])
         angle = robot.joint_angle(q.mean(axis=0))[None]
         response = robot.response(angle, frequency[bins], damping, record.torque_hold)[0]
         each = response * driven[bins][:, None, :]

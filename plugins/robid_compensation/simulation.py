@@ -148,7 +148,7 @@ class SimulationCompensation(Preprocessing):
         model = robot if fit is None else robot.fitted(fit)
         torque, position = run.values("motor_torque").copy(), run.values("motor_position").copy()
         references = run.values("speed_reference")
-        damping = model.equivalent_motor_damping(*record.speed_levels())
+        damping = model.equivalent_motor_damping(*record.speed_levels(), record.frequency_hz)
         for c in context.track(range(len(torque)), len(torque), "simulated mechanics"):
             plant = model.without_friction(damping[c])
             asked, middle = all_experiments(references[c]), all_experiments(position[c]).mean(axis=1)

@@ -156,5 +156,9 @@ def _output_covariance(
 def _motor_damping(robot: Robot, excitation: Excitation, frf: Frf | None) -> FloatArray:
     """Equivalent damping of friction under the motion that was measured, or only the slow sine's."""
     if frf is not None and frf.speed_rms is not None and frf.slow_sine_speed is not None:
-        return robot.equivalent_motor_damping(frf.speed_rms.mean(axis=0), frf.slow_sine_speed.mean(axis=0))
-    return robot.equivalent_motor_damping(np.zeros(robot.n_axis), excitation.slow_sine_speed)
+        return robot.equivalent_motor_damping(
+            frf.speed_rms.mean(axis=0), frf.slow_sine_speed.mean(axis=0), frf.frequency_hz
+        )
+    return robot.equivalent_motor_damping(
+        np.zeros(robot.n_axis), excitation.slow_sine_speed, excitation.frequency_hz
+    )

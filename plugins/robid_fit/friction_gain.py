@@ -55,7 +55,9 @@ class FrictionGain:
         x = omega * time
         knee = 1 + (x / KNEE) ** 2
         nominal = nominal_motor_damping(robot, frf)
-        viscous = robot.equivalent_motor_damping(np.full_like(nominal, FAST), np.zeros_like(nominal))
+        viscous = robot.equivalent_motor_damping(
+            np.full_like(nominal, FAST), np.zeros_like(nominal), frf.frequency_hz
+        )
         coulomb = np.maximum(1 - viscous / nominal, 0.0)
         return cls(
             tuple(f"{kind}.{axis}" for kind in KINDS for axis in robot.axis_names),
@@ -107,12 +109,12 @@ class FrictionGain:
 def nominal_motor_damping(robot: Robot, frf: Frf) -> FloatArray:
     """Friction of the nominal robot as an equivalent damping in each configuration, (n_config, n_axis).
 
-    Viscous friction alone where the speeds were not told.
+    Viscous friction alone where the speeds are not known.
     """
     rms = np.full(frf.angle.shape, FAST) if frf.speed_rms is None else frf.speed_rms
     sine = np.zeros_like(rms) if frf.slow_sine_speed is None else frf.slow_sine_speed
     # A frictionless nominal robot still gets a factor to move: a thousandth of what the rotor's inertia
     # takes at the lowest line.
     floor = 1e-3 * robot.drives.rotor_inertia * 2 * np.pi * frf.frequency_hz[0]
-    floored: FloatArray = np.maximum(robot.equivalent_motor_damping(rms, sine), floor)
+    floored: FloatArray = np.maximum(robot.equivalent_motor_damping(rms, sine, frf.frequency_hz), floor)
     return floored

@@ -27,7 +27,7 @@ def nominal_poles(record: Record, robot: Robot, discard: int) -> list[ComplexArr
             f"prior_poles: the record speaks of {', '.join(record.axis_names)} and the robot of "
             f"{', '.join(robot.axis_names)}; give the robot that was measured"
         )
-    damping = robot.equivalent_motor_damping(*record.speed_levels(discard))
+    damping = robot.equivalent_motor_damping(*record.speed_levels(discard), record.frequency_hz)
     return [
         pole_frequencies(np.linalg.eigvals(robot.linearize(angle, motor_damping=own).a).astype(np.complex128))
         for angle, own in zip(record.angle, damping, strict=True)

@@ -137,8 +137,8 @@ def _refuse_impossible(motion: _Motion, n_state: int) -> None:
             )
     if n_state and not motion.omega and not (motion.velocity_rms and motion.position_rms):
         raise ConfigurationError(
-            "linearisation: the gain of a law with memory depends on frequency and none is given; set omega, or both "
-            "velocity_rms and position_rms"
+            "linearisation: the gain of a law with memory depends on frequency and none is given; set omega (of "
+            "`equivalent_motor_damping`: frequency_hz), or both velocity_rms and position_rms"
         )
 
 

@@ -140,7 +140,7 @@ def _beside(frf: Frf, robot: Robot) -> ResponseComparison:
     between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
     damping = None
     if frf.speed_rms is not None and frf.slow_sine_speed is not None:
-        damping = robot.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed)
+        damping = robot.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed, frf.frequency_hz)
     return comparison_of(
         frf,
         robot.response(frf.angle, frf.frequency_hz, damping, hold=frf.torque_hold),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.effect import Effect, Equivalent, ForceEffect, Motion, Place, SignalEffect
@@ -226,8 +227,16 @@ def motor_viscosity(robot: Robot) -> FloatArray:
     return damping + robot.drives.viscous
 
 
-def motor_damping(robot: Robot, speed_rms: FloatArray, slow_sine_speed: FloatArray) -> FloatArray:
-    """Viscous gain that the force effects on the motors' side add under a measured motion, shape (..., n_axis)."""
+def motor_damping(
+    robot: Robot,
+    speed_rms: FloatArray,
+    slow_sine_speed: FloatArray,
+    frequency_hz: npt.ArrayLike | None = None,
+) -> FloatArray:
+    """Viscous gain that the force effects on the motors' side add under a measured motion, shape (..., n_axis).
+
+    That of laws with memory at the geometric mean of `frequency_hz`; ConfigurationError where none is given.
+    """
     total = np.zeros(np.broadcast_shapes(np.shape(speed_rms), np.shape(slow_sine_speed)))
     for bound in robot.effects:
         if issubclass(bound.effect, ForceEffect) and bound.place.side == "motor":
@@ -235,6 +244,7 @@ def motor_damping(robot: Robot, speed_rms: FloatArray, slow_sine_speed: FloatArr
             motion = Motion(
                 velocity_rms=np.asarray(speed_rms)[..., axis],
                 sine_speed=np.asarray(slow_sine_speed)[..., axis],
+                omega=0.0 if frequency_hz is None else 2 * np.pi * np.exp(np.mean(np.log(frequency_hz))),
             )
             total[..., axis] += bound.effect.linearize(bound.parameters, bound.place, motion).damping
     return total

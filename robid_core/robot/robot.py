@@ -385,13 +385,16 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
             raise ConfigurationError(f"hold: '{hold}' is neither zero_order_hold nor continuous")
         return self.sample_time_s if hold == "zero_order_hold" else None
 
-    def equivalent_motor_damping(self, speed_rms: FloatArray, slow_sine_speed: FloatArray) -> FloatArray:
+    def equivalent_motor_damping(
+        self, speed_rms: FloatArray, slow_sine_speed: FloatArray, frequency_hz: npt.ArrayLike | None = None
+    ) -> FloatArray:
         """Gain E[df/dv] of the motors' friction, effects included, that a multisine on top of a slow sine sees.
 
-        Shapes (..., n_axis), rad/s in, N m s/rad out (statistical linearisation).
+        Shapes (..., n_axis), rad/s in, N m s/rad out (statistical linearisation). The gain of a law with memory (Dahl,
+        LuGre) depends on frequency: it is taken at the geometric mean of the lines, `frequency_hz`.
         """
         from robid_core.mechanics import equivalent_damping
 
         d = self.drives
         own = equivalent_damping(speed_rms, slow_sine_speed, d.coulomb, d.viscous, d.friction_speed)
-        return own + motor_damping(self, speed_rms, slow_sine_speed) if self.effects else own
+        return own + motor_damping(self, speed_rms, slow_sine_speed, frequency_hz) if self.effects else own

@@ -103,7 +103,7 @@ def example_frf(robot: Robot, n_config: int = 2, seed: int = 4) -> Frf:
     n_freq, n_axis = len(LINES), robot.n_axis
     rms = np.full((n_config, n_axis), SPEED_RMS)
     slow = np.full((n_config, n_axis), SLOW_SPEED)
-    damping = robot.equivalent_motor_damping(rms, slow)
+    damping = robot.equivalent_motor_damping(rms, slow, frequency)
     response = robot.response(configurations.angle, frequency, damping)
     size = 0.01 * np.abs(response).mean(axis=(1, 2, 3))[:, None, None, None]
     generator = np.random.default_rng(seed)

@@ -191,3 +191,19 @@ def test_a_rest_position_does_not_depend_on_what_is_asked_beside_it(tmp_path: Pa
     together, alone = robot.equilibrium(poses), robot.equilibrium(POSE)
     np.testing.assert_array_equal(together.torque[:1], alone.torque)
     np.testing.assert_array_equal(together.position[:1], alone.position)
+
+
+def test_a_motors_friction_with_a_memory_damps_as_coulombs_where_its_bristle_is_stiff() -> None:
+    """Dahl's law is Coulomb's where the path of its bristle, F_c / sigma, is far shorter than that of the motion.
+
+    Here 5e-5 rad against 5 rad/s / (2 pi 18 Hz) = 0.04 rad; what remains is the scatter of one realisation, 1 %.
+    """
+    bare = Robot.load("one_axis").with_parameters({"friction.axis_1.coulomb": 0.0})
+    level, frequency = {"coulomb": 0.5}, np.geomspace(4, 80, 40)
+    sharp = bare.with_effect("rub", "friction.coulomb", "axis_1", values=level)
+    bristle = bare.with_effect("rub", "friction.dahl", "axis_1", values={**level, "stiffness": 1e4})
+    speeds = np.array([[5.0]]), np.array([[9.0]])
+    expected = sharp.equivalent_motor_damping(*speeds)
+    assert np.abs(bristle.equivalent_motor_damping(*speeds, frequency) / expected - 1) < 0.01
+    with pytest.raises(ConfigurationError, match="`equivalent_motor_damping`: frequency_hz"):
+        bristle.equivalent_motor_damping(*speeds)
