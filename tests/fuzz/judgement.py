@@ -1,7 +1,8 @@
 """What `robid records` makes of a damaged file, and whether that is allowed.
 
 Allowed: the file is read, or refused by an error of ours with exit code 5 or 7 whose message has its name. Where
-checksums cover all of it, what is read is what was written, or something is told.
+checksums cover all of it, what is read is what was written, or something is told; MATLAB's packed variables have a
+checksum each, and a file that was cut between two of them cannot be told from one that ends there.
 """
 
 from __future__ import annotations
@@ -131,8 +132,13 @@ class Judge:
             return "read"
         if not self._checked:
             return "other values"
+        if self._name in ENDLESS and same(self._reader.columns, self._part_of_truth()):
+            return "fewer variables"
         self._reader.read(path)  # as a stage does, with all that the reader logs
         return "told" if any("A0" in line for line in self._listening.told) else SILENT
+
+    def _part_of_truth(self) -> Columns:
+        return {name: values for name, values in self._truth.items() if name in self._reader.columns}
 
     def _recovers(self, path: Path) -> bool:
         """Tell whether `robid records recover` writes samples that were measured, and marks the others."""
@@ -162,9 +168,11 @@ def _refusal(error: RobidError, path: Path) -> str:
 
 
 SILENT = "silent"  # checksums cover it, it differs, and nothing was told
+ENDLESS = ("mat_packed",)  # cut between two variables it looks whole: nothing in the format counts them
 GOOD = (
     "read",
     "other values",  # of a format without checksums over all of it: nobody could tell
+    "fewer variables",  # each of them as it was
     "told",
     "refused",
     "refused (any error)",

@@ -21,7 +21,10 @@ FEW, MANY = 12, 100_000
 FOUND = {
     "npz": (1241, 3895),  # an entry of the directory swallowed the next one
     "npz_plain": (1840,),
-    "mat_packed": (7000509,),  # cut right behind the header: no variables, and nothing told
+    "mat_packed": (
+        7000509,
+        8092,
+    ),  # cut right behind the header: no variables, and nothing told; behind a variable
     "bag_mcap": (7000001, 7000013, 7000038),  # chunks without a checksum, and nothing told
     "mat_plain": (1932, 2411, 3192),  # scipy ended the process, by SIGSEGV and SIGBUS
     "mcap_foreign": (3, 58, 129, 138, 176, 218),  # the summary was believed
