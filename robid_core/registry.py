@@ -89,7 +89,9 @@ class Plugin:
             if self.distribution != UNKNOWN:
                 missing += f"; run: pip install {self.distribution} (adds what it requires and lacks)"
             raise PluginError(missing) from error
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a module may end in sys.exit()
             raise PluginError(f"{self} cannot be imported: {type(error).__name__}: {error}") from error
 
     @property

@@ -90,6 +90,7 @@ def versions() -> list[Finding]:
 
 def plugins() -> list[Finding]:
     """Import every plugin; those that fail are named with the reason, and so are names that stand twice."""
+    from robid_core.commands.trial import loaded_apart
     from robid_core.registry import GROUPS, registry
 
     findings: list[Finding] = []
@@ -97,8 +98,7 @@ def plugins() -> list[Finding]:
     for group in GROUPS:
         for name in registry().names(group):
             try:
-                registry().load(group, name)
-                count += 1
+                count += loaded_apart(registry().find(group, name), lambda _: 1)
             except ExtraMissing as error:
                 findings.append((0, f"optional {group} {error}"))
             except RobidError as error:

@@ -16,7 +16,7 @@ import typer
 
 from robid_core import __version__
 from robid_core.commands import INTERRUPTED
-from robid_core.errors import ConfigurationError, RobidError, StopNotConfirmed, said_by
+from robid_core.errors import ConfigurationError, PluginError, RobidError, StopNotConfirmed, said_by
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -59,6 +59,11 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
             else:
                 _say(_bug_message(error))
             raise SystemExit(BUG) from error
+        except BaseException as error:  # SystemExit and the like, which nothing of robid raises here
+            if debug:
+                traceback.print_exc()
+            _say(_ended_message(error))
+            raise SystemExit(PluginError.exit_code) from error
 
     return call
 
@@ -76,6 +81,14 @@ def _bug_message(error: Exception) -> str:
     except OSError as refused:
         place = f"no report could be saved ({refused})"
     return f"{first}\n{place}; the same command with --debug shows the traceback"
+
+
+def _ended_message(error: BaseException) -> str:
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return (
+        f"R09: {frame.filename}:{frame.lineno}, in {frame.name}, raised {type(error).__name__}, which ends Python and "
+        "which no plugin may; what was finished before is kept; tell the author of the plugin"
+    )
 
 
 def _save_report() -> Path:

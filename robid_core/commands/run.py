@@ -125,7 +125,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     except KeyboardInterrupt as interrupt:
         told = ["interrupted", *getattr(interrupt, "__notes__", ()), "finished stages are kept"]
         typer.echo(f"{'; '.join(told)}, and the same command goes on from there", err=True)
-        raise SystemExit(INTERRUPTED) from None
+        raise typer.Exit(INTERRUPTED) from None
     if quiet:
         page = last_page(pipeline, result)
         typer.echo(headline(pipeline, result) + (f"; {page}" if page else ""))
@@ -136,7 +136,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     else:
         typer.echo("\n".join(last_screen(pipeline, result, again)))
     if result.exit_code:
-        raise SystemExit(result.exit_code)
+        raise typer.Exit(result.exit_code)
 
 
 def _sort_words(file: Path, stages: list[str], force: bool) -> tuple[Path, list[str]]:

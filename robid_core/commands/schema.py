@@ -19,14 +19,18 @@ def command(
     With --robot that of robot files. Save it, and write as the first line of a pipeline file:
     # yaml-language-server: $schema=robid.schema.json
     """
+    import functools
     import json
 
+    from robid_core.commands.trial import in_a_copy
     from robid_core.errors import StoreError
     from robid_core.pipeline.schema import pipeline_schema
-    from robid_core.registry import registry
+    from robid_core.registry import GROUPS, registry
     from robid_core.robot.file.schema import robot_schema
 
-    schema = robot_schema() if robot else pipeline_schema(registry())
+    foreign = [plugin for group in GROUPS for plugin in registry().plugins(group) if plugin.is_foreign]
+    making = robot_schema if robot else functools.partial(pipeline_schema, registry())
+    schema = in_a_copy(making, foreign, "the schema was made")
     text = json.dumps(schema, indent=2) + "\n"
     if output is None:
         typer.echo(text, nl=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import json
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,6 +24,7 @@ def command(
     ] = None,
 ) -> None:
     """List every installed plugin with its package and version, or explain one."""
+    from robid_core.commands.trial import loaded_apart
     from robid_core.errors import ConfigurationError
     from robid_core.registry import GROUPS, registry
     from robid_core.yaml_file.problems import suggestion
@@ -40,7 +42,8 @@ def command(
     if not chosen:
         names = sorted({plugin.name for plugin in plugins})
         raise ConfigurationError(f"no plugin '{name}'; {suggestion(name, names, 'there are')}")
-    typer.echo("\n\n".join("\n".join(explain(plugin)) for plugin in chosen))
+    pages = [loaded_apart(plugin, functools.partial(explain, plugin)) for plugin in chosen]
+    typer.echo("\n\n".join("\n".join(page) for page in pages))
 
 
 def table(rows: list[Row]) -> list[str]:
@@ -54,10 +57,11 @@ def table(rows: list[Row]) -> list[str]:
 
 def row(plugin: Plugin) -> Row:
     """Return one line of the list; a plugin that cannot be imported says why."""
+    from robid_core.commands.trial import loaded_apart
     from robid_core.errors import PluginError
 
     try:
-        what = summary(plugin.load())
+        what = loaded_apart(plugin, summary)
     except PluginError as error:
         what = f"FAILS: {' '.join(str(error).split())}"
     group = plugin.group.removeprefix("robid.")
@@ -69,13 +73,12 @@ def summary(plugin: Any) -> str:
     return (inspect.getdoc(plugin) or "").partition("\n")[0].rstrip(".")
 
 
-def explain(plugin: Plugin) -> list[str]:
-    """Return everything a user needs to know of a plugin; PluginError where it cannot be imported."""
+def explain(plugin: Plugin, loaded: Any) -> list[str]:
+    """Return everything a user needs to know of a plugin and of what it registers."""
     from robid_core.pipeline.checking import settings_model
     from robid_core.registry import DRIVES, EFFECTS, EXECUTORS, STAGES
     from robid_core.robot import Robot
 
-    loaded = plugin.load()
     lines = [f"{plugin.name}: {plugin.group}, {plugin.distribution} {plugin.version}, {plugin.target}"]
     if plugin.group == EFFECTS:
         return lines + explain_effect(plugin.name, loaded)

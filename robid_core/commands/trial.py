@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Callable, Collection
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from robid_core.errors import PluginError
 from robid_core.executors.task import surviving
@@ -69,7 +69,10 @@ def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) 
                 _how_it_ended(os.waitstatus_to_exitcode(status), plugins, doing, Path(crash.name))
             )
     if kind == "error":
-        raise value
+        if isinstance(value, Exception | KeyboardInterrupt):
+            raise value
+        how = f"raised {type(value).__name__}, which no plugin may"
+        raise PluginError(_blamed(how, plugins, doing)) from value
     result: R = value
     return result
 
@@ -89,10 +92,20 @@ def _work(action: Callable[[], object], there: Connection, crash: Path) -> None:
         os._exit(0)
 
 
+def loaded_apart(plugin: Plugin, action: Callable[[Any], R]) -> R:
+    """Return what an action makes of what a plugin registers; that of a third party is imported in a copy only."""
+    foreign = [plugin] if plugin.is_foreign else []
+    return in_a_copy(lambda: action(plugin.load()), foreign, f"{plugin.name} was imported")
+
+
 def _how_it_ended(code: int, plugins: Collection[Plugin], doing: str, crash: Path) -> str:
-    whose = " or of ".join(sorted({f"{plugin.distribution} {plugin.version}" for plugin in plugins}))
     if code < 0:
         how = f"crashed with {signal.Signals(-code).name}{last_frame(crash)}"
     else:
         how = f"ended the process with exit code {code}, which no plugin may"
+    return _blamed(how, plugins, doing)
+
+
+def _blamed(how: str, plugins: Collection[Plugin], doing: str) -> str:
+    whose = " or of ".join(sorted({f"{plugin.distribution} {plugin.version}" for plugin in plugins}))
     return f"R09: while {doing}, the code of {whose} {how}; nothing was done; tell the author of the plugin"

@@ -96,7 +96,8 @@ def answered(request: Request) -> Answer:
     try:
         os.chdir(request.folder)
         sys.path[:] = request.search
-        importlib.invalidate_caches()
+        if request.target.partition(":")[0] not in sys.modules:
+            importlib.invalidate_caches()  # it may have been installed since
         reader = EntryPoint("reader", request.target, "robid").load()
         function = getattr(reader, request.method) if request.method else reader
         with limited(request.limits):

@@ -133,7 +133,7 @@ class _Confined:
             advice = "raise the limits of the system (ulimit), or tell the author of the plugin, which is imported then"
         else:
             how = f"R09: its code ended its process with exit code {code} before there was a result"
-            advice = "a plugin returns or raises, and calls no os._exit; tell its author"
+            advice = "a plugin returns or raises; it calls no os._exit and closes only its own files; tell its author"
         return PluginError(f"stage {self._job.name}: {self._job.plugin}: {how}; nothing was stored; {advice}")
 
     def ask_to_stop(self) -> MotionAborted | None:

@@ -85,8 +85,9 @@ class _Log(logging.handlers.QueueHandler):
         self._line = line
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Send a record whose message is complete."""
-        self._line.send("log", record)
+        """Send a record whose message is complete; where the stage's code closed the pipe, that is told by its end."""
+        with contextlib.suppress(OSError):
+            self._line.send("log", record)
 
 
 def run_job(
@@ -115,8 +116,10 @@ def run_job(
             told = surviving(error)
             told.robid_frames = list(traceback.extract_tb(error.__traceback__))  # type: ignore[attr-defined]
             message = ("error", told, text)
-        with contextlib.suppress(BrokenPipeError):  # nobody listens any more
+        try:
             line.send(*message)
+        except OSError:  # nobody listens any more, or the stage's code closed the pipe and all other files
+            os._exit(1)
 
 
 def _take_over(environment: Mapping[str, str], umask: int) -> None:

@@ -27,7 +27,9 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
     """Let an error say which stage and plugin it comes from."""
     try:
         yield
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit too, and what libraries cancel or skip with
         if isinstance(error, RobidError) and not isinstance(error, StandIn):
             log.error("stage %s: %s", node.name, said_by(error), exc_info=True)
             if not said_by(error).startswith((f"{node.name}:", f"stage {node.name}:")):

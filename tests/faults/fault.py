@@ -16,8 +16,8 @@ place of a mutant) says why no single line could be broken.
 
 `docs/tested_faults.md` is made from all this by `python tests/faults/table.py`, and a test holds it to that. Everything
 is read from the source of the tests, so arguments are texts, or names that the module gives to texts. A plain run looks
-whether each mutant's line still stands, and tries one; `pytest -m full tests/faults` breaks every one in a copy of the
-sources and runs its test, which must fail.
+whether each mutant's line still stands, and tries one; `pytest -m full tests/mutants` breaks every one in a copy of the
+sources and runs its test, which must fail (`tests/mutants/run.py`).
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
-"""Broken mutants of gate, lock, stop path, store and readers of files: `python tests/mutants/rooms.py` tries them all.
-
-It prints what becomes of each, and how many were caught by a failing test, by a dead process, by the time limit or not
-at all; words behind it choose those whose name or test holds one of them.
-"""
+"""Broken mutants of gate, lock, stop path and store; `stop_path.py` has more of the stop path."""
 
 from __future__ import annotations
 
-import sys
-
-from mutants.mutant import Mutant, count
-from mutants.readers import OF_READERS
+from mutants.mutant import Mutant
 
 GATE = "robid_core/gate.py"
 NO_MOTION = "tests/robid_core/test_gate.py::test_what_is_no_motion_is_refused_with_the_reason"
@@ -339,10 +332,3 @@ OF_STORE = [
         "tests/robid_core/store/test_failing_calls.py::test_a_real_write_that_stops_half_way_is_told_and_leaves_nothing",
     ),
 ]
-
-ROOMS = [*OF_GATE, *OF_LOCK, *OF_STOP, *OF_STORE, *OF_READERS]
-
-if __name__ == "__main__":
-    words = sys.argv[1:] or [""]
-    fates = count(one for one in ROOMS if any(word in f"{one.name} {one.test}" for word in words))
-    print(", ".join(f"{fate.value}: {number}" for fate, number in fates.items()))

@@ -1,8 +1,7 @@
-"""Broken mutants of what stops a robot and of the rooms around it (`rooms.py`), each one line away from the real thing:
-a named test must fail on each.
+"""Every mutant's line stands, every mutant is caught by its test, and the table says by what.
 
-A plain run sees that every line is still there. `pytest -m full tests/mutants` copies the sources, breaks one line and
-runs the tests that shall notice.
+A plain run sees that every line and every test is still there. `pytest -m full tests/mutants` copies the sources,
+breaks one line at a time and runs the test that shall notice, as `run.py` does, which writes the table.
 """
 
 from __future__ import annotations
@@ -11,186 +10,88 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mutants.mutant import Fate, Mutant, copy_sources, pytest_in, tried
-from mutants.rooms import ROOMS
+from mutants.every import NAMED, every_mutant
+from mutants.mutant import Fate, Mutant, copy_for_many, pytest_in, tried
+from mutants.run import TABLE, read_fates
 
-STOPPING = "tests/adapters/robid_can/test_can_stopping.py"
-INTERRUPTION = "tests/robid_core/test_interruption.py"
-LIMITS = "tests/robid_core/run/test_limits.py"
-TWO_RUNS = "tests/robid_core/run/test_two_runs.py"
-
-
-STOP_PATH = [
-    Mutant(
-        "each drive is told after the one before was judged",
-        "adapters/robid_can/host/stopping.py",
-        "        _attempt(lambda drive=drive: drive.send_write(od.CONTROLWORD, controlword), problems)",
-        "        _attempt(lambda d=drive: (link.attend(0.1), d.send_write(od.CONTROLWORD, controlword)), problems)",
-        f"{STOPPING}::test_the_first_frames_of_a_stop_are_those_of_the_standards",
-    ),
-    Mutant(
-        "no broadcast",
-        "adapters/robid_can/host/stopping.py",
-        "    for command in (STOP_NODE, ENTER_PRE_OPERATIONAL):",
-        "    for command in ():",
-        f"{STOPPING}::test_the_broadcast_stops_a_drive_whose_sdo_server_hangs",
-    ),
-    Mutant(
-        "broadcast alone",
-        "adapters/robid_can/host/stopping.py",
-        "    _tell(link, drives, state.QUICK_STOP, problems)",
-        "    _tell(link, (), state.QUICK_STOP, problems)",
-        f"{STOPPING}::test_the_controlword_stops_a_drive_that_ignores_the_network",
-    ),
-    Mutant(
-        "rest is believed from the command",
-        "adapters/robid_can/host/stopping.py",
-        "        standing[drive.name] = 0 if speed else standing[drive.name] + 1",
-        "        standing[drive.name] = standing[drive.name] + 1",
-        f"{STOPPING}::test_rest_is_what_the_speed_says_not_the_command",
-    ),
-    Mutant(
-        "one reading of zero is rest",
-        "adapters/robid_can/host/stopping.py",
-        "AT_REST = 2",
-        "AT_REST = 1",
-        f"{STOPPING}::test_a_turning_point_is_no_rest",
-    ),
-    Mutant(
-        "the first error ends the stop",
-        "adapters/robid_can/host/stopping.py",
-        "    except Exception as error:",
-        "    except ZeroDivisionError as error:",
-        f"{STOPPING}::test_B11_a_bus_that_takes_nothing_is_tried_for_every_drive_and_told",
-    ),
-    Mutant(
-        "voltage off before the ramp has ended",
-        "adapters/robid_can/host/stopping.py",
-        "    _tell(link, drives, state.QUICK_STOP, problems)",
-        "    _tell(link, drives, state.DISABLE_VOLTAGE, problems)",
-        f"{STOPPING}::test_each_axis_ramps_down_by_its_own_deceleration_from_where_it_was",
-    ),
-    Mutant(
-        "a motor takes the others out of their run",
-        "adapters/robid_can/drive/motion.py",
-        "        self.ramps[axis] = ramp",
-        "        self.ramps = {other: self.ramps.get(other, ramp) for other in range(self.plant.n_axis)}",
-        f"{STOPPING}::test_each_axis_ramps_down_by_its_own_deceleration_from_where_it_was",
-    ),
-    Mutant(
-        "signals break into the stop",
-        "adapters/robid_can/drives.py",
-        "        self._safe_points.enter_context(at_safe_points())",
-        "        pass",
-        f"{STOPPING}::test_a_signal_that_comes_while_drives_are_stopped_at_the_end_interrupts_afterwards",
-    ),
-    Mutant(
-        "an interruption says that all is well",
-        "adapters/robid_can/drives.py",
-        "        elif problems:",
-        "        elif problems and cause is None:",
-        f"{STOPPING}::test_D06_an_interruption_after_which_a_motor_turns_is_no_calm_one",
-    ),
-    Mutant(
-        "a signal during the stop at the end is forgotten",
-        "adapters/robid_can/drives.py",
-        "        if host is not None and not any(exception):",
-        "        if host is None:",
-        f"{STOPPING}::test_a_signal_that_comes_while_drives_are_stopped_at_the_end_interrupts_afterwards",
-    ),
-    Mutant(
-        "no latch",
-        "robid_core/interruption.py",
-        "    first, _latch.requested = not _latch.requested, True",
-        "    first = False",
-        f"{INTERRUPTION}::test_a_signal_that_python_drops_is_met_at_the_next_look",
-    ),
-    Mutant(
-        "a second signal raises again",
-        "robid_core/interruption.py",
-        "    if not (_latch.held or _latch.at_safe_points or _latch.over.is_set() or _being_handled()):",
-        "    if not (_latch.held or _latch.at_safe_points or _latch.over.is_set()):",
-        f"{INTERRUPTION}::test_a_signal_right_after_another_does_not_break_into_what_the_first_cleans_up",
-    ),
-    Mutant(
-        "nobody is reminded",
-        "robid_core/interruption.py",
-        "    if first:\n",
-        "    if False:\n",
-        f"{INTERRUPTION}::test_a_signal_that_python_drops_wakes_who_sleeps_all_the_same",
-    ),
-    Mutant(
-        "progress does not look",
-        "robid_core/run/calling.py",
-        "            heed()\n",
-        "            pass\n",
-        f"{TWO_RUNS}::test_D18_an_interrupt_that_got_lost_ends_the_run_at_the_next_progress",
-    ),
-    Mutant(
-        "waiting does not look",
-        "robid_core/run/lock.py",
-        "                    heed()\n",
-        "                    raise SystemExit\n",
-        f"{TWO_RUNS}::test_D18_an_interrupt_ends_the_waiting_for_another_run",
-    ),
-    Mutant(
-        "the handler comes after the application",
-        "robid_core/commands/__init__.py",
-        "    with signals_as_interrupt():\n",
-        "    import robid_core.commands.app\n    with signals_as_interrupt():\n",
-        f"{INTERRUPTION}::test_the_command_line_listens_before_it_loads_anything",
-    ),
-    Mutant(
-        "only the group is killed",
-        "robid_core/run/confine.py",
-        "            self._process.kill()\n",
-        "",
-        f"{LIMITS}::test_a_deadline_that_passes_while_the_process_still_starts_ends_it",
-    ),
-    Mutant(
-        "the end is waited for without limit",
-        "robid_core/run/confine.py",
-        "            self._process.kill()\n            self._process.join(GONE_S)",
-        "            self._process.kill()\n            self._process.join(30)",
-        f"{LIMITS}::test_a_process_that_cannot_be_collected_is_not_waited_for",
-    ),
-    Mutant(
-        "drives are not asked to stop",
-        "robid_core/run/confine.py",
-        "            os.kill(self._process.pid, signal.SIGTERM)",
-        "            os.kill(self._process.pid, signal.SIGKILL)",
-        f"{LIMITS}::test_a_stage_with_drives_may_stop_them_before_it_is_killed",
-    ),
-    Mutant(
-        "a process that was asked to stop is waited for without limit",
-        "robid_core/run/confine.py",
-        "            while time.monotonic() < limit:\n                message = self._hear()",
-        "            while time.monotonic() < limit + 30:\n                message = self._hear()",
-        f"{LIMITS}::test_a_stage_with_drives_that_does_not_end_is_killed_all_the_same",
-    ),
-]
-MUTANTS = [*STOP_PATH, *ROOMS]
+MUTANTS = [one for mutants in NAMED.values() for one in mutants]
+EVERY = [one for mutants in every_mutant().values() for one in mutants]
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
+def mutant_name(mutant: Mutant) -> str:
+    return mutant.name.replace(" ", "_")
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=mutant_name)
 def test_the_line_that_a_mutant_breaks_stands_once_and_its_test_is_there(mutant: Mutant) -> None:
     assert mutant.stands_once
     assert mutant.has_its_test
 
 
+def test_no_two_mutants_are_the_same() -> None:
+    assert len({one.key for one in EVERY}) == len(EVERY)
+
+
+def test_no_mutant_of_the_table_survived() -> None:
+    fates = read_fates(TABLE)
+    assert fates
+    assert {row.killed_by for row in fates.values()} <= {fate.value for fate in Fate} - {Fate.SURVIVES.value}
+
+
+def small_copy(folder: Path, body: str) -> tuple[Path, Mutant]:
+    """Return sources of one line, and a mutant of it that a test of this body shall notice."""
+    (folder / "adapters").mkdir(parents=True)
+    (folder / "adapters" / "room.py").write_text("ANSWER = 42\n")
+    (folder / "test_room.py").write_text(
+        "import os, time\nimport pytest\nfrom room import ANSWER\n\n\n"
+        f"@pytest.mark.parametrize('value', ['a - word'])\ndef test_room(value):\n    {body}\n"
+    )
+    return folder, Mutant(
+        "another answer", "adapters/room.py", "ANSWER = 42", "ANSWER = 41", "test_room.py::test_room"
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "fate", "words"),
+    [
+        ("assert ANSWER == 42, 'no'", Fate.ASSERTION, ""),
+        pytest.param(
+            "with pytest.raises(KeyError): {41: 1}[ANSWER]", Fate.ASSERTION, "", marks=pytest.mark.full
+        ),
+        ("{42: 1}[ANSWER]", Fate.ERROR, "KeyError"),
+        ("ANSWER == 42 or os._exit(1)", Fate.CRASHES, ""),
+        pytest.param("ANSWER == 42 or os.abort()", Fate.CRASHES, "", marks=pytest.mark.full),
+        pytest.param("if ANSWER != 42: raise KeyboardInterrupt", Fate.CRASHES, "", marks=pytest.mark.full),
+        pytest.param("assert ANSWER == 42, 'KeyboardInterrupt'", Fate.ASSERTION, "", marks=pytest.mark.full),
+        pytest.param("ANSWER == 42 or time.sleep(60)", Fate.HANGS, "", marks=pytest.mark.full),
+        ("assert ANSWER", Fate.SURVIVES, "exit code 0"),
+    ],
+)
+def test_the_end_of_a_mutant_is_told_from_the_others(
+    body: str, fate: Fate, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mutants.mutant.LONGEST_S", 10)
+    monkeypatch.setattr("mutants.mutant.IDLE", 1)
+    copy, mutant = small_copy(tmp_path, body)
+    found, said = tried(mutant, copy)
+    assert found is fate
+    assert said.startswith(words)
+    assert (copy / mutant.file).read_text() == "ANSWER = 42\n"
+
+
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return copy_sources(tmp_path_factory.mktemp("mutant"))
+    return copy_for_many(tmp_path_factory.mktemp("mutant"))
 
 
 @pytest.mark.full
 def test_the_sound_copy_passes(copy: Path) -> None:
-    done = pytest_in(copy, *dict.fromkeys(mutant.test for mutant in MUTANTS))
+    done = pytest_in(copy, *dict.fromkeys(mutant.test for mutant in EVERY))
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "_"))
+@pytest.mark.parametrize("mutant", EVERY, ids=mutant_name)
 def test_a_mutant_is_caught(
     mutant: Mutant, copy: Path, record_property: Callable[[str, object], None]
 ) -> None:

@@ -7,7 +7,8 @@ run's length. Then the pipeline is run once more. A death is good where
 
 - the drive stood still within its watchdog, its quick-stop ramp and 2 ms after the last heartbeat that it heard,
 - it was switched off then and nothing moved it again, whatever the continued host still sent,
-- the motion began once at most in both runs, and the second run refused it where it had begun,
+- the motion began once at most in both runs, and the second run did not move where it had begun: it refused, or had
+  the whole recording of a host that died after it had switched the drive off,
 - the exit codes are the documented ones, and no process of the host is left.
 
 Times are those of the drive, looked at once a millisecond; its clock follows the wall clock and never jumps, so that a
@@ -375,8 +376,13 @@ def judge(
         whys.append("not at rest and off at the end")
     if seen.runs + seen_again.runs > 1:
         whys.append("the motion began twice")
-    if seen.moves and host.code and (seen_again.moves or again.code != REFUSED):
-        whys.append(f"the second run moved, or ended with {again.code}")
+    finished = seen.runs and not seen.lost  # the host itself had switched the drive off: all may be recorded
+    if (
+        seen.moves
+        and host.code
+        and (seen_again.moves or again.code not in ((REFUSED, 0) if finished else (REFUSED,)))
+    ):
+        whys.append(f"the second run moved {len(seen_again.moves)} times, or ended with {again.code}")
     if not seen.moves and again.code not in (0, REFUSED):
         whys.append(f"the second run ended with {again.code}")
     possible = {(ABORTED if seen.moves else REFUSED) if seen.lost else 0}

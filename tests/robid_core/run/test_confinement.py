@@ -80,10 +80,45 @@ def test_R09_a_plugin_that_ends_its_process_ends_no_run(world: Any) -> None:
         confined(world, last="fit")
     assert str(caught.value) == (
         "stage fit: 'strange.estimate' (robid_strange_stages 1.0): R09: its code ended its process with exit code 0 "
-        "before there was a result; nothing was stored; a plugin returns or raises, and calls no os._exit; tell its "
-        "author"
+        "before there was a result; nothing was stored; a plugin returns or raises; it calls no os._exit and "
+        "closes only its own files; tell its author"
     )
     assert caught.value.exit_code == 8
+
+
+@fault(
+    "R09",
+    sees="exit 8: stage, plugin and version; no traceback on the screen where a stage closed every file there is",
+    mutant=(
+        "robid_core/run/confined_stage.py",
+        "            os._exit(1)\n",
+        "            raise\n",
+    ),
+)
+def test_R09_a_plugin_that_closes_files_of_others_is_told(world: Any, capfd: Any) -> None:
+    world.run(last="frf")
+    world.edit(FIT, FIT + "        os.closerange(3, 256)\n")
+    with pytest.raises(
+        PluginError, match="R09: its code ended its process with exit code 1 .* only its own files"
+    ):
+        confined(world, last="fit")
+    assert capfd.readouterr().err == ""
+
+
+@fault(
+    "R09",
+    sees="exit 8: stage, plugin and class of what it raised, also what is no Exception (cancelled, skipped)",
+    mutant=(
+        "robid_core/run/guard.py",
+        "    except BaseException as error:  #",
+        "    except (Exception, SystemExit) as error:  #",
+    ),
+)
+@pytest.mark.parametrize("trust", [True, False])
+def test_R09_whatever_a_plugin_raises_is_told(world: Any, trust: bool) -> None:
+    world.edit(FIT, FIT + "        import asyncio; raise asyncio.CancelledError('no more')\n")
+    with pytest.raises(PluginError, match=r"stage fit: .* failed: CancelledError: no more"):
+        world.run(last="fit", trust_plugins=trust)
 
 
 @fault(

@@ -16,15 +16,23 @@ ENDED = "        except EOFError:\n"
 COUNT = "class Where(CandidateDesign):\n"
 SETTINGS = COUNT + "    def problems_with(self, robot):\n        {}\n\n"
 FORESEEN = COUNT + "    def plan_lines(self, upstream):\n        {}\n\n"
+BIAS = "BIAS = 0.0  # tests edit this line\n"
+TRUTH = '        return Truth("strange", ("gear_stiffness.axis_1",), np.array([self.stiffness]))\n'
+ELSEWHERE = f"os.getpid() == {os.getpid()} or os._exit(0)"  # here it would end all tests with success
 CRASH = "import ctypes; ctypes.string_at(0)"
 
 
 def told(world: Any, capsys: Any, *words: str) -> tuple[int, str, str]:
-    """Exit code and words of a command, in this process and with this world's plugins."""
+    """Exit code and words of a command on the pipeline, in this process and with this world's plugins."""
+    return heard(capsys, *words, str(world.file))
+
+
+def heard(capsys: Any, *words: str) -> tuple[int, str, str]:
+    """Return the same of a command that reads no pipeline."""
     registry.cache_clear()
     try:
         with pytest.raises(SystemExit) as end:
-            main([*words, str(world.file)])
+            main(words)
     finally:
         registry.cache_clear()
     return int(end.value.code or 0), *capsys.readouterr()
@@ -43,8 +51,7 @@ def told(world: Any, capsys: Any, *words: str) -> tuple[int, str, str]:
 def test_R09_settings_of_a_plugin_that_end_the_process_are_told(
     world: Any, capsys: Any, command: str
 ) -> None:
-    elsewhere = f"os.getpid() == {os.getpid()} or os._exit(0)"  # here it would end all tests with success
-    world.edit(COUNT, SETTINGS.format(elsewhere))
+    world.edit(COUNT, SETTINGS.format(ELSEWHERE))
     code, out, err = told(world, capsys, command)
     assert (code, out) == (8, "")
     assert (
@@ -52,6 +59,123 @@ def test_R09_settings_of_a_plugin_that_end_the_process_are_told(
         in err
     )
     assert not (world.project / "runs").exists()
+
+
+@fault(
+    "R09",
+    sees="exit 8 of validate, plan and run: a plugin's settings raised SystemExit, which would be exit 0",
+    mutant=(TRIAL, "        if isinstance(value, Exception | KeyboardInterrupt):\n", "        if True:\n"),
+)
+@pytest.mark.parametrize("command", ["validate", "plan", "run"])
+def test_R09_settings_of_a_plugin_that_ask_to_exit_are_told(world: Any, capsys: Any, command: str) -> None:
+    world.edit(COUNT, SETTINGS.format("raise SystemExit(0)"))
+    code, out, err = told(world, capsys, command)
+    assert (code, out) == (8, "")
+    assert "while the pipeline was read, the code of robid_strange_stages 1.0 raised SystemExit" in err
+
+
+def at_import(world: Any, line: str) -> None:
+    """Let the package do something when it is imported."""
+    world.edit(BIAS, f"{BIAS}{line}\n")
+
+
+@fault(
+    "R14",
+    sees="the plugin cannot be imported: SystemExit, as a script ends; it was exit 0 of a run with nothing made",
+    mutant=(
+        "robid_core/registry.py",
+        "        except BaseException as error:  #",
+        "        except Exception as error:  #",
+    ),
+)
+def test_R14_a_plugin_that_is_a_script_is_told(world: Any, capsys: Any) -> None:
+    at_import(world, "raise SystemExit(0)")
+    code, _, err = told(world, capsys, "run")
+    assert code == 2
+    assert "cannot be imported: SystemExit: 0" in err
+
+
+@fault(
+    "R14",
+    sees="`robid stages`: the line of a plugin that ended its process when it was imported, and all other plugins",
+    mutant=("robid_core/commands/stages.py", "loaded_apart(plugin, summary)", "summary(plugin.load())"),
+)
+def test_R14_a_list_of_plugins_survives_one_that_ends_its_process(world: Any, capsys: Any) -> None:
+    at_import(world, ELSEWHERE)
+    code, out, err = heard(capsys, "stages")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    (own,) = (line for line in lines if line.startswith("strange.estimate"))
+    assert (
+        "FAILS: R09: while strange.estimate was imported, the code of robid_strange_stages 1.0 ended" in own
+    )
+    assert any(line.startswith("friction.lugre") and "FAILS" not in line for line in lines)
+
+
+@fault(
+    "R14",
+    sees="exit 8 of `robid stages NAME`: what the plugin did when it was imported",
+    mutant=(
+        "robid_core/commands/stages.py",
+        "loaded_apart(plugin, functools.partial(explain, plugin))",
+        "explain(plugin, plugin.load())",
+    ),
+)
+def test_R14_a_plugin_that_ends_its_process_is_not_explained(world: Any, capsys: Any) -> None:
+    at_import(world, ELSEWHERE)
+    code, _, err = heard(capsys, "stages", "strange.estimate")
+    assert code == 8
+    assert "ended the process with exit code 0" in err
+
+
+@fault(
+    "R14",
+    sees="exit 8 of `robid doctor`: FAIL at the plugin that ends its process, and all other findings",
+    mutant=(
+        "robid_core/commands/doctor.py",
+        "loaded_apart(registry().find(group, name), lambda _: 1)",
+        "bool(registry().load(group, name))",
+    ),
+)
+def test_R14_a_doctor_survives_a_plugin_that_ends_its_process(world: Any, capsys: Any) -> None:
+    at_import(world, ELSEWHERE)
+    code, out, _ = heard(capsys, "doctor")
+    assert code == 8
+    assert "FAIL plugin robid.stages R09: while strange.estimate was imported" in out
+    assert "compiled kernels are kept in" in out
+
+
+@fault(
+    "R14",
+    sees="exit 8 of `robid schema`: whose code ended the process",
+    mutant=(
+        "robid_core/commands/schema.py",
+        'in_a_copy(making, foreign, "the schema was made")',
+        "making()",
+    ),
+)
+def test_R14_a_schema_says_which_plugin_ends_its_process(world: Any, capsys: Any) -> None:
+    at_import(world, ELSEWHERE)
+    code, _, err = heard(capsys, "schema")
+    assert code == 8
+    assert "while the schema was made, the code of" in err
+
+
+@fault(
+    "R09",
+    sees="exit 8 and the line of a plugin that asks to exit in the run's own process (drives, effects)",
+    mutant=(
+        "robid_core/commands/failures.py",
+        "            raise SystemExit(PluginError.exit_code) from error\n",
+        "            raise\n",
+    ),
+)
+def test_R09_drives_that_ask_to_exit_are_told(world: Any, capsys: Any) -> None:
+    world.edit(TRUTH, "        raise SystemExit(0)\n" + TRUTH)
+    code, _, err = told(world, capsys, "run", "--trust-plugins", "--until", "fit")
+    assert code == 8
+    assert "__init__.py:" in err
+    assert "in truth, raised SystemExit" in err
 
 
 @fault(
