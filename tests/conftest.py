@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,16 @@ def pytest_configure(config: pytest.Config) -> None:
         ]
         for process in started:
             process.wait()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
+    """Keep the byte code of the tests, too, which pytest compiles anew where Python was told to keep none."""
+    told, sys.dont_write_bytecode = sys.dont_write_bytecode, False
+    try:
+        return (yield)
+    finally:
+        sys.dont_write_bytecode = told
 
 
 @pytest.hookimpl(tryfirst=True)

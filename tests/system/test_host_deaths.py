@@ -33,7 +33,7 @@ def deaths(number: int, table: Path, *options: str) -> list[dict[str, str]]:
     ),
 )
 def test_D09_drives_of_a_host_that_dies_rest_within_their_watchdog_and_move_once(tmp_path: Path) -> None:
-    rows = deaths(9, tmp_path / "deaths.csv", "--seed", "10", "--jobs", "3", "--chunk", "3")
+    rows = deaths(20, tmp_path / "deaths.csv", "--seed", "10", "--jobs", "4", "--chunk", "5")
     assert {row["kind"] for row in rows} == {"kill", "stop", "continue"}
     assert {row["trigger"] for row in rows} == {"frame", "clock", "motion"}
     assert (

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.quick_start import ROBID, run
 
 from robid_core.testing import check_effect
 
 HERE = Path(__file__).parent
 PACKAGE = HERE / "robid_wear"
-ROBID = [sys.executable, "-c", "from robid_core.commands import main; main()"]
 
 ROBOT = """\
 robid_robot: 1
@@ -62,9 +62,7 @@ stages:
 
 
 def robid(*arguments: str, folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*ROBID, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+    return run([*ROBID, *arguments], folder, environment)
 
 
 def moved(folder: Path, environment: dict[str, str]) -> dict[str, np.ndarray]:
@@ -72,8 +70,7 @@ def moved(folder: Path, environment: dict[str, str]) -> dict[str, np.ndarray]:
     for name in LAWS:
         (folder / name).write_text(ROBOT.replace("friction.wear", name))
     (folder / "without").write_text(ROBOT[: ROBOT.index("effects")])
-    command = [sys.executable, "-c", MOVE, *LAWS, "without"]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = run(["-c", MOVE, *LAWS, "without"], folder, environment)
     assert done.returncode == 0, done.stderr
     with np.load(folder / "out.npz") as values:
         return dict(values)
@@ -95,25 +92,24 @@ def test_the_effect_is_explained(stranger: dict[str, str], tmp_path: Path) -> No
 def test_a_mistake_in_a_robot_file_is_told_like_any_other(stranger: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(ROBOT.replace("fresh", "frehs"))
     code = "from robid_core import Robot; Robot.load('robot.yaml')"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, env=stranger, capture_output=True, text=True, check=False)
+    done = run(["-c", code], tmp_path, stranger)
     assert done.returncode == 1
     assert "did you mean 'fresh'?" in done.stderr
 
 
 def test_both_laws_run_inside_the_simulator(stranger: dict[str, str], tmp_path: Path) -> None:
-    run = moved(tmp_path, stranger)
+    found = moved(tmp_path, stranger)
     # 150 ms of 20 to 180 rad/s, 2 / pi of that in the mean, are 2 to 17 rad: worn in half, and long ago
-    assert run["friction.wear path"][0, 0] < 4.0 < run["friction.wear path"][8, 0]
+    assert found["friction.wear path"][0, 0] < 4.0 < found["friction.wear path"][8, 0]
     for key in ("alone", "together", "path"):
         # one law, rounded in another order; nothing amplifies it in 150 ms
         np.testing.assert_allclose(
-            run[f"friction.wear {key}"], run[f"friction.wear_lanes {key}"], rtol=0, atol=1e-9
+            found[f"friction.wear {key}"], found[f"friction.wear_lanes {key}"], rtol=0, atol=1e-9
         )
     for name in LAWS:
-        alone, together = run[f"{name} alone"], run[f"{name} together"]
+        alone, together = found[f"{name} alone"], found[f"{name} together"]
         np.testing.assert_allclose(alone[0], together[0], rtol=0, atol=1e-12)  # BLAS, at the start
-        assert np.abs(alone - run["without alone"]).max() > 0.3  # of 0.6 N m
+        assert np.abs(alone - found["without alone"]).max() > 0.3  # of 0.6 N m
 
 
 def test_an_edited_law_is_what_runs(stranger: dict[str, str], tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from oracles.quick_start import ROBID, run
 
 PACKAGE = Path(__file__).parent / "robid_etfe"
-ROBID = [sys.executable, "-c", "from robid_core.commands import main; main()"]
 
 PIPELINE = """\
 robid: 1
@@ -37,9 +37,7 @@ def project_folder(tmp_path: Path) -> Path:
 
 
 def robid(*arguments: str, project: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*ROBID, *arguments], cwd=project, env=environment, capture_output=True, text=True, check=False
-    )
+    return run([*ROBID, *arguments], project, environment)
 
 
 def test_the_package_is_listed_with_its_version(stranger: dict[str, str], project: Path) -> None:

@@ -109,9 +109,7 @@ def inverse_dynamics_regressor(
             seen = moment if tree.joint_type[joint] == 0 else force
             result[:, joint, body] = np.einsum("i,sip->sp", tree.axis[joint], seen)
             force = orientation[joint] @ force
-            moment = orientation[joint] @ moment + np.cross(
-                offset[joint][:, :, None], force, axisa=1, axisb=1, axisc=1
-            )
+            moment = orientation[joint] @ moment + _cross_matrix(offset[joint]) @ force
             joint = int(tree.parent[joint])
     return result.reshape(n_sample, n, 10 * n)
 
@@ -153,14 +151,14 @@ def _motion(
     for j in range(velocity.shape[1]):
         parent = int(tree.parent[j])
         w, alpha, a = (spin[parent], spin_rate[parent], pull[parent]) if parent >= 0 else (still, still, lift)
-        a = a + np.cross(alpha, offset[j]) + np.cross(w, np.cross(w, offset[j]))
+        a = a + _cross(alpha, offset[j]) + _cross(w, _cross(w, offset[j]))
         w, alpha, a = (np.einsum("sji,sj->si", orientation[j], vector) for vector in (w, alpha, a))
         rate, change = velocity[:, j, None] * tree.axis[j], acceleration[:, j, None] * tree.axis[j]
         if tree.joint_type[j] == 0:
-            alpha = alpha + change + np.cross(w, rate)
+            alpha = alpha + change + _cross(w, rate)
             w = w + rate
         else:
-            a = a + change + 2 * np.cross(w, rate)
+            a = a + change + 2 * _cross(w, rate)
         spin.append(w)
         spin_rate.append(alpha)
         pull.append(a)
@@ -180,6 +178,13 @@ def _body_columns(w: FloatArray, alpha: FloatArray, a: FloatArray) -> tuple[Floa
     moment[:, :, 1:4] = -_cross_matrix(a)
     moment[:, :, 4:] = _inertia_times(alpha) + cross_w @ _inertia_times(w)
     return force, moment
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return one x other of every row, shape (n_sample, 3); numpy's takes twice as long for some hundred rows."""
+    a, b, c = one.T
+    x, y, z = other.T
+    return np.stack((b * z - c * y, c * x - a * z, a * y - b * x), axis=-1)
 
 
 def _cross_matrix(vector: FloatArray) -> FloatArray:

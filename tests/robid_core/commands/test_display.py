@@ -121,7 +121,7 @@ def test_R03_a_listener_that_fails_ends_no_run(project: Path) -> None:
 )
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_R03_a_result_that_could_not_be_printed_is_no_success(project: Path, unbuffered: str) -> None:
-    assert robid(project, ">/dev/full", "stages", unbuffered=unbuffered) == 7
+    assert robid(project, ">/dev/full", "stages", "design.candidates", unbuffered=unbuffered) == 7
     assert robid(project, ">/dev/full", "run", "pipeline.yaml", unbuffered=unbuffered) == 0  # it is stored
     assert status(project) == "done"
 
@@ -139,7 +139,7 @@ def test_R03_who_closes_the_pipe_wanted_no_more(project: Path) -> None:
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     script = '"$@" | true; exit ${PIPESTATUS[0]}'
     done = subprocess.run(
-        ["bash", "-c", script, "bash", *ROBID, "stages"],
+        ["bash", "-c", script, "bash", *ROBID, "stages", "design.candidates"],
         cwd=project,
         env=environment,
         capture_output=True,

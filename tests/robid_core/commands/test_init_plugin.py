@@ -11,15 +11,14 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from oracles.quick_start import ROBID, run
 
 from robid_core.commands.init_plugin import KINDS
 from robid_core.registry import GROUPS
 
-ROBID = [sys.executable, "-c", "from robid_core.commands import main; main()"]
-
 
 def robid(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*ROBID, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    return run([*ROBID, *arguments], folder)
 
 
 def loaded(path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
+
+from oracles.quick_start import run
 
 _LAW = """
 from robid_core.compiled.kernel import kernel
@@ -24,19 +24,15 @@ print(loop(2.0), sum(loop.stats.cache_hits.values()))
 
 
 def test_a_cached_kernel_is_compiled_again_when_a_law_in_another_file_changes(tmp_path: Path) -> None:
-    def run(slope: float) -> list[str]:
+    def answer(slope: float) -> list[str]:
         (tmp_path / "law.py").write_text(_LAW.format(slope=slope))
         (tmp_path / "loop.py").write_text(_LOOP)
         environment = os.environ | {
             "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
             "PYTHONDONTWRITEBYTECODE": "1",
         }
-        command = [sys.executable, "loop.py"]
-        done = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-        )
-        return done.stdout.split()
+        return run(["loop.py"], tmp_path, environment, bare=True).stdout.split()
 
-    assert run(1.0) == ["3.0", "0"]
-    assert run(1.0) == ["3.0", "1"]
-    assert run(4.0) == ["9.0", "0"]
+    assert answer(1.0) == ["3.0", "0"]
+    assert answer(1.0) == ["3.0", "1"]
+    assert answer(4.0) == ["9.0", "0"]

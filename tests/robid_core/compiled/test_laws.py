@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import textwrap
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from oracles.quick_start import run
 
 from robid_core.compiled.content import content_hash
 from robid_core.compiled.laws import entries_of
@@ -106,11 +105,11 @@ def test_a_law_with_branches_has_arguments_of_its_own_in_each_lane(two_mass: Any
     motion = MotorMotion(np.zeros((1, 1)), np.zeros((1, 1)), acceleration)
     states = [rest_state(two_mass.mechanism, two_mass.stiffness, np.zeros((1, 1)), (law,)) for law in laws]
     together = prescribe(models, states, motion)
-    for model, state, run in zip(models, states, together, strict=True):
+    for model, state, beside in zip(models, states, together, strict=True):
         (alone,) = prescribe([model], [state], motion)
-        np.testing.assert_array_equal(run.torque, alone.torque)
-        np.testing.assert_array_equal(run.state.law_state, 80.0)
-    assert len({run.torque.tobytes() for run in together}) == n_robot
+        np.testing.assert_array_equal(beside.torque, alone.torque)
+        np.testing.assert_array_equal(beside.state.law_state, 80.0)
+    assert len({beside.torque.tobytes() for beside in together}) == n_robot
 
 
 def test_nothing_is_compiled_again_for_another_set_of_laws(two_mass: Any) -> None:
@@ -199,15 +198,7 @@ def test_an_edited_law_is_never_served_from_a_stale_cache(tmp_path: Path) -> Non
             "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
             "PYTHONDONTWRITEBYTECODE": "1",
         }
-        done = subprocess.run(
-            [sys.executable, "ask.py"],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stdout.split()
+        return run(["ask.py"], tmp_path, environment, bare=True).stdout.split()
 
     assert answer(1.0, 1.0) == ["2.0", "2.0", "True"]
     assert answer(1.0, 1.0) == ["2.0", "2.0", "True"]  # from the cache
@@ -226,11 +217,7 @@ def test_a_law_that_is_edited_while_it_runs_leaves_no_stale_code_behind(tmp_path
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def answer(script: str) -> list[str]:
-        command = [sys.executable, script]
-        done = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-        )
-        return done.stdout.split()
+        return run([script], tmp_path, environment, bare=True).stdout.split()
 
     assert answer("edit.py") == ["2.0", "2.0", "True"]
     assert answer("ask.py") == ["6.0", "6.0", "True"]

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from oracles.quick_start import QuickProcess
 
 from robid_core.compiled.machine_code import VERSIONS
 
@@ -51,23 +52,24 @@ edited_kernel.plus._cache._save_overload = meeting
 print(edited_kernel.plus(float(sys.argv[2]) if "." in sys.argv[2] else int(sys.argv[2])))
 """
 
-Start = Callable[..., subprocess.Popen[str]]
+Start = Callable[..., QuickProcess]
+
+
+@pytest.fixture(name="environment")
+def own_cache(tmp_path: Path) -> dict[str, str]:
+    search = os.pathsep.join([str(tmp_path), *sys.path])
+    return {**os.environ, "PYTHONPATH": search, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Start:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
-
-    def start(code: str, *arguments: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True
-        )
+def run(environment: dict[str, str]) -> Start:
+    def start(code: str, *arguments: str) -> QuickProcess:
+        return QuickProcess(["-c", code, *arguments], env=environment, bare=True)
 
     return start
 
 
-def said(process: subprocess.Popen[str]) -> str:
+def said(process: QuickProcess) -> str:
     return process.communicate(timeout=60)[0].strip()
 
 
@@ -112,14 +114,22 @@ def test_machine_code_of_sources_of_long_ago_is_removed(tmp_path: Path, run: Sta
     assert said(run(CALL)) == f"{number}.0 {{(float64,): 1}}", "the newest is kept"
 
 
-def test_the_same_source_in_another_place_finds_the_machine_code(tmp_path: Path, run: Start) -> None:
+def test_the_same_source_in_another_place_finds_the_machine_code(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
+    """In processes that Python starts, each with a hash seed of its own."""
+
+    def answer(code: str) -> str:
+        command = [sys.executable, "-c", code]
+        return subprocess.run(command, env=environment, capture_output=True, text=True).stdout.strip()
+
     edit(tmp_path, "2.0")
-    assert said(run(CALL)) == "2.0 {}"
+    assert answer(CALL) == "2.0 {}"
     other = tmp_path / "other"
     other.mkdir()
     (tmp_path / "edited_kernel.py").rename(other / "edited_kernel.py")
     os.utime(other / "edited_kernel.py", (5e8, 5e8))
-    assert said(run(f"import sys; sys.path.insert(0, {str(other)!r}); {CALL}")) == "2.0 {(float64,): 1}"
+    assert answer(f"import sys; sys.path.insert(0, {str(other)!r}); {CALL}") == "2.0 {(float64,): 1}"
     assert len(codes(tmp_path)) == 1
 
 

@@ -11,6 +11,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from oracles.quick_start import run
+
 from robid_core.pipeline import Pipeline
 from robid_core.registry import Registry
 from robid_core.run import Listener, RunOptions, RunResult, run_pipeline, sources
@@ -145,9 +147,7 @@ class World:
 
     def elsewhere(self, **options: Any) -> subprocess.CompletedProcess[str]:
         """Run in another process."""
-        return subprocess.run(
-            self.command(**options), env=self.environment, capture_output=True, text=True, timeout=120
-        )
+        return run(self.command(**options)[1:], env=self.environment)
 
     def ran(self) -> list[str]:
         """Return the stages that were called since this was asked last."""

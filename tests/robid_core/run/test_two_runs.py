@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from oracles.quick_start import QuickProcess
 
 from robid_core.errors import StoreError
 from robid_core.interruption import held, signals_as_interrupt
@@ -21,27 +22,14 @@ from robid_core.run.lock import run_lock
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
 
 
-def heard() -> None:
-    """Let a run hear signals that whoever runs the tests ignores, as a shell does for work in the background."""
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
+def start(world: Any, **options: Any) -> QuickProcess:
+    return QuickProcess(world.command(**options)[1:], env=world.environment)
 
 
-def start(world: Any, **options: Any) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        world.command(**options),
-        env=world.environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=heard,
-    )
-
-
-def wait_for(world: Any, stage: str, process: subprocess.Popen[str]) -> None:
+def wait_for(world: Any, stage: str, process: QuickProcess) -> None:
     deadline = time.monotonic() + 60
     while not (world.calls.exists() and stage in world.calls.read_text().split()):
-        assert process.poll() is None, process.stderr and process.stderr.read()
+        assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -57,11 +45,8 @@ def test_a_second_run_is_told_who_holds_the_folder_or_waits(world: Any) -> None:
     assert caught.value.exit_code == 7
     others = [start(world) for _ in range(2)]
     for process in (first, *others):
-        assert process.wait(60) == 0
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.close()
-        process.stderr.close()
+        process.communicate(timeout=60)
+        assert process.returncode == 0
     assert sorted(world.ran()) == sorted(ORDER)  # each stage ran once in all
 
 

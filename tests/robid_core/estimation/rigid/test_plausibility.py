@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -18,8 +20,10 @@ DEGREE = np.pi / 180
 Experiments = list[tuple[FloatArray, FloatArray]]
 
 
-def measured(robot: Robot, off: float, payload: float = 0.0) -> Experiments:
+@functools.cache
+def measured(off: float, payload: float = 0.0) -> Experiments:
     """Angle and torque of four experiments of a plant: springs a third off, masses by `off`."""
+    robot = Robot.load("six_axis")
     generator = np.random.default_rng(7)
     values = {}
     for name in robot.layout:
@@ -48,8 +52,8 @@ def robot() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def sound(robot: Robot) -> Experiments:
-    return measured(robot, 0.01)
+def sound() -> Experiments:
+    return measured(0.01)
 
 
 def slips(robot: Robot, experiments: Experiments, position: FloatArray, torque: FloatArray) -> list[Slip]:
@@ -106,14 +110,14 @@ def test_a_slip_is_named_and_its_maps_undo_it(robot: Robot, sound: Experiments, 
 @pytest.mark.parametrize("off, payload", [(0.01, 0.0), (0.1, 0.0), (0.01, 20.0)])
 def test_a_robot_that_is_told_wrong_is_no_slip(robot: Robot, off: float, payload: float) -> None:
     """Masses a tenth off, or a load that nobody told: values, which a fit finds."""
-    assert slips(robot, measured(robot, off, payload), NONE, NONE) == []
+    assert slips(robot, measured(off, payload), NONE, NONE) == []
 
 
 @pytest.mark.parametrize("off, payload", [(0.01, 0.0), (0.1, 0.0), (0.01, 20.0)])
 def test_a_robot_that_is_told_wrong_has_its_zeros_and_counts(
     robot: Robot, off: float, payload: float
 ) -> None:
-    experiments = measured(robot, off, payload)
+    experiments = measured(off, payload)
     recorded = Recorded.of_experiments(rigid_drives(robot), experiments, robot.sample_time_s, CUTOFF_HZ)
     assert zeros_in(recorded) == []
     assert counts_in(recorded) is None
