@@ -43,8 +43,8 @@ class ReadFiles(Sources):
     time_unit: Annotated[str, Field(pattern="^(s|ms|us|ns)$")] = "s"
     """Unit of the time column."""
     resample: Literal["none", "linear", "cubic", "band_limited"] = "none"
-    """How uneven samples are brought to an even grid, of the mean rate or of `sample_time_s`; a warning tells the error
-    that it brings."""
+    """How uneven samples are brought to an even grid, of the mean rate or of `sample_time_s`; a warning states
+    the error."""
     gaps: Literal["refuse", "mask", "split"] = "refuse"
     """Missing samples, NaN, a drive that is not enabled: refused; masked, for stages that take holes; or the pieces
     between them become experiments of equal length."""

@@ -47,7 +47,7 @@ class Sources(Acquisition):
     stop_s: FiniteFloat | None = None
     """What lies after this time is left out, in each file."""
     role: Literal["", "train", "test"] = ""
-    """Of all experiments: `test` keeps them from fits and for the last judgement; left out: as files or table say."""
+    """Of all experiments; `test`: not used by fits, kept for validation; left out: as files or table say."""
     variant: str = ""
     """The variant (payload, tool, run) that is read, where files or table name several; else what the one is called."""
     incomplete: Literal["drop", "refuse"] = "drop"

@@ -35,9 +35,9 @@ class FrictionCompensation(Preprocessing):
     """
 
     significance: float = Field(default=1e-3, gt=0, lt=1)
-    """A law that as good a fit would come by chance with a larger probability than this is not used."""
+    """A law is not used where the p-value of its improvement of the fit is larger than this."""
     realizations: PositiveInt = 80
-    """Motions of the nominal robot, drawn so many times as there are axes, tell the law's equivalent damping."""
+    """Simulated motions that estimate the law's equivalent damping, as a multiple of the number of axes."""
 
     def needs_of_axes(self) -> tuple[AxisKey, ...]:
         """The controller: the linear motion is that of the closed loop."""

@@ -173,7 +173,7 @@ class RippleCompensation(Preprocessing):
     minimum_periods: float = Field(default=3.0, ge=0)
     """Periods of a wave that the motor has to pass in some configuration, or the order is not looked for.
 
-    Less than about three cannot be told from an arm whose inertia changes a little with the angle."""
+    Less than about three cannot be distinguished from an arm whose inertia changes a little with the angle."""
     discard: NonNegativeInt | None = None
     """Leading periods in which ripple is not looked for; it is removed from them, too. null: decided from the data, as
     many as differ from those after them."""

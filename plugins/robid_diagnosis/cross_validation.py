@@ -48,7 +48,7 @@ class CrossValidation(DiagnosisStage):
     """
 
     blocks: Annotated[int, Field(ge=2, le=100)] = 10
-    """Into which the recording is cut."""
+    """Blocks into which the recording is cut."""
     skip_s: NonNegativeFloat = 0.0
     """Left out at its beginning."""
     decimation: PositiveInt = 1

@@ -39,7 +39,7 @@ def extrapolation_doubt(trained: ExcitedRange, asked: ExcitedRange) -> Iterator[
         more = f" and {len(told) - MOST} more" if len(told) > MOST else ""
         yield Doubt(
             "extrapolation",
-            f"it is predicted beyond what the fit was made from: {', '.join(told[:MOST])}{more}",
-            "errors there say how the form of the model goes on, not how well its numbers are known; fit to motions "
+            f"the prediction extrapolates beyond the data of the fit: {', '.join(told[:MOST])}{more}",
+            "errors there test the form of the model, not how well its parameters are known; fit to motions "
             "that reach as far, or predict what lies within",
         )

@@ -72,7 +72,7 @@ class Prediction(DiagnosisStage):
     block_s: PositiveFloat = 1.0
     """Length of the blocks that are drawn for intervals: errors further apart should be independent."""
     closed_loop: bool | None = None
-    """Whether to simulate the closed loop, too; null: where a reference was recorded and the robot file tells the
+    """Whether to simulate the closed loop, too; null: where a reference was recorded and the robot file gives the
     controllers."""
     start: Literal["rest", "motion"] = "motion"
     """How experiments begin in closed loop."""

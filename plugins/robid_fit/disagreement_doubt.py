@@ -24,7 +24,7 @@ def disagreement_doubt(found: Disagreement, names: Sequence[str], n_experiment: 
     more = f" and {len(worst) - MOST} more" if len(worst) > MOST else ""
     yield Doubt(
         "experiments disagree",
-        f"the {n_experiment} experiments, left out in turn, are further apart than residuals explain "
+        f"the fits without each of the {n_experiment} experiments differ by more than their residuals explain "
         f"(chance {found.p_value[apart].min():.1g}): {told}{more}",
         "do not rely on the stated errors: experiments differ in what the model lacks (temperature, load, speed)",
     )

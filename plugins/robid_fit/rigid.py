@@ -109,8 +109,8 @@ class RigidBodyFit(Estimator):
     """Leading periods left out of a periodic record; null: decided from the data, as many as differ from
     those after them."""
     blocks: Annotated[int, Field(ge=2, le=100)] | None = None
-    """Blocks into which the record is cut: each is left out of a fit in turn, and what the others make of its torque is
-    told; null: none."""
+    """Blocks into which the record is cut: each is left out of a fit in turn, and its torque is predicted
+    from the others; null: none."""
     constants: dict[str, str] = {}
     """Constants of the record that are parameters of the robot, `{payload_kg: effect.load.mass}`; one value each."""
 

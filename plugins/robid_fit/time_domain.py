@@ -161,7 +161,7 @@ class TimeDomainFit(Estimator):
     horizon_s: PositiveFloat | None = None
     """The simulation begins anew from the measured state that often; null: each experiment is one simulation."""
     half_window: PositiveInt = 5
-    """Samples on either side from which that state is told."""
+    """Samples on either side from which that state is estimated."""
     start: Literal["rest", "motion"] = "rest"
     """How each experiment begins where there is no horizon: at rest, or under way."""
     skip_s: NonNegativeFloat = 0.0

@@ -45,8 +45,8 @@ class LocalMethod(FrfEstimator):
     """Width of a window in hertz, instead of in lines."""
     choose: Literal["none", "window", "order", "both"] = "none"
     """What the data choose for each configuration: the size of the windows, the orders (equal above and
-    below), or both; by how well lines are predicted from their neighbours alone. What is chosen is not looked
-    at otherwise."""
+    below), or both; by how well lines are predicted from their neighbours alone. Settings of what is chosen are
+    ignored."""
     discard: NonNegativeInt | None = None
     """Leading periods dropped as transient, beyond those that were not recorded; null: those that differ from the
     last ones by more than noise does."""

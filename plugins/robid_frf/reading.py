@@ -190,7 +190,10 @@ def tell_common_part(record: Record, context: Context, y: ComplexArray) -> str:
     size = np.sqrt(np.mean(np.abs(y) ** 2, axis=(0, 1, 2, 4)))
     share = 100 * common / np.where(size > 0, size, 1.0)
     listed = ", ".join(f"{n} {s:.2g} %" for n, s in zip(record.axis_names, share, strict=True))
-    context.log.info("what does not depend on the phases is removed, of the motion at the lines: %s", listed)
+    context.log.info(
+        "signal parts that do not depend on the phases are removed; their share of the motion at the lines: %s",
+        listed,
+    )
     return (
         "what does not depend on the phases was estimated from the surplus experiment and subtracted; experiments "
         "of a block share their phases, so that distortion differs from input to input and regions hold on "

@@ -70,7 +70,7 @@ def _convergence(fit: Fit) -> Iterator[Doubt]:
         yield Doubt(
             NOT_CONVERGED,
             f"the fit did not converge: {fit.status}",
-            "its numbers must not be used; give better start values, or let it go on for longer",
+            "its numbers must not be used; give better start values, or allow more iterations",
         )
 
 
@@ -92,7 +92,7 @@ def _model_error(fit: Fit) -> Iterator[Doubt]:
             "model error",
             f"model error {100 * fit.model_error:.3g} %, more than {100 * LARGEST_MODEL_ERROR:g} %",
             "the model leaves that much of the data unexplained, and standard errors do not cover what it is; look "
-            "where measured and modelled responses part",
+            "where measured and modelled responses differ",
         )
 
 
@@ -164,8 +164,8 @@ def _friction(fit: Fit) -> Iterator[Doubt]:
     if far:
         yield Doubt(
             "friction",
-            f"friction over the robot file's is outside {low} to {high}: {_listed(far)}",
-            "state friction there as it was measured; what it shapes goes into springs and dampers",
+            f"friction, as a ratio to the robot file's, is outside {low} to {high}: {_listed(far)}",
+            "put the measured friction into the robot file; an error in it biases springs and dampers",
         )
 
 

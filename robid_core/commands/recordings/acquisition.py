@@ -144,7 +144,8 @@ def _channel_line(channel: Guess, taken: set[str], file: str) -> str:
 def _left_lines(channels: Iterable[Guess]) -> list[str]:
     another = [f"{one.label} ({one.meaning})" for one in channels if one.meaning]
     unknown = [one.label for one in channels if not one.meaning]
-    lines = [f"    # not taken: {listed(another)}"] if another else []
+    further = "those of further axes belong into the list of a channel: column: [FIRST, SECOND]"
+    lines = [f"    # not taken: {listed(another)}; {further}"] if another else []
     return lines + ([f"    # not recognised: {listed(unknown)}"] if unknown else [])
 
 

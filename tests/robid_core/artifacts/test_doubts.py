@@ -85,7 +85,7 @@ DOUBTED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "friction": (
         {"estimate": np.where(marked("friction_factor.axis_2"), 1.45, ESTIMATE)},
-        "friction over the robot file's is outside 0.7 to 1.4: axis_2 1.45;",
+        "friction, as a ratio to the robot file's, is outside 0.7 to 1.4: axis_2 1.45;",
     ),
     "starts": ({"n_agree": 9}, "only 9 of 20 starts reached the best fit"),
 }
