@@ -64,6 +64,7 @@ from robid_diagnosis.wording import (
     data_line,
     errors_line,
     finding_line,
+    held_line,
     separation_line,
     settling_line,
     silent_line,
@@ -234,6 +235,7 @@ class Effects(DiagnosisStage):
         ]
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
+        lines.append(held_line(final.hypothesis.held))
         lines += gear_ratio_lines(causes, values, final.misfit)
         if witness is not None:
             lines.append(witness_line(witness))

@@ -100,12 +100,12 @@ class Selection:
         """Fit all that the told robot has; not to the end where that cannot be the answer.
 
         The zero-speed width of friction is often told by nobody: it is taken from each fit until it stays, or until a
-        narrower one misfits more.
+        narrower one misfits more. Springs and dampers that data do not tell stay as they are told.
         """
-        before, base = self.case, self.case.fit(Hypothesis(), self.progress, roughly=True)
+        before, base = self.case, self.case.fit_what_is_seen(Hypothesis(), self.progress, roughly=True)
         for number in range(WIDTHS):
             case = before.with_fitted_width(base)
-            fitted = case.fit(Hypothesis(), self.progress, begin=base, roughly=True)
+            fitted = case.fit_what_is_seen(base.hypothesis, self.progress, begin=base, roughly=True)
             if number and fitted.misfit > base.misfit:
                 break
             stays = case.width_is_near(before)
@@ -115,7 +115,7 @@ class Selection:
                 break
         if base.solution.converged or base.misfit > WRONG:
             return base
-        return self.case.fit(Hypothesis(), self.progress, begin=base)
+        return self.case.fit_what_is_seen(base.hypothesis, self.progress, begin=base)
 
     def _with_its_width(self, current: Fitted) -> Fitted:
         """Fit again with the zero-speed width that friction has once its causes are known, until it stays.
