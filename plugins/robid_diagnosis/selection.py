@@ -15,7 +15,7 @@ import numpy as np
 from robid_core import RobidError
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_between, holds_elsewhere
-from robid_diagnosis.ceilings import ANGLE, ceilings
+from robid_diagnosis.ceilings import ANGLE, ceilings, drifts
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
@@ -78,7 +78,9 @@ class Selection:
             current = self._with_its_width(current)
             revision = Revision(self.case, self.searched, self.next_cause, base, self.failures, self.progress)
             current, steps = revision.run(current, [*steps, step], motion)
-        left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))
+        axes = tuple(range(self.case.told.n_axis))
+        free = [one for asked in (ceilings, drifts) for one in asked(motion, seen.search.projection, axes)]
+        left = sorted(free, key=lambda one: -one.gain)
         visible = visible_sizes(
             seen.found.powers,
             lambda one: scaled_parameters(one, {}, seen.motion.columns(one), seen.motion),
@@ -257,7 +259,7 @@ class Selection:
         assert isinstance(trial.hit, Hit)
         place, wave = trial.hit.candidate.place, trial.hit.columns.paired
         axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
-        free = ceilings(search.motion, search.projection, axes)
+        free = [one for asked in (ceilings, drifts) for one in asked(search.motion, search.projection, axes)]
         best = max(one.gain for one in free if not (wave and one.variable == ANGLE))
         return trial.gain / best if best > LEAST else float("nan")
 
