@@ -23,6 +23,12 @@ HARDLY = 0.99
 BANDS = 12  # of frequency
 RESPONSE = "frequency: a linear response"
 ANGLE = "motor angle"
+SESSION = "the order of the experiments: friction that changes over the session"
+POWERS = (
+    1,
+    2,
+    3,
+)  # of the number of an experiment: a drive that warms up comes nearer to its end in an exponential
 PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
 
 
@@ -53,6 +59,30 @@ def ceilings(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> l
             found.append(_ceiling(motion, projection, axis, variable, rows))
         found.append(_ceiling(motion, projection, axis, RESPONSE, list(_responses(motion, axis))))
     return sorted(found, key=lambda one: -one.gain)
+
+
+def drifts(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> list[Ceiling]:
+    """Gains of viscous and Coulomb friction that change from experiment to experiment, in the order of the record.
+
+    No law of one experiment is a special case of these, but many gain a little in what they explain.
+    """
+    count = np.cumsum([0, *(len(one.along.position) for one in motion.along)])
+    found = []
+    for axis in axes:
+        motor = np.eye(motion.robot.mechanism.n_coordinate)[axis]
+        speed, width = [one.seen(motor)[1] for one in motion.along], float(motion.friction_speed[axis])
+        rows = []
+        for power in POWERS:
+            late = [(np.arange(a, b)[:, None] / max(count[-1] - 1, 1)) ** power for a, b in pairwise(count)]
+            for turns in (speed, [np.tanh(one / width) for one in speed]):
+                forces = [share * one for share, one in zip(late, turns, strict=True)]
+                rows.append(
+                    motion.weighted(
+                        [one.of_force(motor, f) for one, f in zip(motion.along, forces, strict=True)]
+                    )
+                )
+        found.append(_ceiling(motion, projection, axis, SESSION, rows))
+    return found
 
 
 def _ceiling(motion: Motion, projection: Projection, axis: int, variable: str, rows: list[Rows]) -> Ceiling:

@@ -64,6 +64,7 @@ from robid_diagnosis.wording import (
     data_line,
     errors_line,
     finding_line,
+    held_line,
     response_check_line,
     separation_line,
     settling_line,
@@ -237,6 +238,7 @@ class Effects(DiagnosisStage):
         ]
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
+        lines.append(held_line(final.hypothesis.held))
         lines += gear_ratio_lines(causes, values, final.misfit)
         if response_check is not None:
             lines.append(response_check_line(response_check))

@@ -67,7 +67,7 @@ class Hypothesis:
     widened: tuple[str, ...] = ()
     """Parameters whose prior is given up."""
     held: tuple[str, ...] = ()
-    """Parameters of the told robot that stay as they are: data do not tell them beside the additions."""
+    """Parameters of the told robot that stay as they are: data do not tell them."""
 
     def with_addition(self, addition: Addition) -> Hypothesis:
         """Return it with an effect more."""

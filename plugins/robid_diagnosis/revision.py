@@ -68,7 +68,7 @@ class Revision:
             before, after = steps[:place], steps[place + 1 :]
             hypothesis = current.hypothesis.without(step.names)
             try:
-                without = self.case.fit(hypothesis, self.progress, begin=current)
+                without = self.case.fit_what_is_seen(hypothesis, self.progress, begin=current)
             except RobidError as error:
                 self.failures.append(Failure(*step.key, str(error)))
                 continue

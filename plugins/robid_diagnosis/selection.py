@@ -15,7 +15,7 @@ import numpy as np
 from robid_core import RobidError
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_between, holds_elsewhere
-from robid_diagnosis.ceilings import ANGLE, ceilings
+from robid_diagnosis.ceilings import ANGLE, ceilings, drifts
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
@@ -78,7 +78,9 @@ class Selection:
             current = self._with_its_width(current)
             revision = Revision(self.case, self.searched, self.next_cause, base, self.failures, self.progress)
             current, steps = revision.run(current, [*steps, step], motion)
-        left = ceilings(motion, seen.search.projection, tuple(range(self.case.told.n_axis)))
+        axes = tuple(range(self.case.told.n_axis))
+        free = [one for asked in (ceilings, drifts) for one in asked(motion, seen.search.projection, axes)]
+        left = sorted(free, key=lambda one: -one.gain)
         visible = visible_sizes(
             seen.found.powers,
             lambda one: scaled_parameters(one, {}, seen.motion.columns(one), seen.motion),
@@ -100,12 +102,12 @@ class Selection:
         """Fit all that the told robot has; not to the end where that cannot be the answer.
 
         The zero-speed width of friction is often told by nobody: it is taken from each fit until it stays, or until a
-        narrower one misfits more.
+        narrower one misfits more. Springs and dampers that data do not tell stay as they are told.
         """
-        before, base = self.case, self.case.fit(Hypothesis(), self.progress, roughly=True)
+        before, base = self.case, self.case.fit_what_is_seen(Hypothesis(), self.progress, roughly=True)
         for number in range(WIDTHS):
             case = before.with_fitted_width(base)
-            fitted = case.fit(Hypothesis(), self.progress, begin=base, roughly=True)
+            fitted = case.fit_what_is_seen(base.hypothesis, self.progress, begin=base, roughly=True)
             if number and fitted.misfit > base.misfit:
                 break
             stays = case.width_is_near(before)
@@ -115,7 +117,7 @@ class Selection:
                 break
         if base.solution.converged or base.misfit > WRONG:
             return base
-        return self.case.fit(Hypothesis(), self.progress, begin=base)
+        return self.case.fit_what_is_seen(base.hypothesis, self.progress, begin=base)
 
     def _with_its_width(self, current: Fitted) -> Fitted:
         """Fit again with the zero-speed width that friction has once its causes are known, until it stays.
@@ -257,7 +259,7 @@ class Selection:
         assert isinstance(trial.hit, Hit)
         place, wave = trial.hit.candidate.place, trial.hit.columns.paired
         axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
-        free = ceilings(search.motion, search.projection, axes)
+        free = [one for asked in (ceilings, drifts) for one in asked(search.motion, search.projection, axes)]
         best = max(one.gain for one in free if not (wave and one.variable == ANGLE))
         return trial.gain / best if best > LEAST else float("nan")
 

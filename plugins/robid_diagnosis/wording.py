@@ -83,6 +83,14 @@ def settling_line(axes: Sequence[str]) -> str:
     )
 
 
+def held_line(names: Sequence[str]) -> str:
+    """Say which springs and dampers stay as they are told; empty where data tell all of them."""
+    if not names:
+        return ""
+    more = f"; {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"These data do not tell {', '.join(names[:SHOWN])}{more}: taken from the robot file."
+
+
 def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
     """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is.
 

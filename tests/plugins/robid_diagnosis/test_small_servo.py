@@ -41,11 +41,11 @@ def rates(state: np.ndarray, torque: np.ndarray, by_load: float) -> np.ndarray:
     return np.stack((motor_speed, joint_speed, motor_rate, (passed + WEIGHT * np.sin(joint)) / LEVER))
 
 
-def measured(by_load: float) -> Record:
-    """Multisines of 40 lines to 120 Hz on a slow sine, in three poses, two experiments each."""
+def measured(by_load: float, lines_hz: np.ndarray = LINES_HZ) -> Record:
+    """Multisines of 40 lines to 120 Hz, or others, on a slow sine, in three poses, two experiments each."""
     generator, n = np.random.default_rng(8), round(PERIOD_S / SAMPLE_S)
     time = SAMPLE_S * np.arange(n)
-    omega, phase = 2 * np.pi * LINES_HZ, generator.uniform(0, 2 * np.pi, (len(POSES), len(LINES_HZ), 1))
+    omega, phase = 2 * np.pi * lines_hz, generator.uniform(0, 2 * np.pi, (len(POSES), len(lines_hz), 1))
     slow = 2 * np.pi * time + generator.uniform(0, 2 * np.pi, (len(POSES), 1))
     waves = omega[:, None] * time + phase
     speed = 40 * np.sin(slow) + (550.0 / omega[:, None] * np.sin(waves)).sum(axis=1)
@@ -69,13 +69,13 @@ def measured(by_load: float) -> Record:
     seen[1] += 2e-4 * generator.standard_normal(seen[1].shape)
     kept = seen[:, :, n:].reshape(2, 3, 1, 2, PERIODS, n, 1)
     counts = 2**18 / (2 * np.pi)
-    return recorded(np.round(kept[0] * counts) / counts, kept[1])
+    return recorded(np.round(kept[0] * counts) / counts, kept[1], lines_hz)
 
 
-def recorded(angle: np.ndarray, torque: np.ndarray) -> Record:
+def recorded(angle: np.ndarray, torque: np.ndarray, lines_hz: np.ndarray = LINES_HZ) -> Record:
     return Record.from_arrays(
         motor_position=angle, motor_torque=torque, axes="n_config n_block n_exp n_period n_sample n_axis",
-        sample_time_s=SAMPLE_S, axis_names=("lever",), angle=POSES[::2, None], excited_hz=LINES_HZ,
+        sample_time_s=SAMPLE_S, axis_names=("lever",), angle=POSES[::2, None], excited_hz=lines_hz,
         torque_hold="zero_order_hold",
     )  # fmt: skip
 
@@ -108,3 +108,14 @@ def test_a_right_model_is_given_no_cause_and_torques_of_another_motion_are_refus
     another = recorded(run.values("motor_position"), run.values("motor_torque")[..., ::-1, :])
     with pytest.raises(DataRejected, match="explains nothing of the torque of lever"):
         diagnosed(another, tmp_path, only=("friction.viscous",))
+
+
+def test_a_damper_that_the_data_do_not_tell_stays_as_told_and_is_named(tmp_path: Path) -> None:
+    """To 12 Hz, far below the resonance at 68 Hz, the lever follows the motor whatever the damper: not refused."""
+    found = diagnosed(
+        measured(0.06, np.arange(5.0, 13.0)), tmp_path, only=("friction.load_dependent",), highest_hz=15.0
+    )
+    assert [one.effect for one in found.findings] == ["friction.load_dependent"]
+    assert "These data do not tell gear_damping.lever: taken from the robot file." in found.verdict
+    assert found.values is not None
+    assert "gear_damping.lever" not in found.values.names
