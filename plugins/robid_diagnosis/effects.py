@@ -233,8 +233,8 @@ class Effects(DiagnosisStage):
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
         values = values_of(final)
-        lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
-        lines += gear_ratio_lines(causes, values, final.misfit)
+        lines += [*timing_lines(timing, final.misfit), values_line(values)]
+        lines += gear_ratio_lines(causes, values)
         if witness is not None:
             lines.append(witness_line(witness))
         if data.n_config == 1:

@@ -83,14 +83,10 @@ def settling_line(axes: Sequence[str]) -> str:
     )
 
 
-def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
-    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is.
-
-    Errors know the noise; where a model leaves more, `misfit` times its variance, they are as much larger.
-    """
+def values_line(values: ParameterTable) -> str:
+    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
     told = np.where(values.start == 0, np.nan, values.start)
     relative, error = values.estimate / told - 1, values.standard_error / np.abs(told)
-    error = error * np.sqrt(max(misfit, 1.0))
     apart = np.array([group in REFITTED for group in values.groups])
     apart &= np.abs(np.nan_to_num(relative)) > np.maximum(SURE * error, APART)
     if values.prior is not None:  # bodies are told within a tolerance, springs are not
