@@ -101,8 +101,10 @@ class Motion:
         return self.along[0].robot
 
     def weighted(self, spectra: Sequence[ComplexArray]) -> Rows:
-        """One column, (n_row,), from its spectra in each block."""
-        parts = [weight.residual(one).ravel() for weight, one in zip(self.weights, spectra, strict=True)]
+        """One column, (n_row,), from the acting torque's spectra in each block."""
+        gains = (one.block.drive_gain for one in self.along)
+        commands = [one if gain is None else one / gain for one, gain in zip(spectra, gains, strict=True)]
+        parts = [weight.residual(one).ravel() for weight, one in zip(self.weights, commands, strict=True)]
         return np.concatenate(parts)
 
     def scales(self, place: Place, effect: type[Effect]) -> Scales:

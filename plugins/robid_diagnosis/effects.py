@@ -237,9 +237,9 @@ class Effects(DiagnosisStage):
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
         values = values_of(final)
-        lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
+        lines += [*timing_lines(timing, final.misfit), values_line(values)]
         lines.append(held_line(final.hypothesis.held))
-        lines += gear_ratio_lines(causes, values, final.misfit)
+        lines += gear_ratio_lines(causes, values)
         if response_check is not None:
             lines.append(response_check_line(response_check))
         if data.n_config == 1:

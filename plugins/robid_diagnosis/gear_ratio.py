@@ -19,18 +19,14 @@ Logarithm = tuple[float, float]
 """Of the factor by which a ratio is told too large, as one quantity says, and its standard error."""
 
 
-def gear_ratio_lines(findings: Sequence[Finding], values: ParameterTable, misfit: float) -> list[str]:
-    """Say of which axes gains of angle and torque and the rotor are together a wrong gear ratio.
-
-    Errors know the noise; where a model leaves more, `misfit` times its variance, they are as much larger.
-    """
+def gear_ratio_lines(findings: Sequence[Finding], values: ParameterTable) -> list[str]:
+    """Say of which axes gains of angle and torque and the rotor are together a wrong gear ratio."""
     found = []
     for axis in dict.fromkeys(one.on for one in findings):
         told = [*_of_gains(findings, axis), *_of_rotor(values, axis)]
         if len(told) != 3:
             continue
         size, error = np.array(told).T
-        error = error * np.sqrt(max(misfit, 1.0))
         weight = error**-2 / (error**-2).sum()
         mean, spread = float(weight @ size), float((error**-2).sum() ** -0.5)
         alike = np.abs(size - mean) < SURE * np.sqrt(np.maximum(error**2 - spread**2, 0.0))

@@ -84,21 +84,17 @@ def settling_line(axes: Sequence[str]) -> str:
 
 
 def held_line(names: Sequence[str]) -> str:
-    """Say which springs and dampers stay as they are told; empty where data tell all of them."""
+    """Say which springs and dampers keep the value of the robot file; empty where the data determine all of them."""
     if not names:
         return ""
     more = f"; {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"These data do not tell {', '.join(names[:SHOWN])}{more}: taken from the robot file."
+    return f"These data do not determine {', '.join(names[:SHOWN])}{more}: taken from the robot file."
 
 
-def values_line(values: ParameterTable, misfit: float = 1.0) -> str:
-    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is.
-
-    Errors know the noise; where a model leaves more, `misfit` times its variance, they are as much larger.
-    """
+def values_line(values: ParameterTable) -> str:
+    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
     told = np.where(values.start == 0, np.nan, values.start)
     relative, error = values.estimate / told - 1, values.standard_error / np.abs(told)
-    error = error * np.sqrt(max(misfit, 1.0))
     apart = np.array([group in REFITTED for group in values.groups])
     apart &= np.abs(np.nan_to_num(relative)) > np.maximum(SURE * error, APART)
     if values.prior is not None:  # bodies are told within a tolerance, springs are not

@@ -71,6 +71,11 @@ class TorqueBlock(ABC, Generic[M]):
     reported: ComplexArray | None = field(init=False, default=None)
     """Gain of laws on reported torques, (n_bin, n_axis); None: there is none. Residuals and derivatives are told as
     they are reported: noise is, and a gain that is taken off a record must not make it smaller."""
+    commanded: ComplexArray = field(init=False)
+    """Expected torques about which laws on motor torques were evaluated, no delay, (n_config, n_exp, n_bin, n_axis)."""
+    drive_gain: ComplexArray | None = field(init=False, default=None)
+    """What acts over what is commanded by these laws, (n_bin, n_axis); None: there is none. What is compared are
+    commands: where a model asks for another torque, it asks for that over this gain as another command."""
     unresolved: ComplexArray = field(init=False)
     """Covariance of what samples do not resolve of friction, (n_bin, n_row, n_row)."""
     about: FloatArray | None = field(init=False, default=None)
@@ -87,6 +92,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.measured)
+        self.commanded = np.zeros_like(self.motion.torque_spectrum)
         _, _, n_bin, n_row = self.remainder.shape
         self.unresolved = np.zeros((n_bin, n_row, n_row), dtype=np.complex128)
 
@@ -207,6 +213,10 @@ class TorqueBlock(ABC, Generic[M]):
         if self.signals_about is not None:
             for of_signal in self.signal_columns:
                 torque += (coordinates - self.signals_about)[of_signal.index] * of_signal.torque
+        if self.drive_gain is not None:
+            torque -= self.commanded
+            torque /= self.drive_gain
+            torque += self.commanded
         return rows
 
     def linear_torque(self, robot: Robot) -> ComplexArray:
@@ -244,8 +254,11 @@ class TorqueBlock(ABC, Generic[M]):
 
     def expected(self, residual: ComplexArray, delay: FloatArray) -> M:
         """Return the motion with the torques that the model predicts: measured without their delay and residual."""
-        true = residual if self.reported is None else residual / self.reported
-        return self.motion.less(true, delay)
+        return self.motion.less(self._as_acting(residual), delay)
+
+    def _as_acting(self, residual: ComplexArray) -> ComplexArray:
+        """Residuals of torques before laws on reported ones, their shape."""
+        return residual if self.reported is None else residual / self.reported
 
     def renew_signals(
         self, free: FreeParameters, coordinates: FloatArray, residual: ComplexArray, delay: FloatArray
@@ -268,6 +281,10 @@ class TorqueBlock(ABC, Generic[M]):
         residual[..., only_recorded] = 0.0
         expected = self.expected(residual, delay)
         self.added = added_torque(robot, expected)
+        if any(term.channel == "torque" for term in robot.signals):
+            self.commanded = self.motion.advanced_torque(delay) - self._as_acting(residual)
+            self.drive_gain = channel_gain(robot, "torque", self.motion.omega)
+            self.drive_gain[:, only_recorded] = 1.0
         z = impedance(robot, self.angle, self.motion)
         self.signal_columns = signal_columns(free, coordinates, robot, expected, z)
         self.signals_about = coordinates.copy()

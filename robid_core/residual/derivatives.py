@@ -59,6 +59,8 @@ def derivatives(
             for a in range(n_axis):
                 laws = block.friction[:, c, :, bins, a].transpose(2, 1, 0)
                 found[:, :, a, n_free + a + n_axis * np.arange(n_law)] = laws
+            if block.drive_gain is not None:
+                found[:, :, :n_axis, :n_friction] /= block.drive_gain[bins, None, :, None]
             later = late[c][:, bins].transpose(1, 0, 2)
             if each_delay:
                 for a in range(n_axis):

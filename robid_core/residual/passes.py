@@ -118,6 +118,8 @@ def solve(
         progress(number + 1, passes + 1, "torque of the measured motion")
         _renew_signals(problem, point)
         _renew(problem, point, model_error, improve=number < IMPROVED)
+        if number == 0:  # before, laws on torques were asked about commands of a model without them
+            _renew_signals(problem, point)
         if about is not None:
             reached = problem.cost(point, problem.weighted(point, about.weights))
             if reached > ASTRAY * before:
@@ -272,12 +274,17 @@ def _linearised(
 
 
 def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
-    """Of all unknowns: formal, widened by what leaving out a configuration moves."""
-    formal = scaled_inverse(about.whole)
+    """Of all unknowns: formal, widened by what leaving out a configuration moves.
+
+    Formal in the noise that the residual shows, where that is more than the weights say: data then tell as much less
+    (quasi-likelihood: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, section 2.5), no priors.
+    """
+    weighted = problem.weighted(point, about.weights)
+    excess = max(1.0, sum((own**2).sum() for own in weighted) / sum(own.size for own in weighted))
+    priors = np.diag(1 / problem.prior**2)
+    formal = scaled_inverse((about.whole - priors) / excess + priors)
     if len(about.matrices) > 1:
-        shifts = jackknife_shifts(
-            about.whole, problem.gradients(problem.weighted(point, about.weights), about), about.matrices
-        )
+        shifts = jackknife_shifts(about.whole, problem.gradients(weighted, about), about.matrices)
         formal = covariance_with_model_error(formal, shifts)
     return formal + _numerical(problem)
 

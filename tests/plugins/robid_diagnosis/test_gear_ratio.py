@@ -39,7 +39,7 @@ def test_gains_and_rotor_of_a_wrong_ratio_are_said_to_be_one(factor: float, cons
         if constant
         else finding(*TORQUE, factor - 1)
     )
-    (line,) = gear_ratio_lines((angle, torque), rotor(1 / factor**2), 1.0)
+    (line,) = gear_ratio_lines((angle, torque), rotor(1 / factor**2))
     assert line.startswith("elbow: the gains of angle and torque and the rotor together are a gear ratio")
     number, way = line.rsplit(" tells ", 1)[1].split(" ± ")[0], line.rsplit(" ", 1)[1]
     assert float(number) == pytest.approx(100 * abs(factor - 1), abs=100 * ERROR)
@@ -50,8 +50,8 @@ def test_what_does_not_coincide_is_no_ratio() -> None:
     """A gain of the angle alone; another rotor, ten standard errors off; a torque with the other sign."""
     angle, torque = finding(*ANGLE, 1 / FACTOR - 1), finding(*TORQUE, FACTOR - 1)
     right = rotor(FACTOR**-2)
-    assert gear_ratio_lines((angle, torque), right, 1.0)
-    assert not gear_ratio_lines((angle,), right, 1.0)
-    assert not gear_ratio_lines((angle, torque), rotor(FACTOR**-2 + 20 * ERROR), 1.0)
-    assert not gear_ratio_lines((angle, finding(*TORQUE, 1 / FACTOR - 1)), right, 1.0)
-    assert not gear_ratio_lines((angle, torque), rotor(1.0), 1.0)
+    assert gear_ratio_lines((angle, torque), right)
+    assert not gear_ratio_lines((angle,), right)
+    assert not gear_ratio_lines((angle, torque), rotor(FACTOR**-2 + 20 * ERROR))
+    assert not gear_ratio_lines((angle, finding(*TORQUE, 1 / FACTOR - 1)), right)
+    assert not gear_ratio_lines((angle, torque), rotor(1.0))

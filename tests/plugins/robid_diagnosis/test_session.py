@@ -38,6 +38,6 @@ def test_friction_that_changes_over_the_session_is_told_as_that(
     record = warming(measured(plant_of(told, 3), 4))
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
     tried = ("friction.viscous", "friction.load_dependent", "friction.angle_dependent")
-    stage = Effects.model_validate({"separate": False, "witness": (), "only": tried})
+    stage = Effects.model_validate({"separate": False, "response_check": (), "only": tried})
     found = stage.run((record,), told, context)
     assert [(one.kind, one.effect) for one in found.findings] == [("unknown", f"a function of {SESSION}")]

@@ -31,13 +31,6 @@ def test_many_are_counted_and_none_is_no_line() -> None:
     assert values_line(table([50.0], [0.01], group="friction")) == ""
 
 
-def test_values_beside_which_much_is_missing_are_not_sure() -> None:
-    """Thirty standard errors of noise are three where the model leaves a hundred times the noise's variance."""
-    assert values_line(table([103.0], [0.1])) != ""
-    assert values_line(table([103.0], [0.1]), misfit=100.0) == ""
-    assert "30 ± 2 %" in values_line(table([130.0], [0.2]), misfit=100.0)
-
-
 def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
     """Eight configurations that each show a little are data; a gain that none shows is told numbers' nearness."""
     one = {
