@@ -116,6 +116,6 @@ def test_a_damper_that_the_data_do_not_tell_stays_as_told_and_is_named(tmp_path:
         measured(0.06, np.arange(5.0, 13.0)), tmp_path, only=("friction.load_dependent",), highest_hz=15.0
     )
     assert [one.effect for one in found.findings] == ["friction.load_dependent"]
-    assert "These data do not tell gear_damping.lever: taken from the robot file." in found.verdict
+    assert "These data do not determine gear_damping.lever: taken from the robot file." in found.verdict
     assert found.values is not None
     assert "gear_damping.lever" not in found.values.names
