@@ -9,6 +9,7 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
+import robid_core
 from robid_core.robot.file.schema import robot_schema
 
 ROOT = Path(__file__).parents[4]
@@ -48,7 +49,7 @@ def test_every_key_says_what_it_means() -> None:
     [{"model": "x.urdf"}, {"lok": {}}, {"axes": {}}, {"axes": {"axis_1": {"rotor_inertia": "fill_in"}}}],
 )
 def test_mistakes_do_not_fit(change: dict[str, Any]) -> None:
-    data = {**read(ROOT / "robid_core" / "robots" / "one_axis" / "robot.yaml"), **change}
+    data = {**read(Path(robid_core.__file__).parent / "robots" / "one_axis" / "robot.yaml"), **change}
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(data, SCHEMA)
 
