@@ -24,6 +24,7 @@ INSIDE = "robid_core/run/confined_stage.py"
 WARM_START = "robid_core/run/warm_start.py"
 FIT = '        called("fit")\n'
 KILL_SERVER = "        import signal; os.kill(os.getppid(), signal.SIGKILL)\n"
+WHO = "        called(str(os.getppid()))\n"
 OWN_END = "its code ended its process with exit code 255"
 
 
@@ -68,6 +69,19 @@ def test_R11_a_process_that_ends_before_its_stage_begins_is_told_as_that(world: 
         PluginError, match="R11: its process ended with exit code 3 before the stage began; .*ulimit"
     ):
         world.run(last="fit", trust_plugins=False, force=("fit",))
+
+
+def test_the_server_that_python_keeps_is_the_parent_of_a_stage(world: Any) -> None:
+    """`_forkserver_pid` is private to multiprocessing: this is where a Python that changed it is noticed."""
+    line = "        return Configurations(robot.axis_names, context"
+    world.edit(line, WHO + line)
+    world.run(last="where", trust_plugins=False)
+    assert world.ran()[-1] == str(warm_start._server())
+
+
+def test_a_python_that_keeps_no_server_starts_stages_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(forkserver._forkserver, "_forkserver_pid")  # type: ignore[attr-defined]
+    assert warm_start._server() is None
 
 
 def test_stages_go_on_when_their_server_is_killed_during_one_and_between_two(world: Any) -> None:
