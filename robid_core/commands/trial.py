@@ -30,6 +30,8 @@ R = TypeVar("R")
 def foreign_plugins(file: Path) -> list[Plugin]:
     """Return the plugins of third parties whose names stand in a file; none where it cannot be read."""
     try:
+        if not file.is_file():
+            return []
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+import threading
 from typing import Any
 
 import pytest
@@ -249,6 +250,22 @@ def test_R04_a_system_that_starts_no_process_is_told(
         "cannot read plugins of third parties in a copy of this process: Resource temporarily unavailable"
         in err
     )
+
+
+@fault(
+    "Y05",
+    sees="exit 2: a pipe or a device is no file; it was waited for without end",
+    mutant=("robid_core/pipeline/pipeline.py", "not (file.is_file() or file.is_dir()):", "False:"),
+)
+def test_Y05_a_pipeline_is_a_file_and_no_pipe(world: Any, capsys: Any) -> None:
+    world.file.unlink()
+    os.mkfifo(world.file)
+    writer = os.open(world.file, os.O_RDWR)  # or a wrong robid would wait for ever for one
+    os.set_blocking(writer, False)
+    threading.Timer(5.0, os.close, (writer,)).start()
+    code, _, err = told(world, capsys, "validate")
+    assert code == 2
+    assert "pipeline.yaml: is no file; name a pipeline file" in err
 
 
 def test_a_mistake_in_the_file_is_told_as_ever_where_plugins_of_others_are_named(
