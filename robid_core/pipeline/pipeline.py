@@ -147,9 +147,7 @@ class Pipeline:
         file = Path(path)
         hint = "name a pipeline file, or make one with `robid init`"
         try:
-            if file.exists() and not (
-                file.is_file() or file.is_dir()
-            ):  # a pipe, a device: reading may never end
+            if file.exists() and not (file.is_file() or file.is_dir()):  # reading a pipe may never end
                 raise ConfigurationError(f"{path}: is no file; {hint}")
             data = file.read_bytes()
         except OSError as error:
