@@ -126,7 +126,9 @@ def test_R11_a_server_that_does_not_answer_is_done_without(
     server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
     os.kill(server, signal.SIGSTOP)
     monkeypatch.setattr(warm_start, "LONGEST_START_S", 0.3)
-    wake = threading.Timer(20.0, os.kill, (server, signal.SIGCONT))  # a run that waits for it shall fail, not hang
+    wake = threading.Timer(
+        20.0, os.kill, (server, signal.SIGCONT)
+    )  # a run that waits for it shall fail, not hang
     wake.start()
     try:
         assert world.run(last="acquire", trust_plugins=False).outcomes["acquire"] == "made"
