@@ -26,7 +26,11 @@ def read_data_sets(path: Path) -> tuple[dict[str, FloatArray], list[str]]:
     arrays: dict[str, FloatArray] = {}
     remarks: list[str] = []
 
-    def visit(name: str, item: Any) -> None:
+    def visit(name: str | bytes, item: Any) -> None:
+        if isinstance(name, bytes):  # h5py gives so what it cannot decode
+            raise ValueError(
+                f"the name {name!r} is no UTF-8: it is damaged, or was written in another encoding"
+            )
         if not isinstance(item, h5py.Dataset):
             return
         if item.dtype.names:

@@ -31,13 +31,14 @@ def array(
     known: bool = False,
     rising: bool = False,
     covariance: bool = False,
+    least: float | None = None,
 ) -> Any:
     """Declare an array field: its axes as words (`"n_config n_freq n_out n_in"`), its unit, and what it may hold.
 
     Axes with the same name must have the same length within one artifact. `finite=False` allows NaN (a value
     that does not exist, such as the standard error of a parameter that is fixed). What a result must be to be stored
     (`soundness.py`): `known`, not all of it NaN; `rising` along its axis; `covariance`, matrices that are symmetric and
-    not negative.
+    not negative; `least`, what no value is below.
     """
     metadata = {
         "axes": tuple(axes.split()),
@@ -46,6 +47,7 @@ def array(
         "known": known,
         "rising": rising,
         "covariance": covariance,
+        "least": least,
     }
     if optional:
         return field(default=None, metadata=metadata, kw_only=keyword)

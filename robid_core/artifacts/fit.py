@@ -39,10 +39,10 @@ class ParameterTable(Artifact):
     groups: tuple[str, ...]
     start: FloatArray = array("n_parameter")
     estimate: FloatArray = array("n_parameter")
-    standard_error: FloatArray = array("n_parameter", finite=False)
+    standard_error: FloatArray = array("n_parameter", finite=False, least=0.0)
     reported: BoolArray = array("n_parameter")
     at_bound: BoolArray = array("n_parameter")
-    prior: FloatArray | None = array("n_parameter", optional=True, finite=False)
+    prior: FloatArray | None = array("n_parameter", optional=True, finite=False, least=0.0)
 
     def value(self, name: str) -> float:
         """Return the estimate of one parameter."""

@@ -71,8 +71,8 @@ class Frf(Artifact):
         known=True,
         covariance=True,
     )
-    degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
-    noise_degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True)
+    degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True, least=0.0)
+    noise_degrees_of_freedom: FloatArray | None = array("n_config n_freq", optional=True, least=0.0)
     odd_distortion: FloatArray | None = array("n_config n_freq n_out", "rad/s^2", finite=False, optional=True)
     even_distortion: FloatArray | None = array(
         "n_config n_freq n_out", "rad/s^2", finite=False, optional=True

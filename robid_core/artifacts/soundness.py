@@ -1,9 +1,9 @@
-"""What no result may be, whoever computed it: values at infinity, nothing but NaN, axes that run backwards, covariances
-that no scatter has.
+"""What no result may be, whoever computed it: values at infinity, nothing but NaN, axes that run backwards, negative
+errors, covariances that no scatter has, clocks that stand still, one name for two things.
 
 Asked before a result is stored, of whole artifacts, since they may be built from parts that are checked elsewhere. A
 field says in its declaration what it is: `array(..., rising=True)`, `array(..., covariance=True)`,
-`array(..., known=True)`.
+`array(..., known=True)`, `array(..., least=0.0)`.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ import numpy.typing as npt
 
 from robid_core.artifacts.artifact import Artifact
 
+NAMES = ("names", "axis_names")  # fields in which a name means one thing
 ROUNDING = 1e-6  # of a correlation: matrices that were inverted near their last digits are still covariances
 
 
 def unsound(artifact: Artifact, place: str = "") -> Iterator[str]:
     """Yield what is wrong with an artifact and those within it: the field, and what about it."""
     place = place or type(artifact).__name__
+    yield from _wrong_clock(artifact, place)
     for item in dataclasses.fields(artifact):
         value, where = getattr(artifact, item.name), f"{place}.{item.name}"
         if isinstance(value, np.ndarray) and "axes" in item.metadata:
@@ -31,6 +33,10 @@ def unsound(artifact: Artifact, place: str = "") -> Iterator[str]:
                 yield f"{where}: {words}"
         elif isinstance(value, Artifact):
             yield from unsound(value, where)
+        elif item.name in NAMES:
+            twice = sorted({name for name in value if value.count(name) > 1})
+            if twice:
+                yield f"{where}: {', '.join(twice)} stands twice"
         elif isinstance(value, Mapping | tuple):
             parts = value.items() if isinstance(value, Mapping) else enumerate(value)
             for key, part in parts:
@@ -51,7 +57,24 @@ def _wrong(values: npt.NDArray[Any], metadata: Mapping[str, Any]) -> str:
     if metadata.get("rising") and not (np.diff(values) > 0).all():
         index = int(np.argmin(np.diff(values) > 0))
         return f"does not rise: {values[index]:g} is followed by {values[index + 1]:g}"
+    least = metadata.get("least")
+    if least is not None and (values < least).any():
+        return f"{int((values < least).sum())} values are below {least:g}, the least {np.nanmin(values):g}"
     return no_covariance(values) if metadata.get("covariance") else ""
+
+
+def _wrong_clock(artifact: Artifact, place: str) -> Iterator[str]:
+    """Yield what is wrong with the time between samples, and with frequencies that it cannot hold."""
+    step_s = getattr(artifact, "sample_time_s", None)
+    if step_s is None:
+        return
+    if not 0 < step_s < np.inf:
+        yield f"{place}.sample_time_s: {step_s:g} s between samples"
+        return
+    frequency = getattr(artifact, "frequency_hz", None)
+    highest = 0.5 / step_s
+    if frequency is not None and frequency.size and frequency.max() > highest * (1 + ROUNDING):
+        yield f"{place}.frequency_hz: {frequency.max():g} Hz, beyond half the sampling rate, {highest:g} Hz"
 
 
 def no_covariance(matrices: npt.NDArray[Any]) -> str:

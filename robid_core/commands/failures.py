@@ -16,12 +16,20 @@ import typer
 
 from robid_core import __version__
 from robid_core.commands import INTERRUPTED
-from robid_core.errors import ConfigurationError, PluginError, RobidError, StopNotConfirmed, said_by
+from robid_core.errors import (
+    ConfigurationError,
+    PluginError,
+    RobidError,
+    StopNotConfirmed,
+    StoreError,
+    said_by,
+)
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 BUG = 70
+LONGEST_NAME = 200  # of a file in a message
 
 
 def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
@@ -56,9 +64,12 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
                 raise
             if debug:
                 traceback.print_exc()
+            elif isinstance(error, OSError) and error.errno:
+                _say(_refusal_of_the_system(error))
             else:
                 _say(_bug_message(error))
-            raise SystemExit(BUG) from error
+            of_the_system = isinstance(error, OSError) and error.errno
+            raise SystemExit(StoreError.exit_code if of_the_system else BUG) from error
         except BaseException as error:  # SystemExit and the like, which nothing of robid raises here
             if debug:
                 traceback.print_exc()
@@ -72,6 +83,12 @@ def _meant_for_typer(error: Exception) -> bool:
     """Tell whether the parser of the command line handles this: its own exceptions, and a closed pipe."""
     own = isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "show")
     return own or isinstance(error, BrokenPipeError)
+
+
+def _refusal_of_the_system(error: OSError) -> str:
+    name = str(error.filename or "")
+    where = f"{name[:LONGEST_NAME]}{'...' if len(name) > LONGEST_NAME else ''}: " if name else ""
+    return f"{where}{os.strerror(error.errno or 0)}; the system refuses it; --debug shows where"
 
 
 def _bug_message(error: Exception) -> str:

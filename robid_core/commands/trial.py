@@ -13,7 +13,6 @@ import multiprocessing
 import os
 import signal
 import sys
-import tempfile
 from collections.abc import Callable, Collection
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -23,6 +22,7 @@ from robid_core.errors import PluginError
 from robid_core.executors.task import surviving
 from robid_core.registry import GROUPS, Plugin, registry
 from robid_core.run.confined_stage import last_frame
+from robid_core.store import failures_named
 
 R = TypeVar("R")
 
@@ -30,6 +30,8 @@ R = TypeVar("R")
 def foreign_plugins(file: Path) -> list[Plugin]:
     """Return the plugins of third parties whose names stand in a file; none where it cannot be read."""
     try:
+        if not file.is_file():
+            return []
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return []
@@ -44,30 +46,31 @@ def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) 
     """
     if not plugins:
         return action()
-    here, there = multiprocessing.Pipe(duplex=False)
-    with tempfile.NamedTemporaryFile(prefix="robid-crash-") as crash:
+    with failures_named("read plugins of third parties in a copy of this process", None):
+        here, there = multiprocessing.Pipe(duplex=False)
+        crash = os.memfd_create("robid-crash")  # a file on no disk, which may be full or read-only
         sys.stdout.flush()
         sys.stderr.flush()
         pid = os.fork()
-        if not pid:
-            here.close()
-            _work(action, there, Path(crash.name))
-        there.close()
-        status = 0
-        try:
-            kind, value = here.recv()
-        except EOFError:
-            kind, value = "nothing", None
-        except BaseException:
-            os.kill(pid, signal.SIGKILL)
-            raise
-        finally:
-            here.close()
-            status = os.waitpid(pid, 0)[1]
-        if kind == "nothing":
-            raise PluginError(
-                _how_it_ended(os.waitstatus_to_exitcode(status), plugins, doing, Path(crash.name))
-            )
+    if not pid:
+        here.close()
+        _work(action, there, crash)
+    there.close()
+    status = 0
+    try:
+        kind, value = here.recv()
+    except EOFError:
+        kind, value = "nothing", None
+    except BaseException:
+        os.kill(pid, signal.SIGKILL)
+        raise
+    finally:
+        here.close()
+        status = os.waitpid(pid, 0)[1]
+        last = last_frame(Path(f"/proc/self/fd/{crash}"))
+        os.close(crash)
+    if kind == "nothing":
+        raise PluginError(_how_it_ended(os.waitstatus_to_exitcode(status), plugins, doing, last))
     if kind == "error":
         if isinstance(value, Exception | KeyboardInterrupt):
             raise value
@@ -77,19 +80,18 @@ def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) 
     return result
 
 
-def _work(action: Callable[[], object], there: Connection, crash: Path) -> None:
+def _work(action: Callable[[], object], there: Connection, crash: int) -> None:
     """Do it in the copy, tell, and end without what the original still has to do."""
-    with crash.open("w", encoding="utf-8") as file:
-        faulthandler.enable(file, all_threads=False)
-        try:
-            message = "result", action()
-        except BaseException as error:
-            message = "error", surviving(error)
-        with contextlib.suppress(BrokenPipeError):  # nobody listens any more
-            there.send(message)
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(0)
+    faulthandler.enable(crash, all_threads=False)
+    try:
+        message = "result", action()
+    except BaseException as error:
+        message = "error", surviving(error)
+    with contextlib.suppress(BrokenPipeError):  # nobody listens any more
+        there.send(message)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def loaded_apart(plugin: Plugin, action: Callable[[Any], R]) -> R:
@@ -98,9 +100,9 @@ def loaded_apart(plugin: Plugin, action: Callable[[Any], R]) -> R:
     return in_a_copy(lambda: action(plugin.load()), foreign, f"{plugin.name} was imported")
 
 
-def _how_it_ended(code: int, plugins: Collection[Plugin], doing: str, crash: Path) -> str:
+def _how_it_ended(code: int, plugins: Collection[Plugin], doing: str, place: str) -> str:
     if code < 0:
-        how = f"crashed with {signal.Signals(-code).name}{last_frame(crash)}"
+        how = f"crashed with {signal.Signals(-code).name}{place}"
     else:
         how = f"ended the process with exit code {code}, which no plugin may"
     return _blamed(how, plugins, doing)

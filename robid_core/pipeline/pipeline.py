@@ -145,11 +145,13 @@ class Pipeline:
             Where there is no such file.
         """
         file = Path(path)
+        hint = "name a pipeline file, or make one with `robid init`"
         try:
+            if file.exists() and not (file.is_file() or file.is_dir()):  # reading a pipe may never end
+                raise ConfigurationError(f"{path}: is no file; {hint}")
             data = file.read_bytes()
         except OSError as error:
             reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error.strerror)
-            hint = "name a pipeline file, or make one with `robid init`"
             raise ConfigurationError(f"{path}: {reason}; {hint}") from error
         return cls.parse(data, file, overrides, data_root=data_root, plugins=plugins)
 

@@ -68,7 +68,12 @@ def _kill() -> None:
 
 
 def _server() -> int | None:
-    number: int | None = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    """Return the server's process id, which nothing public tells while it starts; None where Python keeps it no more.
+
+    Without it a server that does not answer is waited for, and one that was killed is not told from a stage that was.
+    """
+    keeper = getattr(forkserver, "_forkserver", None)
+    number: int | None = getattr(keeper, "_forkserver_pid", None)
     return number
 
 

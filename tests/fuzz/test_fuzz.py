@@ -26,6 +26,7 @@ FOUND = {
         8092,
     ),  # cut right behind the header: no variables, and nothing told; behind a variable
     "bag_mcap": (7000001, 7000013, 7000038),  # chunks without a checksum, and nothing told
+    "hdf5": (5222,),  # a name that is no text
     "mat_plain": (1932, 2411, 3192),  # scipy ended the process, by SIGSEGV and SIGBUS
     "mcap_foreign": (3, 58, 129, 138, 176, 218),  # the summary was believed
     "mcap_log": (2, 3, 91, 135, 176, 263),

@@ -85,9 +85,8 @@ class SpeedFunctions:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the functions, in their order, and of the constant torque that stands beside them."""
-        odd, even = (
-            (f"{kind}_{i + 1}" for i in range(len(w))) for kind, w in (("odd", self.odd), ("even", self.even))
-        )
+        odd = (f"odd_{number + 1}" for number in range(len(self.odd)))
+        even = (f"even_{number + 1}" for number in range(len(self.even)))
         return (*odd, *even, "constant")
 
     def of_axis(self, axis: int) -> SpeedFunctions:

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from faults.fault import fault
 
 from robid_core import Channel, DataRejected, DenseRun, Record
 from robid_tables.hdf5 import Hdf5Records
@@ -58,6 +59,28 @@ def test_data_sets_are_named_by_their_paths(tmp_path: Path) -> None:
     assert "log/label: no real numbers, left out" in lines
     with pytest.raises(DataRejected, match="no record of robid; give channels"):
         Hdf5Records.read_record(path)
+
+
+@fault(
+    "A02",
+    sees="exit 5: the name of a data set is no text: damaged, or in another encoding; it was a mistake of the reader",
+    mutant=(
+        "adapters/robid_tables/hdf5.py",
+        "        if isinstance(name, bytes):  #",
+        "        if False:  #",
+    ),
+)
+def test_a_name_that_is_no_text_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "names.h5"
+    with h5py.File(path, "w") as file:
+        file["position"] = np.zeros(3)
+    content = path.read_bytes()
+    assert content.count(b"position") == 1
+    path.write_bytes(content.replace(b"position", b"posi\xfeion"))
+    with pytest.raises(
+        DataRejected, match=r"names.h5: cannot be read as HDF5 \(the name b'posi.xfeion' is no UTF-8"
+    ):
+        Hdf5Records.read(path)
 
 
 def test_a_cut_file_is_rejected(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from faults.fault import fault
 from hypothesis import given, settings, strategies as st
 
-from robid_core import Channel, Frf
+from robid_core import Channel, Frf, ParameterTable
 from robid_core.artifacts.soundness import no_covariance, unsound
 
 SEES = (
@@ -34,6 +35,13 @@ def response(**changes: Any) -> Frf:
         "output_covariance": np.tile(np.array([[2.0, 1j], [-1j, 1.0]]), (1, 3, 1, 1)),
     }
     return Frf(**(fields | changes))
+
+
+def parameters(*names: str) -> ParameterTable:
+    """A table of as many parameters."""
+    n = len(names)
+    flags = np.zeros(n, dtype=bool)
+    return ParameterTable(names, ("N m",) * n, ("friction",) * n, *np.ones((3, n)), flags, flags)
 
 
 def problems(artifact: Any) -> list[str]:
@@ -91,6 +99,40 @@ def test_a_negative_variance_and_a_matrix_that_is_not_symmetric_are_told() -> No
     assert no_covariance(np.array([[1.0, 0.5], [0.1, 1.0]])).startswith(
         "is no covariance: not symmetric, by 0.4"
     )
+
+
+@fault(
+    "R12", sees=SEES, mutant=(FILE, "    if least is not None and (values < least).any():", "    if False:")
+)
+def test_a_standard_error_below_zero_is_told() -> None:
+    table = parameters("a", "b")
+    assert problems(table) == []
+    wrong = dataclasses.replace(table, standard_error=np.array([np.nan, -0.5]))
+    assert problems(wrong) == ["ParameterTable.standard_error: 1 values are below 0, the least -0.5"]
+
+
+@fault("R12", sees=SEES, mutant=(FILE, "            if twice:", "            if False:"))
+def test_a_name_that_stands_twice_is_told() -> None:
+    assert problems(parameters("a", "a")) == ["ParameterTable.names: a stands twice"]
+    assert problems(response(axis_names=("b", "b"))) == ["Frf.axis_names: b stands twice"]
+
+
+@fault("R12", sees=SEES, mutant=(FILE, "    if not 0 < step_s < np.inf:", "    if False:"))
+def test_a_clock_that_stands_still_or_runs_backwards_is_told() -> None:
+    for step_s in (-0.001, np.nan, np.inf):
+        assert problems(response(sample_time_s=step_s))[0].startswith("Frf.sample_time_s: ")
+
+
+@fault(
+    "R12",
+    sees=SEES,
+    mutant=(FILE, "frequency.max() > highest * (1 + ROUNDING):", "frequency.max() > np.inf:"),
+)
+def test_a_frequency_beyond_half_the_sampling_rate_is_told() -> None:
+    assert problems(response(sample_time_s=0.125)) == []  # 4 Hz is half of 8 Hz
+    assert problems(response(sample_time_s=0.13)) == [
+        "Frf.frequency_hz: 4 Hz, beyond half the sampling rate, 3.84615 Hz"
+    ]
 
 
 def test_parts_within_an_artifact_are_named() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
 import typer
+from faults.fault import fault
 
 from robid_core import errors
 from robid_core.commands.failures import guarded
@@ -82,6 +84,23 @@ def test_what_the_parser_handles_is_left_to_it(error: Exception) -> None:
 
     with pytest.raises(type(error)):
         guarded(command, False)()
+
+
+@fault(
+    "R04",
+    sees="exit 7: what the system refuses, wherever that happens, and the file; no report of a mistake of robid",
+    mutant=(
+        "robid_core/commands/failures.py",
+        "            of_the_system = isinstance(error, OSError) and error.errno\n",
+        "            of_the_system = False\n",
+    ),
+)
+def test_R04_what_the_system_refuses_is_no_bug(capsys: pytest.CaptureFixture[str]) -> None:
+    assert failing(OSError(errno.ENAMETOOLONG, "File name too long", "a" * 5000)) == 7
+    assert capsys.readouterr().err == (
+        f"{'a' * 200}...: File name too long; the system refuses it; --debug shows where\n"
+    )
+    assert failing(OSError("a library's own words")) == 70
 
 
 def test_the_guard_keeps_signature_and_result() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import tempfile
+import threading
 from typing import Any
 
 import pytest
@@ -181,7 +184,7 @@ def test_R09_drives_that_ask_to_exit_are_told(world: Any, capsys: Any) -> None:
 @fault(
     "R09",
     sees="exit 8 of plan: what a stage foresees crashed with SIGSEGV, and the line of the plugin where it did",
-    mutant=(TRIAL, "        faulthandler.enable(file, all_threads=False)\n", ""),
+    mutant=(TRIAL, "    faulthandler.enable(crash, all_threads=False)\n", ""),
 )
 def test_R09_a_crash_of_what_a_stage_foresees_is_told_with_its_line(world: Any, capsys: Any) -> None:
     world.edit(COUNT, FORESEEN.format(CRASH))
@@ -208,6 +211,61 @@ def test_R09_an_error_of_what_a_stage_foresees_is_told(world: Any, capsys: Any) 
         "stage where: R09: 'strange.where' (robid_strange_stages 1.0) cannot say what it foresees: ValueError: no idea"
         in err
     )
+
+
+@fault(
+    "R04",
+    sees="nothing where no folder for temporary files can be written: a pipeline is read without one",
+    mutant=(TRIAL, 'os.memfd_create("robid-crash")', "__import__('tempfile').TemporaryFile().fileno()"),
+)
+def test_R04_plugins_of_others_need_no_temporary_file(
+    world: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", list)
+    with pytest.raises(FileNotFoundError):
+        tempfile.gettempdir()
+    assert told(world, capsys, "validate")[0] == 0
+
+
+@fault(
+    "R04",
+    sees="exit 7: the system starts no process for the code of third parties, and why",
+    mutant=(
+        TRIAL,
+        'failures_named("read plugins of third parties in a copy of this process", None):',
+        "contextlib.nullcontext():",
+    ),
+)
+def test_R04_a_system_that_starts_no_process_is_told(
+    world: Any, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused() -> int:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(os, "fork", refused)
+    code, _, err = told(world, capsys, "validate")
+    assert code == 7
+    assert (
+        "cannot read plugins of third parties in a copy of this process: Resource temporarily unavailable"
+        in err
+    )
+
+
+@fault(
+    "Y05",
+    sees="exit 2: a pipe or a device is no file; it was waited for without end",
+    mutant=("robid_core/pipeline/pipeline.py", "not (file.is_file() or file.is_dir()):", "False:"),
+)
+def test_Y05_a_pipeline_is_a_file_and_no_pipe(world: Any, capsys: Any) -> None:
+    world.file.unlink()
+    os.mkfifo(world.file)
+    writer = os.open(world.file, os.O_RDWR)  # or a wrong robid would wait for ever for one
+    os.set_blocking(writer, False)
+    threading.Timer(5.0, os.close, (writer,)).start()
+    code, _, err = told(world, capsys, "validate")
+    assert code == 2
+    assert "pipeline.yaml: is no file; name a pipeline file" in err
 
 
 def test_a_mistake_in_the_file_is_told_as_ever_where_plugins_of_others_are_named(

@@ -24,6 +24,7 @@ INSIDE = "robid_core/run/confined_stage.py"
 WARM_START = "robid_core/run/warm_start.py"
 FIT = '        called("fit")\n'
 KILL_SERVER = "        import signal; os.kill(os.getppid(), signal.SIGKILL)\n"
+WHO = "        called(str(os.getppid()))\n"
 OWN_END = "its code ended its process with exit code 255"
 
 
@@ -70,6 +71,19 @@ def test_R11_a_process_that_ends_before_its_stage_begins_is_told_as_that(world: 
         world.run(last="fit", trust_plugins=False, force=("fit",))
 
 
+def test_the_server_that_python_keeps_is_the_parent_of_a_stage(world: Any) -> None:
+    """`_forkserver_pid` is private to multiprocessing: this is where a Python that changed it is noticed."""
+    line = "        return Configurations(robot.axis_names, context"
+    world.edit(line, WHO + line)
+    world.run(last="where", trust_plugins=False)
+    assert world.ran()[-1] == str(warm_start._server())
+
+
+def test_a_python_that_keeps_no_server_starts_stages_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(forkserver._forkserver, "_forkserver_pid")  # type: ignore[attr-defined]
+    assert warm_start._server() is None
+
+
 def test_stages_go_on_when_their_server_is_killed_during_one_and_between_two(world: Any) -> None:
     world.edit('        called("where")\n', '        called("where")\n' + KILL_SERVER)
     world.run(last="acquire", trust_plugins=False)
@@ -112,9 +126,14 @@ def test_R11_a_server_that_does_not_answer_is_done_without(
     server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
     os.kill(server, signal.SIGSTOP)
     monkeypatch.setattr(warm_start, "LONGEST_START_S", 0.3)
+    wake = threading.Timer(
+        20.0, os.kill, (server, signal.SIGCONT)
+    )  # a run that waits for it shall fail, not hang
+    wake.start()
     try:
         assert world.run(last="acquire", trust_plugins=False).outcomes["acquire"] == "made"
     finally:
+        wake.cancel()
         with contextlib.suppress(ProcessLookupError):
             os.kill(server, signal.SIGCONT)
     assert warm_start.has_died(server)

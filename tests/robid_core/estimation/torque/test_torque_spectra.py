@@ -237,3 +237,11 @@ def test_friction_of_any_width_nearby_is_a_sum_of_near_functions() -> None:
         size, *_ = np.linalg.lstsq(functions, friction, rcond=None)
         assert np.abs(functions @ size - friction).std() < 0.01
         assert laws.width_of(size[:, None], speed)[0] == pytest.approx(width, rel=0.02)
+
+
+def test_each_function_of_speed_has_a_name_of_its_own() -> None:
+    names = SpeedFunctions.about(np.ones(2), np.full(2, 3.0)).names
+    assert len(set(names)) == len(names)
+    assert [name for name in names if name.startswith("even")] == ["even_1", "even_2", "even_3"]
+    assert names[0] == "odd_1"
+    assert names[-1] == "constant"
