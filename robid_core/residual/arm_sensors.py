@@ -56,6 +56,11 @@ class ArmSpectra:
         difference: ComplexArray = turn * self.spectrum - (1 + sensing[0]) * predicted
         return difference
 
+    def advancing(self, shown: ComplexArray, omega: FloatArray) -> ComplexArray:
+        """Derivative, by the time by which samples come earlier, of spectra like the measured ones, their shape."""
+        slope: ComplexArray = 1j * omega[:, None] * shown
+        return slope
+
     # What a robot says of it
 
     def linear(self, robot: Robot, angle: FloatArray, omega: FloatArray, swing: ComplexArray) -> ComplexArray:
@@ -85,7 +90,7 @@ class ArmSpectra:
             if sensor.channel == POSITION:
                 found[:, k] = mechanism.constraint_map[mechanism.arm[sensor.axis]]
             else:
-                s = _spring(robot, sensor.axis)
+                s = gear_spring(robot, sensor.axis)
                 found[:, k] = np.outer(stiffness[s] + 1j * omega * damping[s], mechanism.spring_directions[s])
         return found
 
@@ -100,7 +105,7 @@ class ArmSpectra:
         found, moving = output_slopes(linear.model, linear.slopes, omega, swing, outputs)
         for k, sensor in enumerate(self.sensors):
             if sensor.channel == TORQUE:
-                s = _spring(robot, sensor.axis)
+                s = gear_spring(robot, sensor.axis)
                 bent = np.einsum("n,fnx->fx", robot.mechanism.spring_directions[s], moving)
                 size = change.stiffness[:, s] + 1j * omega[:, None] * change.damping[:, s]
                 found[:, :, k] += bent[..., None] * size[:, None]
@@ -156,6 +161,6 @@ def check_sensors(robot: Robot, sensors: Sequence[ArmSensor]) -> None:
             )
 
 
-def _spring(robot: Robot, axis: int) -> int:
-    """Number of an axis' gear among the springs."""
+def gear_spring(robot: Robot, axis: int) -> int:
+    """Return the number of an axis' gear among the springs."""
     return int(np.count_nonzero(robot.mechanism.elastic_gear[:axis]))

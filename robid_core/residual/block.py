@@ -102,6 +102,11 @@ class TorqueBlock(ABC, Generic[M]):
         torque = self.motion.torque_spectrum
         return torque if self.arm is None else np.concatenate((torque, self.arm.spectrum), axis=-1)
 
+    @property
+    def bending(self) -> ComplexArray:
+        """Measured spectra that a model error is relative to, likewise."""
+        return self.measured
+
     # What kinds of records differ in
 
     @abstractmethod
@@ -144,14 +149,14 @@ class TorqueBlock(ABC, Generic[M]):
         return False
 
     def free_vibration(self, robot: Robot) -> ComplexArray | None:
-        """Torques of the free vibration from an unknown initial state, None where the motion repeats.
+        """Rows of the free vibration from an unknown initial state, and of zeros; None where the motion repeats.
 
-        Shape (n_config, n_exp, n_bin, n_axis, n_state).
+        Shape (n_config, n_exp, n_bin, n_row, n_state).
         """
         return None
 
     def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
-        """Begin the next prescribed motion as residuals tell, (n_config, n_exp, n_bin, n_axis)."""
+        """Begin the next prescribed motion as residuals tell, (n_config, n_exp, n_bin, n_row)."""
 
     def go_on_from(self, other: Self) -> None:
         """Begin where another block of the same record ended; its robot differs little."""
@@ -376,7 +381,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     def weight(self, robot: Robot, coefficient: FloatArray, model_error: float) -> ComplexArray:
         """Whitener of the noise and of a model error relative to what is measured, (n_bin, n_row, n_row)."""
-        rows = self.measured
+        rows = self.bending
         size = covariance_of(rows)
         size[0] = (np.abs(rows[:, :, 0]) ** 2).mean(axis=(0, 1))  # no neighbour of the lowest bins
         return whitener(self.noise(robot, coefficient) + model_error**2 * size * np.eye(size.shape[-1]))

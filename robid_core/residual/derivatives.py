@@ -35,6 +35,8 @@ def derivatives(
     linear = LinearSlopes.of_robot(free, robot, block.angle, bodies)
     late = -motion.advancing(predicted[..., : robot.n_axis])
     n_sensor = 0 if block.arm is None else len(block.arm.sensors)
+    shown = predicted[..., robot.n_axis :]
+    earlier = shown if block.arm is None else block.arm.advancing(shown, motion.omega)
     gain = np.ones(n_sensor) if sensing is None else 1 + sensing[0]
 
     def of_configuration(c: int) -> Iterator[ComplexArray]:
@@ -49,8 +51,8 @@ def derivatives(
             parameter_columns(robot, motion, bins, swing[bins], here, found[:, :, :n_axis, :n_free])
             if block.arm is not None and len(here.index):
                 above = slice(np.count_nonzero(omega <= 0), None)
-                shown = block.arm.slopes(robot, omega[above], swing[bins][above], here)
-                found[above, :, n_axis:, here.index] = shown
+                bent = block.arm.slopes(robot, omega[above], swing[bins][above], here)
+                found[above, :, n_axis:, here.index] = bent
             for column in block.simulated:
                 slope = (column.remainder[c][:, bins] + column.linear[c][:, bins]).transpose(1, 0, 2)
                 found[..., column.index] = slope
@@ -70,10 +72,10 @@ def derivatives(
             if block.reported is not None:
                 found[:, :, :n_axis] *= block.reported[bins, None, :, None]
             for k in range(n_sensor):
-                row, shown = found[:, :, n_axis + k], predicted[c, :, bins, n_axis + k].T
+                row = found[:, :, n_axis + k]
                 row *= gain[k]
-                row[..., n_friction + k] = shown
-                row[..., n_friction + n_sensor + k] = -1j * omega[:, None] * gain[k] * shown
+                row[..., n_friction + k] = shown[c, :, bins, k].T
+                row[..., n_friction + n_sensor + k] = -gain[k] * earlier[c, :, bins, k].T
             yield found
 
     return (of_configuration(c) for c in range(n_config))

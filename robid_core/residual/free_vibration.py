@@ -14,15 +14,16 @@ from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.mechanics import SimulationState
 from robid_core.residual.columns import passive_motion
+from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.robot import Robot
 
 SLOW = 100.0  # times slower than the first bin: there deflections follow quasi-statically
 
 
-def free_vibration(robot: Robot, motion: WindowedMotion) -> ComplexArray:
-    """Spectra of the held torque for unit deviations of angles, then rates.
+def free_vibration(robot: Robot, motion: WindowedMotion, arm: WindowedArm | None = None) -> ComplexArray:
+    """Spectra of the held torque, and of sensors behind the gears, for unit deviations of angles, then rates.
 
-    Shape (n_config, n_exp, n_bin, n_axis, 2 n_behind): experiments start in poses of their own.
+    Shape (n_config, n_exp, n_bin, n_row, 2 n_behind): experiments start in poses of their own.
     """
     n, start = robot.n_axis, motion.angle[:, :, 0]
     model = robot.second_order(robot.joint_angle(start).reshape(-1, n))
@@ -35,8 +36,10 @@ def free_vibration(robot: Robot, motion: WindowedMotion) -> ComplexArray:
     torque = np.concatenate((push[0], push[1]), axis=2) + push[2] @ acceleration
     time = motion.sample_time_s * np.arange(motion.n_sample)
     wave = np.exp(value[:, None, None, :] * time[:, None])
-    spectrum = (motion.held_spectrum(wave.real) + 1j * motion.held_spectrum(wave.imag))[:, 0]
-    modes = (torque @ vector)[:, None] * spectrum[:, :, None]
+    shown = (motion.spectrum_of(wave.real) + 1j * motion.spectrum_of(wave.imag))[:, 0]
+    modes = (torque @ vector)[:, None] * (shown / motion.hold[:, None])[:, :, None]
+    if arm is not None:
+        modes = np.concatenate((modes, (arm.of_state(robot) @ vector)[:, None] * shown[:, :, None]), axis=2)
     torques: ComplexArray = modes @ np.linalg.inv(vector)[:, None]
     return torques.reshape(*start.shape[:2], *torques.shape[1:])
 

@@ -42,7 +42,7 @@ def _first_pass(problem: TorqueProblem, start: FloatArray) -> tuple[FloatArray, 
     part = problem.without_inertia()
     kept = [problem.free.names.index(name) for name in part.free.names]
     point, reweighed = np.concatenate((start[kept], np.zeros(part.n_unknown - part.n_free))), 0
-    sizes = [covariance_of(block.measured) for block in part.blocks]
+    sizes = [covariance_of(block.bending) for block in part.blocks]
     first = whiteners = [whitener(COARSE * size * np.eye(size.shape[-1])) for size in sizes]
     for _ in range(FIRST_LINEARISATIONS):
         for block in part.blocks:

@@ -16,6 +16,7 @@ from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
 from robid_core.residual.arm_sensors import ArmSpectra, arm_spectra_of
 from robid_core.residual.periodic_block import PeriodicBlock
+from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
 
@@ -84,10 +85,8 @@ def arm_side_of(
     """Return the spectra of sensors behind the gears; none where no channel is asked for."""
     if not channels:
         return None
-    if not isinstance(motion, PeriodicMotion):
-        raise DataRejected(
-            "arm_side: sensors behind the gears count in records that repeat; measure periods, or leave arm_side out"
-        )
+    if isinstance(motion, WindowedMotion):
+        return WindowedArm.of_run(record.run, motion, tuple(channels))
     return arm_spectra_of(record.run, discard, len(motion.bin), channels)
 
 
@@ -100,7 +99,8 @@ def block_of(
     """Return the block of one record under its robot."""
     if isinstance(motion, PeriodicMotion):
         return PeriodicBlock.of_record(robot, motion, laws, arm)
-    return WindowedBlock.of_record(robot, motion, laws)
+    assert arm is None or isinstance(arm, WindowedArm)
+    return WindowedBlock.of_record(robot, motion, laws, arm)
 
 
 def parts_by_variant(record: Record) -> Iterator[tuple[str, Record]]:

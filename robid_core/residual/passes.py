@@ -230,7 +230,8 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
             continue
         whitener, before = block.weight(robot, size, model_error), np.inf
         for _ in range(INITIAL_STATES):
-            residual = block.residual(block.predicted(robot, coordinates, size), problem.delay(point))
+            predicted = block.predicted(robot, coordinates, size)
+            residual = block.residual(predicted, problem.delay(point), problem.sensing(point))
             left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
             if left > BETTER * before:
                 break

@@ -8,7 +8,7 @@ is projected out of each experiment: unknowns of its own that need no prior.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,15 +20,18 @@ from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.mechanics import MotorMotion
 from robid_core.parameters import FreeParameters
+from robid_core.residual.arm_sensors import POSITION, TORQUE, check_sensors
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
+from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
 
 LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model gives no start values
 UNIFORM = 12  # step squared over the variance of what is rounded
+WIDE = 1e3  # of what a row leaves: a sensor's zero is not known
 FEW = 2  # experiments of each configuration in a first pass of prescribed motions
 
 
@@ -36,27 +39,34 @@ FEW = 2  # experiments of each configuration in a first pass of prescribed motio
 class WindowedBlock(TorqueBlock[WindowedMotion]):
     """Spectra of cuts under a window; their noise is that of the sensors in the robot file."""
 
+    arm: WindowedArm | None = field(default=None, kw_only=True)
     deviation: FloatArray | None = None
     """Of initial deflections and their rates from quasi-static ones, (n_config, n_exp, n_state)."""
     prescribed: MotorMotion | None = None
     """The motion in steps of the integrator, once it was asked for."""
 
     @classmethod
-    def of_record(cls, robot: Robot, motion: WindowedMotion, laws: SpeedFunctions) -> WindowedBlock:
+    def of_record(
+        cls, robot: Robot, motion: WindowedMotion, laws: SpeedFunctions, arm: WindowedArm | None = None
+    ) -> WindowedBlock:
         """Prepare a block.
 
-        Raises DataRejected where the robot file has no noise of torque: a single cut cannot show it.
+        Raises DataRejected where the robot file has no noise of torque, or of a sensor behind the gears: a single cut
+        cannot show it.
         """
         if not (robot.drives.torque_noise > 0).all():
             raise DataRejected(
                 f"{robot.name}: a motion that does not repeat shows no noise, and the robot file has none; give each "
                 "axis sensors: {torque_noise: ...}, the rms in N m of the measured torque at standstill"
             )
+        if arm is not None:
+            check_sensors(robot, arm.sensors)
+            _check_noise(robot, arm)
         motion = replace(motion, angle_noise=angle_noise(robot))
         recorded, motion = motion, true_motion(robot, motion)
         middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
-        return cls(robot, recorded, motion, laws, friction, added, robot.joint_angle(middle))
+        return cls(robot, recorded, motion, laws, friction, added, robot.joint_angle(middle), arm=arm)
 
     @property
     def moves_far(self) -> bool:
@@ -68,10 +78,12 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         """Likewise; of long ways the first experiments of each configuration are enough to begin with."""
         if not self.moves_far:
             return super().thinned(keep)
+        motion = _first(self.motion, FEW)
         few = replace(
             self,
             recorded=_first(self.recorded, FEW),
-            motion=_first(self.motion, FEW),
+            motion=motion,
+            arm=None if self.arm is None else self.arm.first(motion),
             deviation=None,
             prescribed=None,
             friction=self.friction[:, :, :FEW],
@@ -87,12 +99,28 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         self.prescribed = None if self.signal_columns else self.prescribed
 
     def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
-        """Spectra of the torque that this motion takes of each robot, (n_config, n_exp, n_bin, n_axis) each."""
+        """Spectra of the torque that this motion takes of each robot, and of sensors behind its gears."""
         motion = self._prescribed(robots[0].step_s)
         begin = motion.angle, motion.speed, self.deviation
-        runs = prescribe_many(robots, motion, [state_at_first(robot, *begin) for robot in robots])
+        starts, seen = [state_at_first(robot, *begin) for robot in robots], self.arm is not None
+        runs = prescribe_many(robots, motion, starts, keep_coordinates=seen)
         shape, step = self.motion.angle.shape, robots[0].step_s
-        return [self.motion.spectrum_of_means(run.torque.reshape(shape), step) for run in runs]
+        torques = [self.motion.spectrum_of_means(run.torque.reshape(shape), step) for run in runs]
+        if self.arm is None:
+            return torques
+        rows = []
+        for robot, run, torque in zip(robots, runs, torques, strict=True):
+            assert run.coordinates is not None
+            shown = self.arm.simulated(robot, self.motion, run.coordinates)
+            rows.append(np.concatenate((torque, shown), axis=-1))
+        return rows
+
+    @property
+    def bending(self) -> ComplexArray:
+        """Measured spectra; of encoders at the links what rigid gears do not show."""
+        if self.arm is None:
+            return self.measured
+        return np.concatenate((self.motion.torque_spectrum, self.arm.bending(self.robot)), axis=-1)
 
     def coordinates(self, robot: Robot) -> FloatArray:
         """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
@@ -113,13 +141,22 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         return self.robot.mechanism.n_coordinate > self.robot.n_axis
 
     def free_vibration(self, robot: Robot) -> ComplexArray | None:
-        """Torques of unit deviations of the initial state, (n_config, n_exp, n_bin, n_axis, n_unknown)."""
-        return free_vibration(robot, self.motion) if self.initial_state_unknown else None
+        """Rows of unit deviations of the initial state, then of zeros, (n_config, n_exp, n_bin, n_row, n_unknown)."""
+        parts = [free_vibration(robot, self.motion, self.arm)] if self.initial_state_unknown else []
+        if self.arm is not None:
+            zeros = np.pad(self.arm.zeros(), ((0, 0), (robot.n_axis, 0), (0, 0)))
+            parts.append(np.broadcast_to(zeros, (*self.motion.angle.shape[:2], *zeros.shape)))
+        return np.concatenate(parts, axis=-1) if parts else None
 
     def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
         """Begin the next prescribed motion as residuals tell, so that a linear model is enough for what is left."""
         prior = rms_vibration(robot, self.angle, self.motion)
-        more = deviation_of(residual, free_vibration(robot, self.motion), whitener, prior)
+        shown, n_state = self.free_vibration(robot), prior.shape[1]
+        assert shown is not None
+        if self.arm is not None:
+            power = (np.abs(residual[..., robot.n_axis :]) ** 2).sum(axis=2).mean(axis=1)
+            prior = np.concatenate((prior, WIDE * np.sqrt(power)), axis=1)
+        more = deviation_of(residual, shown, whitener, prior)[..., :n_state]
         self.deviation = more if self.deviation is None else self.deviation + more
 
     def go_on_from(self, other: WindowedBlock) -> None:
@@ -133,7 +170,14 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         motion, drives = self.motion, robot.drives
         z = impedance(robot, self.angle, motion) * (motion.omega**2)[:, None, None]
         moved = np.einsum("cfab,b,cfdb->fad", z, drives.position_noise**2, z.conj()) / len(z)
-        covariance: ComplexArray = (moved + np.diag(drives.torque_noise**2)) / motion.n_sample
+        if self.arm is None:
+            covariance: ComplexArray = (moved + np.diag(drives.torque_noise**2)) / motion.n_sample
+            return covariance
+        omega = np.concatenate((motion.omega[1:2], motion.omega[1:]))
+        both = np.concatenate((z, -self.arm.follow(robot, self.angle, omega)), axis=2)
+        moved = np.einsum("cfab,b,cfdb->fad", both, drives.position_noise**2, both.conj()) / len(z)
+        told = np.concatenate((drives.torque_noise**2, _noise_behind(robot, self.arm) ** 2))
+        covariance = (moved + np.diag(told)) / motion.n_sample
         return covariance
 
     @property
@@ -145,6 +189,23 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     def noise_freedom(self) -> float:
         """Complex degrees of freedom of the noise at each bin: it is told."""
         return float("inf")
+
+
+def _noise_behind(robot: Robot, arm: WindowedArm) -> FloatArray:
+    """Rms of each sensor's noise, rad and N m, (n_sensor,)."""
+    drives = robot.drives
+    told = {POSITION: drives.joint_position_noise, TORQUE: drives.joint_torque_noise}
+    return np.array([told[one.channel][one.axis] for one in arm.sensors])
+
+
+def _check_noise(robot: Robot, arm: WindowedArm) -> None:
+    for sensor, noise in zip(arm.sensors, _noise_behind(robot, arm), strict=True):
+        if not noise > 0:
+            raise DataRejected(
+                f"{robot.name}: a motion that does not repeat shows no noise, and the robot file has none of "
+                f"{sensor.channel}; give {robot.axis_names[sensor.axis]} sensors: "
+                f"{{{sensor.channel}_noise: ...}}, its rms at standstill"
+            )
 
 
 def angle_noise(robot: Robot) -> FloatArray:

@@ -45,6 +45,8 @@ class DriveArrays:
     encoder_counts: FloatArray
     position_noise: FloatArray
     torque_noise: FloatArray
+    joint_position_noise: FloatArray
+    joint_torque_noise: FloatArray
 
     @property
     def torque_limit(self) -> FloatArray:
@@ -109,6 +111,8 @@ def drive_arrays(description: RobotDescription) -> DriveArrays:
         encoder_counts=np.array([axis.sensors.encoder_counts for axis in axes]),
         position_noise=np.array([axis.sensors.position_noise for axis in axes]),
         torque_noise=np.array([axis.sensors.torque_noise for axis in axes]),
+        joint_position_noise=np.array([axis.sensors.joint_position_noise for axis in axes]),
+        joint_torque_noise=np.array([axis.sensors.joint_torque_noise for axis in axes]),
     )
 
 

@@ -126,11 +126,14 @@ class WindowedMotion(MotionSpectra):
 
     def advancing(self, torque: ComplexArray) -> ComplexArray:
         """Likewise, less what a window that moves with them would add."""
-        n = self.n_sample
-        slope = np.gradient(_window(n), self.sample_time_s)
-        moved = scipy.fft.rfft(self.torque * slope[:, None], axis=2)[:, :, self.bin] / n
-        result: ComplexArray = super().advancing(torque) - moved
+        result: ComplexArray = super().advancing(torque) - self.window_slope(self.torque)
         return result
+
+    def window_slope(self, values: FloatArray) -> ComplexArray:
+        """Spectra of values at the samples under the window's derivative, (n_config, n_exp, n_bin, n), per second."""
+        slope = np.gradient(_window(self.n_sample), self.sample_time_s)
+        moved: ComplexArray = scipy.fft.rfft(values * slope[:, None], axis=2)[:, :, self.bin] / self.n_sample
+        return moved
 
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> WindowedMotion:
         """Return the same with other angles and torques."""

@@ -65,6 +65,10 @@ class Sensors(Part):
     """Standard deviation of the measured motor angle, rad."""
     torque_noise: NonNegative = 0.0
     """Standard deviation of the measured torque, N m."""
+    joint_position_noise: NonNegative = 0.0
+    """Of an encoder behind the gear, rad at the joint."""
+    joint_torque_noise: NonNegative = 0.0
+    """Of a torque sensor behind the gear, N m at the joint."""
 
 
 class ControllerEntry(Part):

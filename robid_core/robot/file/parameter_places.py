@@ -38,6 +38,8 @@ _AXIS = (
     ("sensors.{}.encoder_counts", "sensor", SEPARATE, "1/rad", ("sensors", "encoder_counts")),
     ("sensors.{}.position_noise", "sensor", SEPARATE, "rad", ("sensors", "position_noise")),
     ("sensors.{}.torque_noise", "sensor", SEPARATE, "N m", ("sensors", "torque_noise")),
+    ("sensors.{}.joint_position_noise", "sensor", SEPARATE, "rad", ("sensors", "joint_position_noise")),
+    ("sensors.{}.joint_torque_noise", "sensor", SEPARATE, "N m", ("sensors", "joint_torque_noise")),
 )
 _SPRING = (
     ("bearing_stiffness.{}", "stiffness", DYNAMIC, "N m/rad", ("stiffness",)),

@@ -210,7 +210,7 @@ def test_axes_without_a_sensor_and_one_that_is_late_are_known() -> None:
 def test_what_cannot_be_predicted_is_refused() -> None:
     robot = quiet("one_axis")
     record = record_of(robot, np.array([[0.3]]), 2, 1)
-    with pytest.raises(DataRejected, match="records that repeat"):
+    with pytest.raises(DataRejected, match="sensors: {joint_position_noise"):
         fit_of(record.replace(line=None), robot, BOTH)
     (run,) = record.runs
     bare = record.replace(

@@ -1,0 +1,147 @@
+"""Encoders at the links and torque sensors in the joints in records that do not repeat: cuts of simulated motions."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+
+from robid_core import Channel, Context, DataRejected, DenseRun, Fit, Record, Robot
+from robid_core.residual.derivatives import derivatives
+from robid_core.robot.plant import continue_simulation, standing
+from robid_core.stage import map_in_process
+from robid_fit.torque_residual import TorqueResidualFit
+
+T, N, BEFORE = 1e-3, 4000, 1537  # the cut begins where nothing begins
+BOTH = ("joint_position", "joint_torque")
+NOISE = {"position_noise": 2e-6, "joint_position_noise": 2e-7, "joint_torque_noise": 0.05}
+FREE = ("gear_stiffness.*", "gear_damping.*", "friction.*.viscous", "rotor_inertia.*", "mass.*")
+
+
+@cache
+def nominal() -> Robot:
+    """One axis with an elastic gear that tells the noise of all sensors, and counts nothing."""
+    robot = Robot.load("one_axis")
+    axes = {}
+    for name, axis in robot.description.axes.items():
+        told = NOISE | {"encoder_counts": 0.0, "torque_noise": 1e-3 * float(robot.drives.torque_limit[0])}
+        axes[name] = axis.model_copy(update={"sensors": axis.sensors.model_copy(update=told)})
+    robot = dataclasses.replace(robot, description=robot.description.model_copy(update={"axes": axes}))
+    levels = [n for n in robot.layout if n.startswith("friction.") and n.endswith((".coulomb", ".offset"))]
+    return robot.with_parameters(dict.fromkeys(levels, 0.0))
+
+
+def record_of(
+    plant: Robot, seed: int, *, n_exp: int = 3, swing: float = 0.15, noise: float = 1.0, late: float = 0.0
+) -> Record:
+    """What all sensors show of multisines on a slow sine, from the middle of it; links `late` by so many samples."""
+    generator, time = np.random.default_rng(seed), T * np.arange(BEFORE + N)
+    ratio = plant.motor_angle(np.ones((1, plant.n_axis)))[0]
+    speed = swing * np.pi * np.sin(np.pi * time)[None, :, None] * np.ones((n_exp, 1, plant.n_axis))
+    for hertz in np.arange(5.0, 80.0, 6.1):
+        phase = generator.uniform(0, 2 * np.pi, (n_exp, 1, plant.n_axis))
+        speed = speed + 0.01 * np.sin(2 * np.pi * hertz * time[None, :, None] + phase)
+    start = standing(plant, np.tile(plant.motor_angle(np.full((1, plant.n_axis), 0.3)), (n_exp, 1)))
+    run = continue_simulation(plant, start, ratio * speed, seed if noise else None, keep_coordinates=True)
+    mechanism, (stiffness, damping) = plant.mechanism, plant.spring_arrays()
+    assert run.coordinates is not None
+    link = run.coordinates @ mechanism.constraint_map[mechanism.arm].T
+    bent = scipy.interpolate.CubicSpline(time, run.coordinates @ mechanism.spring_directions.T, axis=1)
+    gears = slice(0, plant.n_axis)
+    torque = (stiffness * bent(time) + damping * bent(time, 1))[..., gears]
+    link = scipy.interpolate.CubicSpline(time, link, axis=1)(time - late * T)
+    drives, cut = plant.drives, slice(BEFORE, None)
+    behind = {
+        "joint_position": link
+        + 0.02
+        + noise * drives.joint_position_noise * generator.standard_normal(link.shape),
+        "joint_torque": torque
+        - 3.0
+        + noise * drives.joint_torque_noise * generator.standard_normal(link.shape),
+    }
+    shape = (1, 1, n_exp, 1, N, plant.n_axis)
+    channels = {
+        "motor_position": Channel("motor", "rad", run.position[:, cut].reshape(shape)),
+        "motor_torque": Channel("motor", "N m", run.torque[:, cut].reshape(shape)),
+        "joint_position": Channel("joint", "rad", behind["joint_position"][:, cut].reshape(shape)),
+        "joint_torque": Channel("joint", "N m", behind["joint_torque"][:, cut].reshape(shape)),
+    }
+    made = DenseRun(T, channels, T * np.arange(N), np.ones(shape[:-1], dtype=bool))
+    pose = np.full((1, plant.n_axis), 0.3)
+    return Record(plant.axis_names, "simulated", "zero_order_hold", (made,), pose)
+
+
+def fit_of(record: Record, robot: Robot, arm_side: tuple[str, ...], **settings: Any) -> Fit:
+    context = Context(
+        np.random.default_rng(1), map_in_process, lambda *a, **k: None, logging.getLogger("test")
+    )
+    return TorqueResidualFit(free=FREE, arm_side=arm_side, **settings).run(record, robot, context)
+
+
+@pytest.mark.parametrize("swing", [0.15, 0.8], ids=["little", "far"])
+def test_a_right_robot_leaves_next_to_nothing_behind_the_gear(swing: float) -> None:
+    """The simulator under its controller, and a motion that is prescribed: zeros and what rings are taken off."""
+    robot = nominal()
+    problem = TorqueResidualFit(arm_side=BOTH, free=FREE).problem(
+        record_of(robot, 1, swing=swing, noise=0.0), robot
+    )
+    (block,), point = problem.blocks, np.zeros(problem.n_unknown)
+    for _ in range(4):
+        block.renew(problem.free, point[: problem.n_free])
+        (residual,) = problem.residuals(point)
+        whitener = np.linalg.inv(
+            np.sqrt(block.measured_noise(robot, problem.friction_size(point)).real * np.eye(3))
+        )
+        block.improve_initial_state(robot, residual, whitener.astype(complex))
+    block.renew(problem.free, point[: problem.n_free])
+    (residual,) = problem.residuals(point)
+    left = np.sqrt((abs(residual) ** 2).sum(axis=(0, 1, 2)) / (abs(block.bending) ** 2).sum(axis=(0, 1, 2)))
+    assert left[1:].max() < 1e-5
+
+
+def test_what_a_delay_and_a_gain_move_is_what_differences_say() -> None:
+    robot = nominal()
+    problem = TorqueResidualFit(arm_side=BOTH, free=FREE).problem(record_of(robot, 1), robot)
+    (block,), point = problem.blocks, np.zeros(problem.n_unknown)
+    block.renew(problem.free, point[: problem.n_free])
+    (predicted,) = problem.predicted(point)
+    (runs,) = derivatives(
+        block, problem.free, point[: problem.n_free], predicted, False, problem.sensing(point)
+    )
+    columns = np.concatenate(list(runs))
+    first = problem.n_unknown - problem.n_delay - 4
+    for i, step in ((first, 1e-3), (first + 1, 1e-3), (first + 2, 1e-6), (first + 3, 1e-6)):
+        ends = []
+        for way in (-step, step):
+            moved = point.copy()
+            moved[i] += way
+            ends.append(problem.residuals(moved)[0])
+        numeric = (ends[0] - ends[1])[0].transpose(1, 0, 2) / (2 * step)
+        exact, row = columns[..., i], 1 + (i - first) % 2
+        # Zeros are taken off residuals, and are among what is projected out of columns.
+        constant = block.motion.constant
+        share = np.einsum("f,fx->x", constant.conj(), exact[..., row]).real / np.vdot(constant, constant).real
+        bare = exact[..., row] - constant[:, None] * share
+        assert abs(numeric[..., row] - bare).max() < 1e-4 * abs(bare).max()
+
+
+def test_a_late_link_encoder_is_found_in_a_cut() -> None:
+    plant = nominal()
+    fit = fit_of(record_of(plant, 2, late=1.4), plant, BOTH[:1])
+    table = fit.parameters
+    name = "delay.joint_position.axis_1"
+    error = table.standard_error[table.names.index(name)]
+    assert abs(table.value(name) - 1.4 * T) < 4 * error
+    assert error < 0.02 * T
+    assert [one.kind for one in fit.stated_doubts] == ["errors"]  # of such cuts they are too small
+
+
+def test_a_robot_that_tells_no_noise_of_the_sensor_is_refused() -> None:
+    robot = Robot.load("one_axis")
+    with pytest.raises(DataRejected, match="sensors: {joint_torque_noise"):
+        fit_of(record_of(nominal(), 1, n_exp=1), robot, ("joint_torque",))
