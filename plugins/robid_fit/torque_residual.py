@@ -230,7 +230,10 @@ def _too_sure(problem: TorqueProblem) -> tuple[Doubt, ...]:
     """Doubt errors of cuts with sensors behind the gears: over forty plants they were a third of what came out."""
     if not any(isinstance(block, WindowedBlock) and block.arm is not None for block in problem.blocks):
         return ()
-    sentence = "beside sensors behind the gears, standard errors from a motion that does not repeat may be three times too small"
+    sentence = (
+        "beside sensors behind the gears, standard errors from a motion that does not repeat "
+        "may be three times too small"
+    )
     return (Doubt("errors", sentence, "measure periods, or compare fits to several records"),)
 
 
