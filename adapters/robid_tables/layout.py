@@ -78,6 +78,8 @@ def layout_of(path: Path, text: str) -> Layout:
         else:
             ended = separator != " " and all(line.rstrip(" ").endswith(separator) for _, line in lines)
             names = [str(index + 1) for index in range(len(cells) - ended)]
+            if ended:  # an empty cell at the end is no missing number then
+                lines = [(number, line.rstrip(" ").removesuffix(separator)) for number, line in lines]
     if header:
         names = _without_last_empty(names)
     _check_names(path, first, names)

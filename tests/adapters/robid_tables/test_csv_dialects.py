@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from robid_core import DataRejected
 from robid_tables.csv import CsvRecords
@@ -80,6 +80,7 @@ def text_of(rows: list[list[float]], dialect: Dialect) -> tuple[str, list[list[f
 
 @settings(max_examples=400, deadline=None)
 @given(rows=TABLES, dialect=DIALECTS)
+@example([[0.0, 1.5], [0.0, -1.0]], Dialect(",", ",", "utf-8", False, False, True, False, "", "\n", "g"))
 def test_a_table_in_any_dialect_reads_back_equal_or_is_refused(
     tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]], dialect: Dialect
 ) -> None:

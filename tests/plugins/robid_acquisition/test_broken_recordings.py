@@ -104,7 +104,7 @@ def test_a_wrong_hold(lab: Lab, sound: dict[str, FloatArray]) -> None:
     np.savez(lab.folder / "run.npz", **settled(sound))
     assert "torque_hold is missing" in str(_refusal(lab, "run.npz", **PERIODIC))
     told = lab.told("run.npz", torque_hold="continuous", **PERIODIC)
-    assert "continuous is told" in told
+    assert "continuous is stated" in told
     assert "as with zero_order_hold" in told
 
 

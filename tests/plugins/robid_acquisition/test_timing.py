@@ -102,7 +102,7 @@ def test_a_hold_that_is_told_wrong_looks_like_half_a_sample(sound: tuple[FloatAr
     """The simulated drives hold the torque; half a sample later it looks as a continuous one does."""
     position, torque = sound
     (words,) = doubts_of_timing(record(position, torque, "continuous"), ROBOT)
-    assert "torque_hold: continuous is told" in words
+    assert "torque_hold: continuous is stated" in words
     assert "as with zero_order_hold" in words
     (words,) = doubts_of_timing(record(position, late(torque, 0.5)), ROBOT)
     assert "torque_hold: zero_order_hold is told" in words
@@ -133,7 +133,7 @@ def test_the_hold_of_a_single_axis_is_doubted_where_friction_cannot_explain_it(s
     """Half a sample turns the phase at 150 Hz by 0.5 rad; friction does the less, the higher the frequency."""
     robot = Robot.load("one_axis")
     (words,) = doubts_of_timing(of_one_axis(seed, 150.0, "continuous"), robot)
-    assert "torque_hold: continuous is told" in words
+    assert "torque_hold: continuous is stated" in words
     assert doubts_of_timing(of_one_axis(seed, 150.0, "zero_order_hold"), robot) == []
 
 
