@@ -105,7 +105,7 @@ def test_a_hold_that_is_told_wrong_looks_like_half_a_sample(sound: tuple[FloatAr
     assert "torque_hold: continuous is stated" in words
     assert "as with zero_order_hold" in words
     (words,) = doubts_of_timing(record(position, late(torque, 0.5)), ROBOT)
-    assert "torque_hold: zero_order_hold is told" in words
+    assert "torque_hold: zero_order_hold is stated" in words
     assert "as with continuous" in words
 
 
