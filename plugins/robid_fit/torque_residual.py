@@ -32,7 +32,6 @@ from robid_core import (
 from robid_core.residual import (
     Solution,
     TorqueProblem,
-    WindowedBlock,
     default_patterns,
     estimated_robot,
     excited_range,
@@ -222,19 +221,8 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=(*_late(problem, point), *_too_sure(problem)),
+            stated_doubts=_late(problem, point),
         )
-
-
-def _too_sure(problem: TorqueProblem) -> tuple[Doubt, ...]:
-    """Doubt errors of cuts with sensors behind the gears: over forty plants they were a third of what came out."""
-    if not any(isinstance(block, WindowedBlock) and block.arm is not None for block in problem.blocks):
-        return ()
-    sentence = (
-        "beside sensors behind the gears, standard errors from a motion that does not repeat "
-        "may be three times too small"
-    )
-    return (Doubt("errors", sentence, "measure periods, or compare fits to several records"),)
 
 
 def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic, Literal, Self, TypeVar
+from typing import ClassVar, Generic, Literal, Self, TypeVar
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from robid_core.robot.effects import channel_gain
 
 M = TypeVar("M", bound=MotionSpectra)
 
-DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
 LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
 
 
@@ -49,6 +48,9 @@ class SimulatedColumn:
 @dataclass(eq=False)
 class TorqueBlock(ABC, Generic[M]):
     """Measured spectra of one record, and what the robot under which it was measured gives for them."""
+
+    difference: ClassVar[float] = 1e-3
+    """Step of derivatives by two prescribed motions, in natural scales."""
 
     robot: Robot
     """Without Coulomb friction at the motors; the free parameters are set on it."""
@@ -142,6 +144,11 @@ class TorqueBlock(ABC, Generic[M]):
     def moves_far(self) -> bool:
         """Whether the arm leaves what a linear model can tell."""
         return False
+
+    @property
+    def linear_is_enough(self) -> bool:
+        """Whether the linear model knows the derivatives by springs, dampers, viscous friction and bodies."""
+        return True
 
     @property
     def initial_state_unknown(self) -> bool:
@@ -305,12 +312,14 @@ class TorqueBlock(ABC, Generic[M]):
         """Take by two prescribed motions the derivatives that only those know, after `renew`.
 
         Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
-        others are bent. Of everything where the arm moves far, or where passes do not keep what they gain; of bodies
-        only once, since they hardly change. Of effects on the structure the linear model knows enough, elsewhere.
+        others are bent. Of everything where the linear model is not enough, or where passes do not keep what they gain;
+        of bodies only once where the state at the first sample is known, since they hardly change then. Of effects on
+        the structure the linear model knows enough, elsewhere.
         """
         robot = self.robot_at(free, coordinates)
         kinds = [free.robot.parameter_kind(name) for name in free.names]
-        columns = {column.index: column for column in self.simulated if kinds[column.index] == "inertia"}
+        lasting = () if self.initial_state_unknown else ("inertia",)
+        columns = {column.index: column for column in self.simulated if kinds[column.index] in lasting}
         known = {*columns, *(column.index for column in self.signal_columns)}
         known |= {i for i, name in enumerate(free.names) if name not in robot.layout}
         numbers = [i for i, kind in enumerate(kinds) if self._needs_motion(kind, robot) and i not in known]
@@ -340,18 +349,18 @@ class TorqueBlock(ABC, Generic[M]):
         """Whether the linear model does not know the derivative for a parameter of that kind."""
         elastic = kind in ("stiffness", "damping")
         bent = bool(robot.bending_forces) and self.by_motion != "least"
-        linear_is_enough = kind in ("inertia", "friction") or (elastic and not bent)
+        known = self.linear_is_enough and (kind in ("inertia", "friction") or (elastic and not bent))
         asked = self.by_motion == "all" and (elastic or kind == "inertia")
-        return self.moves_far or not linear_is_enough or asked
+        return asked or not known
 
     def _is_structure(self, name: str, kind: str, laws: Collection[str], robot: Robot) -> bool:
         """Whether a parameter belongs to an effect on the structure that the linear model knows well enough."""
-        plain = not (self.moves_far or self.by_motion == "all" or robot.bending_forces)
-        return plain and kind == "effect" and name.split(".")[1] not in laws
+        plain = self.by_motion != "all" and not robot.bending_forces
+        return plain and self.linear_is_enough and kind == "effect" and name.split(".")[1] not in laws
 
     def _moved(self, free: FreeParameters, coordinates: FloatArray, number: int) -> tuple[Robot, float]:
         """Robot with one parameter moved, and by how much: down, where up is no robot (one level above another)."""
-        for step in (DIFFERENCE, -DIFFERENCE):
+        for step in (self.difference, -self.difference):
             moved = coordinates.copy()
             moved[number] += step
             robot = self.robot_at(free, moved)
