@@ -62,13 +62,13 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
         except Exception as error:
             if _meant_for_typer(error):
                 raise
+            of_the_system = isinstance(error, OSError) and error.errno
             if debug:
                 traceback.print_exc()
-            elif isinstance(error, OSError) and error.errno:
+            elif of_the_system:
                 _say(_refusal_of_the_system(error))
             else:
                 _say(_bug_message(error))
-            of_the_system = isinstance(error, OSError) and error.errno
             raise SystemExit(StoreError.exit_code if of_the_system else BUG) from error
         except BaseException as error:  # SystemExit and the like, which nothing of robid raises here
             if debug:
