@@ -27,7 +27,7 @@ default_role = "code"
 INTERNAL = (  # classes that public signatures mention and nobody makes by hand
     "ArmSensor|Axes|BatchDiverged|BatchedDynamics|DriveArrays|FileProblems|Identified|LawRun|MotionSpectra|Motions|"
     "NamedUnknowns|PeriodicMotion|Registry|RobotDescription|SpeedFunctions|Start|Tasks|Tell|TorqueBlock|Variants|"
-    "Visibility|WindowedMotion|_LawEffect"
+    "Visibility|WindowedArm|WindowedMotion|_LawEffect"
 )
 nitpicky = True
 nitpick_ignore_regex = [

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
-from robid_core.errors import ConfigurationError, ExtraMissing, PluginError
+from robid_core.errors import ConfigurationError, ExtraMissing, PluginError, said_by
 
 STAGES = "robid.stages"
 EFFECTS = "robid.effects"
@@ -92,7 +92,9 @@ class Plugin:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a module may end in sys.exit()
-            raise PluginError(f"{self} cannot be imported: {type(error).__name__}: {error}") from error
+            raise PluginError(
+                f"{self} cannot be imported: {type(error).__name__}: {said_by(error)}"
+            ) from error
 
     @property
     def is_foreign(self) -> bool:

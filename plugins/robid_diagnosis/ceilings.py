@@ -24,11 +24,7 @@ BANDS = 12  # of frequency
 RESPONSE = "frequency: a linear response"
 ANGLE = "motor angle"
 SESSION = "the order of the experiments: friction that changes over the session"
-POWERS = (
-    1,
-    2,
-    3,
-)  # of the number of an experiment: a drive that warms up comes nearer to its end in an exponential
+POWERS = (1, 2, 3)  # of an experiment's number: warming up is an exponential, near to a cubic
 PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
 
 

@@ -86,9 +86,9 @@ class TorqueResidualFit(Estimator):
     """Whether the measured torques of all axes have one delay, or each its own."""
     arm_side: tuple[Literal["joint_position", "joint_torque"], ...] = ()
     """Channels of sensors behind the gears that are fitted beside the torques, of the axes that have them: encoders at
-    the links, torque sensors in the joints. Their zeros do not count; gain and delay of each are unknowns. Of motions
-    that do not repeat the robot file tells their noise, `sensors: {joint_position_noise: ..., joint_torque_noise: ...}`
-    of each axis."""
+    the links, torque sensors in the joints. Their zeros do not count; gain and delay of each are unknowns. For
+    motions that do not repeat the robot file has to state their noise, `sensors: {joint_position_noise: ...,
+    joint_torque_noise: ...}` of each axis."""
     arm_side_gain: PositiveFloat = 0.01
     """Standard deviation of the gains of these sensors, relative."""
     passes: PositiveInt = 12

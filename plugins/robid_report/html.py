@@ -299,9 +299,7 @@ class HtmlReport(ReportStage):
             "nuisances": [row for row in table if not row.reported],
             "base": rows(fit.base, None)[0] if fit is not None and fit.base is not None else [],
             "essential": essential_rows(fit.essential) if fit is not None else None,
-            "plant": Path(truth.plant).name
-            if truth is not None
-            else "",  # the page names no folder of the machine
+            "plant": "" if truth is None else Path(truth.plant).name,  # no folder of the machine
             "limit": f"{100 * limit:g} %",
             "beside": [comparison(fit, other) for other in others],
             "responding": responding.method if responding is not None and responding is not fit else "",

@@ -62,14 +62,14 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
         except Exception as error:
             if _meant_for_typer(error):
                 raise
+            refused = error if isinstance(error, OSError) and error.errno else None
             if debug:
                 traceback.print_exc()
-            elif isinstance(error, OSError) and error.errno:
-                _say(_refusal_of_the_system(error))
+            elif refused is not None:
+                _say(_refusal_of_the_system(refused))
             else:
                 _say(_bug_message(error))
-            of_the_system = isinstance(error, OSError) and error.errno
-            raise SystemExit(StoreError.exit_code if of_the_system else BUG) from error
+            raise SystemExit(BUG if refused is None else StoreError.exit_code) from error
         except BaseException as error:  # SystemExit and the like, which nothing of robid raises here
             if debug:
                 traceback.print_exc()

@@ -7,7 +7,6 @@ milliseconds, and only where a plugin of a third party is named; what it returns
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
 import multiprocessing
 import os
@@ -87,10 +86,12 @@ def _work(action: Callable[[], object], there: Connection, crash: int) -> None:
         message = "result", action()
     except BaseException as error:
         message = "error", surviving(error)
-    with contextlib.suppress(BrokenPipeError):  # nobody listens any more
+    try:
         there.send(message)
-    sys.stdout.flush()
-    sys.stderr.flush()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:  # nobody listens any more, or the plugin closed files that are not its own
+        os._exit(1)
     os._exit(0)
 
 

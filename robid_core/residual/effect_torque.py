@@ -23,9 +23,9 @@ from robid_core.mechanics.law_along import law_along
 from robid_core.mechanics.terms import CHANNELS
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
-from robid_core.residual.free_vibration import SLOW
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import channel_signals, signal_change, torque_of_change
+from robid_core.residual.windowed_arm import SLOW
 from robid_core.robot import Robot
 from robid_core.robot.effects import BoundEffect
 from robid_core.robot.forces_along import RobotMotion, forces_along

@@ -14,10 +14,8 @@ from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.mechanics import SimulationState
 from robid_core.residual.columns import passive_motion
-from robid_core.residual.windowed_arm import WindowedArm
+from robid_core.residual.windowed_arm import SLOW, WindowedArm
 from robid_core.robot import Robot
-
-SLOW = 100.0  # times slower than the first bin: there deflections follow quasi-statically
 
 
 def free_vibration(robot: Robot, motion: WindowedMotion, arm: WindowedArm | None = None) -> ComplexArray:

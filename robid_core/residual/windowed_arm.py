@@ -22,7 +22,7 @@ from robid_core.residual.arm_sensors import POSITION, ArmSensor, ArmSpectra, gea
 from robid_core.residual.columns import passive_motion
 from robid_core.robot import Robot
 
-SLOW = 100.0  # times slower than the first bin: there links follow quasi-statically
+SLOW = 100.0  # times slower than the first bin: there deflections and links follow quasi-statically
 
 
 @dataclass(frozen=True, eq=False)

@@ -235,8 +235,11 @@ def motor_damping(
 ) -> FloatArray:
     """Viscous gain that the force effects on the motors' side add under a measured motion, shape (..., n_axis).
 
-    That of laws with memory at the geometric mean of `frequency_hz`; ConfigurationError where none is given.
+    That of laws with memory at the geometric mean of `frequency_hz` above zero; ConfigurationError where there is none.
     """
+    lines = np.asarray([] if frequency_hz is None else frequency_hz, dtype=np.float64)
+    lines = lines[lines > 0]
+    omega = 2 * np.pi * np.exp(np.mean(np.log(lines))) if lines.size else 0.0
     total = np.zeros(np.broadcast_shapes(np.shape(speed_rms), np.shape(slow_sine_speed)))
     for bound in robot.effects:
         if issubclass(bound.effect, ForceEffect) and bound.place.side == "motor":
@@ -244,7 +247,7 @@ def motor_damping(
             motion = Motion(
                 velocity_rms=np.asarray(speed_rms)[..., axis],
                 sine_speed=np.asarray(slow_sine_speed)[..., axis],
-                omega=0.0 if frequency_hz is None else 2 * np.pi * np.exp(np.mean(np.log(frequency_hz))),
+                omega=omega,
             )
             total[..., axis] += bound.effect.linearize(bound.parameters, bound.place, motion).damping
     return total

@@ -68,7 +68,7 @@ def _kill() -> None:
 
 
 def _server() -> int | None:
-    """Return the server's process id, which nothing public tells while it starts; None where Python keeps it no more.
+    """Return the server's process id, which nothing public says while it starts; None where Python keeps it no more.
 
     Without it a server that does not answer is waited for, and one that was killed is not told from a stage that was.
     """

@@ -18,9 +18,7 @@ from robid_core.testing.broken import ContractBroken
 from robid_core.testing.places import LABEL, example_robots, spots
 
 N_LANE = 9  # a block of eight and one more
-N_ALONE = (
-    3  # equal experiments: the fewest that run on all lanes at once, for which kernels are compiled already
-)
+N_ALONE = 3  # equal experiments: the fewest that run on all lanes at once, whose kernels are compiled already
 N_SAMPLE = 200  # 0.2 s
 SPEED = 10.0  # rad/s of the motors, at the first lane
 RUNAWAY = 20.0  # times the largest speed that was asked for: nothing that follows its reference gets there

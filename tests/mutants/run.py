@@ -108,6 +108,8 @@ def main() -> None:
         ]
         for room, mutants in every_mutant().items()
     }
+    if not any(wanted.values()):
+        parser.error(f"no mutant's room, name or test says {' or '.join(arguments.words)}")
     fates = try_all(wanted, arguments.table, arguments.jobs)
     print(", ".join(f"{fate}: {number}" for fate, number in fates.items()) or "all stand in the table")
     sys.exit(1 if fates[Fate.SURVIVES.value] else 0)

@@ -6,12 +6,15 @@ breaks one line at a time and runs the test that shall notice, as `run.py` does,
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from mutants.every import NAMED, every_mutant
-from mutants.mutant import Fate, Mutant, copy_for_many, pytest_in, tried
+from mutants.mutant import ROOT, Fate, Mutant, copy_for_many, pytest_in, tried
 from mutants.run import TABLE, read_fates
 
 MUTANTS = [one for mutants in NAMED.values() for one in mutants]
@@ -77,6 +80,26 @@ def test_the_end_of_a_mutant_is_told_from_the_others(
     assert found is fate
     assert said.startswith(words)
     assert (copy / mutant.file).read_text() == "ANSWER = 42\n"
+
+
+def test_processes_that_tests_start_have_the_sources_of_the_copy(tmp_path: Path) -> None:
+    """Else a mutant would run in the test alone, and the processes of `quick_start.py` would be sound."""
+    commands = tmp_path / "robid_core" / "commands"
+    commands.mkdir(parents=True)
+    for name in ("__init__", "pipeline", "commands/__init__", "commands/app"):
+        (tmp_path / "robid_core" / f"{name}.py").touch()
+    asked = "import robid_core; print(robid_core.__file__)"
+    code = f"from oracles.quick_start import run; print(run(['-c', {asked!r}], env={{}}).stdout)"
+    search = os.pathsep.join([str(tmp_path), str(ROOT / "tests")])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": search},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert Path(done.stdout.strip()).is_relative_to(tmp_path)
 
 
 @pytest.fixture(scope="module")

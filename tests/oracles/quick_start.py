@@ -3,7 +3,8 @@
 A server imports what robid stands on, and robid's pipelines and robots, and forks itself for each process. That has a
 folder, variables, a search path and streams of its own and the signals of a process that has just begun, and ends as
 Python ends. A bare one has nothing of robid, for tests of what robid does when it is imported. All have the hash seed
-of their server: what must not depend on it, as Python's start itself, is tested with Python.
+of their server: what must not depend on it, as Python's start itself, is tested with Python. Behind a search path of
+their own all have that of their server, which is that of the tests: mutated copies of the sources are found by it.
 """
 
 from __future__ import annotations
@@ -94,10 +95,8 @@ def run(
 def server(bare: bool) -> socket.socket:
     """Start a server of this process; return the line to it, with whose end it ends."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     process = subprocess.Popen(
         [sys.executable, "-P", __file__, str(there.fileno()), *["bare"] * bare],
-        env=environment,
         pass_fds=[there.fileno()],
         stdin=subprocess.DEVNULL,
         start_new_session=True,

@@ -91,8 +91,8 @@ def test_what_the_parser_handles_is_left_to_it(error: Exception) -> None:
     sees="exit 7: what the system refuses, wherever that happens, and the file; no report of a mistake of robid",
     mutant=(
         "robid_core/commands/failures.py",
-        "            of_the_system = isinstance(error, OSError) and error.errno\n",
-        "            of_the_system = False\n",
+        "            refused = error if isinstance(error, OSError) and error.errno else None\n",
+        "            refused = None\n",
     ),
 )
 def test_R04_what_the_system_refuses_is_no_bug(capsys: pytest.CaptureFixture[str]) -> None:

@@ -205,5 +205,8 @@ def test_a_motors_friction_with_a_memory_damps_as_coulombs_where_its_bristle_is_
     speeds = np.array([[5.0]]), np.array([[9.0]])
     expected = sharp.equivalent_motor_damping(*speeds)
     assert np.abs(bristle.equivalent_motor_damping(*speeds, frequency) / expected - 1) < 0.01
-    with pytest.raises(ConfigurationError, match="`equivalent_motor_damping`: frequency_hz"):
-        bristle.equivalent_motor_damping(*speeds)
+    with_mean = bristle.equivalent_motor_damping(*speeds, np.concatenate(([0.0], frequency)))
+    np.testing.assert_array_equal(with_mean, bristle.equivalent_motor_damping(*speeds, frequency))
+    for none in (None, [], [0.0]):
+        with pytest.raises(ConfigurationError, match="`equivalent_motor_damping`: frequency_hz"):
+            bristle.equivalent_motor_damping(*speeds, none)

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from faults.fault import fault
+from oracles.quick_start import ROBID, run
 
 from robid_core.commands import main
 from robid_core.registry import registry
@@ -77,6 +78,22 @@ def test_R09_settings_of_a_plugin_that_ask_to_exit_are_told(world: Any, capsys: 
     assert "while the pipeline was read, the code of robid_strange_stages 1.0 raised SystemExit" in err
 
 
+@fault(
+    "R09",
+    sees="exit 8 of validate, one sentence: a plugin's settings closed every file there is",
+    mutant=(TRIAL, "        os._exit(1)\n", "        raise\n"),
+)
+def test_R09_settings_of_a_plugin_that_close_files_of_others_are_told(world: Any) -> None:
+    """In a process of its own: a copy of the tests that is not ended there would go on testing."""
+    world.edit(COUNT, SETTINGS.format("os.closerange(3, 256)"))
+    done = run([*ROBID, "validate", str(world.file)], env=world.environment)
+    assert (done.returncode, done.stdout) == (8, "")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert (
+        "while the pipeline was read, the code of robid_strange_stages 1.0 ended the process" in done.stderr
+    )
+
+
 def at_import(world: Any, line: str) -> None:
     """Let the package do something when it is imported."""
     world.edit(BIAS, f"{BIAS}{line}\n")
@@ -96,6 +113,13 @@ def test_R14_a_plugin_that_is_a_script_is_told(world: Any, capsys: Any) -> None:
     code, _, err = told(world, capsys, "run")
     assert code == 2
     assert "cannot be imported: SystemExit: 0" in err
+
+
+def test_a_plugin_whose_error_at_import_has_no_text_is_told(world: Any, capsys: Any) -> None:
+    at_import(world, "raise type('Mute', (Exception,), {'__str__': lambda self: 1 / 0})")
+    code, _, err = told(world, capsys, "validate")
+    assert code == 2
+    assert "cannot be imported: Mute: (its text cannot be shown: ZeroDivisionError)" in err
 
 
 @fault(

@@ -79,9 +79,12 @@ def test_the_server_that_python_keeps_is_the_parent_of_a_stage(world: Any) -> No
     assert world.ran()[-1] == str(warm_start._server())
 
 
-def test_a_python_that_keeps_no_server_starts_stages_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(forkserver._forkserver, "_forkserver_pid")  # type: ignore[attr-defined]
+def test_a_python_that_keeps_no_server_starts_stages_all_the_same(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(warm_start, "forkserver", object())
     assert warm_start._server() is None
+    assert world.run(last="where", trust_plugins=False).outcomes["where"] == "made"
 
 
 def test_stages_go_on_when_their_server_is_killed_during_one_and_between_two(world: Any) -> None:
