@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +38,6 @@ FEW = 2  # experiments of each configuration in a first pass of prescribed motio
 @dataclass(eq=False)
 class WindowedBlock(TorqueBlock[WindowedMotion]):
     """Spectra of cuts under a window; their noise is that of the sensors in the robot file."""
-
-    difference: ClassVar[float] = 1e-5
-    """At a bin near a lightly damped resonance two large derivatives cancel, that of the linear model and that of what
-    it leaves out; there they change within a few parts in a thousand of a stiffness."""
 
     arm: WindowedArm | None = field(default=None, kw_only=True)
     deviation: FloatArray | None = None
@@ -78,11 +73,6 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         """Whether the arm leaves what a linear model can tell."""
         joints = self.robot.joint_angle(self.motion.angle)
         return bool((np.abs(joints - self.angle[:, None, None]) > LARGE).any())
-
-    @property
-    def linear_is_enough(self) -> bool:
-        """Never: angles under a window are not what the linear model makes of accelerations under it."""
-        return False
 
     def thinned(self, keep: npt.NDArray[np.int64]) -> WindowedBlock:
         """Likewise; of long ways the first experiments of each configuration are enough to begin with."""
