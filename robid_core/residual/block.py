@@ -31,9 +31,7 @@ from robid_core.robot.effects import channel_gain
 M = TypeVar("M", bound=MotionSpectra)
 
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
-# Likewise in a cut: at a bin near a lightly damped resonance two large derivatives cancel, that of the linear model and
-# that of what it leaves out, and they change within a few parts in a thousand of a stiffness.
-FINE_DIFFERENCE = 1e-5
+FINE_DIFFERENCE = 1e-5  # in a cut: near a lightly damped resonance large derivatives cancel
 LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
 
 
@@ -148,10 +146,7 @@ class TorqueBlock(ABC, Generic[M]):
 
     @property
     def linear_is_enough(self) -> bool:
-        """Whether the linear model knows the derivatives by springs, dampers, viscous friction and bodies.
-
-        In a cut it does not where anything bends: the angle under a window is not what it makes of the acceleration.
-        """
+        """Whether the linear model knows the derivatives; in a cut a window treats angle and acceleration apart."""
         return not (self.moves_far or self.initial_state_unknown)
 
     @property
