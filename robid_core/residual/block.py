@@ -8,7 +8,7 @@ inverse response of the linear model and g what holds its weight, N what a presc
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, Self, TypeVar
 
@@ -25,26 +25,11 @@ from robid_core.residual.between_samples import friction_between_samples
 from robid_core.residual.columns import BodyDerivatives
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
+from robid_core.residual.simulated_columns import SimulatedColumn, simulated_columns
 from robid_core.robot import Robot
 from robid_core.robot.effects import channel_gain
 
 M = TypeVar("M", bound=MotionSpectra)
-
-DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
-FINE_DIFFERENCE = 1e-5  # in a cut: near a lightly damped resonance large derivatives cancel
-LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedColumn:
-    """Derivatives for a parameter that only a prescribed motion knows, by a difference of two."""
-
-    index: int
-    """Number of the parameter among the free ones."""
-    remainder: ComplexArray
-    """Of the remainder, shape (n_config, n_exp, n_bin, n_row)."""
-    linear: ComplexArray
-    """Of the linear model's rows, likewise."""
 
 
 @dataclass(eq=False)
@@ -150,11 +135,6 @@ class TorqueBlock(ABC, Generic[M]):
         return not (self.moves_far or self.initial_state_unknown)
 
     @property
-    def difference(self) -> float:
-        """Step of derivatives by two prescribed motions, in natural scales."""
-        return FINE_DIFFERENCE if self.initial_state_unknown else DIFFERENCE
-
-    @property
     def initial_state_unknown(self) -> bool:
         """Whether the state behind the motors at the first sample is unknown."""
         return False
@@ -217,7 +197,7 @@ class TorqueBlock(ABC, Generic[M]):
         coefficient
             Of the functions of speed, N m, shape (n_law, n_axis).
         """
-        rows = self._linear_rows(robot)
+        rows = self.linear_rows(robot)
         rows += self.remainder
         if self.about is not None:
             for column in self.simulated:
@@ -242,7 +222,7 @@ class TorqueBlock(ABC, Generic[M]):
         torque += self._weight_torque(robot)
         return torque
 
-    def _linear_rows(self, robot: Robot) -> ComplexArray:
+    def linear_rows(self, robot: Robot) -> ComplexArray:
         """Spectra of a robot's linear model, torques and sensors behind the gears, (n_config, n_exp, n_bin, n_row)."""
         torque, motion = self.linear_torque(robot), self.motion
         if self.arm is None:
@@ -309,70 +289,23 @@ class TorqueBlock(ABC, Generic[M]):
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:
         """Prescribe the measured motion to the model."""
-        (self.remainder,) = self._remainders([self.robot_at(free, coordinates)], final=True)
+        (self.remainder,) = self.remainders([self.robot_at(free, coordinates)], final=True)
         self.about = coordinates.copy()
 
     def differentiate(self, free: FreeParameters, coordinates: FloatArray) -> None:
-        """Take by two prescribed motions the derivatives that only those know, after `renew`.
+        """Take the derivatives that the linear model's spectra do not know, after `renew`."""
+        self.simulated = simulated_columns(self, free, coordinates)
 
-        Of effects, gears and modes; with nonlinear springs of the linear ones, too: what they do depends on how far the
-        others are bent. Of everything where the linear model is not enough, or where passes do not keep what they gain;
-        of bodies only once where the state at the first sample is known, since they hardly change then. Of effects on
-        the structure the linear model knows enough, elsewhere.
+    def slopes_in_time(
+        self, robot: Robot, others: Sequence[Robot], steps: Sequence[float]
+    ) -> list[ComplexArray] | None:
+        """Derivatives of the remainder by the linear model over time, where that knows them; None: it does not.
+
+        `others` are the robot with one parameter moved by a step each; (n_config, n_exp, n_bin, n_row) each.
         """
-        robot = self.robot_at(free, coordinates)
-        kinds = [free.robot.parameter_kind(name) for name in free.names]
-        lasting = () if self.initial_state_unknown else ("inertia",)
-        columns = {column.index: column for column in self.simulated if kinds[column.index] in lasting}
-        known = {*columns, *(column.index for column in self.signal_columns)}
-        known |= {i for i, name in enumerate(free.names) if name not in robot.layout}
-        numbers = [i for i, kind in enumerate(kinds) if self._needs_motion(kind, robot) and i not in known]
-        here, still = self._linear_rows(robot), np.zeros_like(self.remainder[:1, :1, :1, :1])
-        laws = {bound.label for bound in robot.effects}
-        structural = [i for i in numbers if self._is_structure(free.names[i], kinds[i], laws, robot)]
-        for i in structural:
-            other, step = self._moved(free, coordinates, i)
-            slope = (self._linear_rows(other) - here) / step
-            columns[i] = SimulatedColumn(i, np.broadcast_to(still, slope.shape), slope)
-        numbers = [i for i in numbers if i not in structural]
-        if numbers:
-            # Motions that repeat go on from where the last one ended: what rings must ring alike on both sides.
-            goes_on = not self.initial_state_unknown
-            about = self._remainders([robot], final=False)[0] if goes_on else self.remainder
-            size = max(1, LANES_AT_ONCE // (len(here) * here.shape[1]))
-            for first in range(0, len(numbers), size):
-                batch = numbers[first : first + size]
-                moved = [self._moved(free, coordinates, i) for i in batch]
-                remainders = self._remainders([other for other, _ in moved], final=False)
-                for i, (other, step), remainder in zip(batch, moved, remainders, strict=True):
-                    linear = self._linear_rows(other) - here
-                    columns[i] = SimulatedColumn(i, (remainder - about) / step, linear / step)
-        self.simulated = tuple(columns[i] for i in sorted(columns))
+        return None
 
-    def _needs_motion(self, kind: str, robot: Robot) -> bool:
-        """Whether the linear model does not know the derivative for a parameter of that kind."""
-        elastic = kind in ("stiffness", "damping")
-        bent = bool(robot.bending_forces) and self.by_motion != "least"
-        known = self.linear_is_enough and (kind in ("inertia", "friction") or (elastic and not bent))
-        asked = self.by_motion == "all" and (elastic or kind == "inertia")
-        return asked or not known
-
-    def _is_structure(self, name: str, kind: str, laws: Collection[str], robot: Robot) -> bool:
-        """Whether a parameter belongs to an effect on the structure that the linear model knows well enough."""
-        plain = self.by_motion != "all" and not robot.bending_forces
-        return plain and self.linear_is_enough and kind == "effect" and name.split(".")[1] not in laws
-
-    def _moved(self, free: FreeParameters, coordinates: FloatArray, number: int) -> tuple[Robot, float]:
-        """Robot with one parameter moved, and by how much: down, where up is no robot (one level above another)."""
-        for step in (self.difference, -self.difference):
-            moved = coordinates.copy()
-            moved[number] += step
-            robot = self.robot_at(free, moved)
-            if robot.is_possible:
-                break
-        return robot, step
-
-    def _remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
+    def remainders(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.
 
         Prescribed motion less the linear model, both of a smooth motion between the samples, so that what a held torque
@@ -381,12 +314,19 @@ class TorqueBlock(ABC, Generic[M]):
         motion, found = self.motion, self.simulated_rows(robots, final)
         for robot, rows in zip(robots, found, strict=True):
             torque, shown = rows[..., : robot.n_axis], rows[..., robot.n_axis :]
-            smooth = impedance(robot, self.angle, motion, "continuous") / motion.hold[:, None, None]
-            torque -= np.matmul(smooth[:, None], motion.acceleration_spectrum[..., None])[..., 0]
+            torque -= self.smooth_torque(robot)
             torque -= self._weight_torque(robot)
             if self.arm is not None:
                 shown -= self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
         return found
+
+    def smooth_torque(self, robot: Robot) -> ComplexArray:
+        """Spectra of the linear model's torque where it is smooth between samples, no weight, as of `linear_torque`."""
+        smooth = impedance(robot, self.angle, self.motion, "continuous") / self.motion.hold[:, None, None]
+        torque: ComplexArray = np.matmul(smooth[:, None], self.motion.acceleration_spectrum[..., None])[
+            ..., 0
+        ]
+        return torque
 
     def _weight_torque(self, robot: Robot) -> ComplexArray:
         """Spectra of what holds the arm where it is linearised, shape (n_config, 1, n_bin, n_axis)."""

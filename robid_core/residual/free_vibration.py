@@ -23,8 +23,16 @@ def free_vibration(robot: Robot, motion: WindowedMotion, arm: WindowedArm | None
 
     Shape (n_config, n_exp, n_bin, n_row, 2 n_behind): experiments start in poses of their own.
     """
-    n, start = robot.n_axis, motion.angle[:, :, 0]
-    model = robot.second_order(robot.joint_angle(start).reshape(-1, n))
+    start = motion.angle[:, :, 0]
+    torques = vibration_about(robot, robot.joint_angle(start).reshape(-1, robot.n_axis), motion, arm)
+    return torques.reshape(*start.shape[:2], *torques.shape[1:])
+
+
+def vibration_about(
+    robot: Robot, angle: FloatArray, motion: WindowedMotion, arm: WindowedArm | None = None
+) -> ComplexArray:
+    """Likewise about joint-side angles, (n_pose, n_axis); (n_pose, n_bin, n_row, 2 n_behind)."""
+    n, model = robot.n_axis, robot.second_order(angle)
     mass, damping, stiffness = (getattr(model, name)[:, n:, n:] for name in ("mass", "damping", "stiffness"))
     push = [getattr(model, name)[:, :n, n:] for name in ("stiffness", "damping", "mass")]
     acceleration = -np.linalg.solve(mass, np.concatenate((stiffness, damping), axis=2))
@@ -39,7 +47,7 @@ def free_vibration(robot: Robot, motion: WindowedMotion, arm: WindowedArm | None
     if arm is not None:
         modes = np.concatenate((modes, (arm.of_state(robot) @ vector)[:, None] * shown[:, :, None]), axis=2)
     torques: ComplexArray = modes @ np.linalg.inv(vector)[:, None]
-    return torques.reshape(*start.shape[:2], *torques.shape[1:])
+    return torques
 
 
 def rms_vibration(robot: Robot, angle: FloatArray, motion: WindowedMotion) -> FloatArray:

@@ -22,6 +22,7 @@ from robid_core.mechanics import MotorMotion
 from robid_core.parameters import FreeParameters
 from robid_core.residual.arm_sensors import POSITION, TORQUE, check_sensors
 from robid_core.residual.block import TorqueBlock
+from robid_core.residual.cut_response import CutResponse
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import added_torque, true_motion
@@ -134,6 +135,23 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         if self.prescribed is None:
             self.prescribed = self.motion.motor_motion(step)
         return self.prescribed
+
+    def slopes_in_time(
+        self, robot: Robot, others: Sequence[Robot], steps: Sequence[float]
+    ) -> list[ComplexArray] | None:
+        """Likewise, of motors' torques: where the arm stays near a pose, and no nonlinear spring bends."""
+        if self.moves_far or self.arm is not None or robot.bending_forces or not self.initial_state_unknown:
+            return None
+        shape = self.motion.angle.shape
+        moved = self.coordinates(robot).reshape(*shape[:3], -1)
+        response, here = (
+            CutResponse.of_motion(robot, self.angle, self.motion, moved),
+            self.smooth_torque(robot),
+        )
+        return [
+            (response.change(other.second_order(self.angle)) - (self.smooth_torque(other) - here)) / step
+            for other, step in zip(others, steps, strict=True)
+        ]
 
     @property
     def initial_state_unknown(self) -> bool:

@@ -43,7 +43,7 @@ class _Waves:
     @classmethod
     def of(cls, values: FloatArray, sample_time_s: float) -> _Waves:
         """Of values at the samples."""
-        odd, first, slope = _odd_continuation(values, sample_time_s)
+        odd, first, slope = odd_continuation(values, sample_time_s)
         return cls(scipy.fft.rfft(odd, axis=2), first, slope)
 
 
@@ -86,7 +86,7 @@ class WindowedMotion(MotionSpectra):
 
     def between(self, values: FloatArray, order: int, finer: int, shift_s: float) -> FloatArray:
         """Derivative of values at the samples, band-limited, on a grid so many times finer and so much later."""
-        odd, first, slope = _odd_continuation(values, self.sample_time_s)
+        odd, first, slope = odd_continuation(values, self.sample_time_s)
         highest, n = SPEED_BAND / self.sample_time_s, finer * self.n_sample
         rate = periodic_derivative(odd, self.sample_time_s, order, highest, finer, shift_s)[:, :, :n]
         if order == 0:
@@ -137,7 +137,7 @@ class WindowedMotion(MotionSpectra):
 
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> WindowedMotion:
         """Return the same with other angles and torques."""
-        odd, _, _ = _odd_continuation(angle, self.sample_time_s)
+        odd, _, _ = odd_continuation(angle, self.sample_time_s)
         acceleration = periodic_derivative(odd, self.sample_time_s, 2, MOTION_BAND_HZ)[:, :, : self.n_sample]
         return replace(
             self,
@@ -154,7 +154,7 @@ class WindowedMotion(MotionSpectra):
 
     def motor_motion(self, step: float) -> MotorMotion:
         """Motion through these angles in the integrator's steps, one lane an experiment."""
-        odd, first, slope = _odd_continuation(self.angle, self.sample_time_s)
+        odd, first, slope = odd_continuation(self.angle, self.sample_time_s)
         n_axis, n_step = odd.shape[3], round(self.n_sample * self.sample_time_s / step)
         there = periodic_motion(
             odd.reshape(-1, odd.shape[2], n_axis), self.sample_time_s, step, MOTION_BAND_HZ
@@ -235,7 +235,7 @@ def _window(n: int, finer: int = 1, late: float = 0.0) -> FloatArray:
     return scaled
 
 
-def _odd_continuation(angle: FloatArray, sample_time_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def odd_continuation(angle: FloatArray, sample_time_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One period of the odd continuation of angles less the line through their ends; first angle and slope of the line.
 
     Shapes (n_config, n_exp, 2 (n_time - 1), n_axis), (n_config, n_exp, 1, n_axis), likewise.

@@ -165,7 +165,7 @@ def test_a_cut_that_does_not_repeat_is_fitted_as_well(plant: Robot, nominal: Rob
         channels[name] = Channel(channel.side, channel.unit, joined)
     time = T * np.arange(last - first)
     cut = DenseRun(T, channels, time, np.ones((2, 1, 6, 1, last - first), dtype=bool))
-    fit = TorqueResidualFit(passes=5).run(six.replace(runs=(cut,), line=None), nominal, context())
+    fit = TorqueResidualFit(passes=3).run(six.replace(runs=(cut,), line=None), nominal, context())
     table, true = fit.parameters, plant.parameters()
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1

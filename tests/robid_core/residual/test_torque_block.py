@@ -89,7 +89,7 @@ def test_derivatives_that_run_together_are_those_of_runs_one_by_one(
     block.renew(free, np.zeros(4))
     started = block.state
     for at_once in (32, 1):
-        monkeypatch.setattr("robid_core.residual.block.LANES_AT_ONCE", at_once)
+        monkeypatch.setattr("robid_core.residual.simulated_columns.LANES_AT_ONCE", at_once)
         block.differentiate(free, np.zeros(4))
         found.append(block.simulated)
     for together, alone in zip(*found, strict=True):
