@@ -2,8 +2,8 @@
 
 On the motion x that a robot makes, a change of its matrices acts as a force does, ``F = dK x + dD x' + dM x''``. Behind
 motors that move as measured the rest moves by y, ``M y'' + D y' + K y = -F`` with ``y(0) = y'(0) = 0``, and the torques
-of the motors change by their rows of ``F + M y'' + D y' + K y``: the sensitivity equations of the linear model along the
-motion. y is the steady answer to the odd continuation of F, less the free vibration that this answer begins with.
+of the motors change by their rows of ``F + M y'' + D y' + K y``: the sensitivity equations of the linear model along
+the motion. y is the steady answer to the odd continuation of F, less the free vibration that this answer begins with.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class CutResponse:
         line = 2 * np.pi / (odd.shape[2] * motion.sample_time_s)
         n_line = min(odd.shape[2] // 2, int(BEYOND * motion.omega.max() / line) + 2)
         omega = line * np.arange(n_line)
-        time = motion.sample_time_s * np.arange(motion.n_sample)[None, None, :, None]
+        time = motion.sample_time_s * np.arange(motion.n_sample, dtype=np.float64)[None, None, :, None]
         w = omega[:, None, None]
         mass, damping, stiffness = (
             matrix[:, None, n:, n:] for matrix in (model.mass, model.damping, model.stiffness)
@@ -125,7 +125,7 @@ class CutResponse:
         n, own, motion = self.model.n_axis, self.model, self.motion
         constant = _along(stiffness, self.first) + _along(damping, self.slope)
         growing = _along(stiffness, self.slope)
-        held = np.linalg.inv(own.stiffness[:, n:, n:])
+        held = np.linalg.inv(own.stiffness[:, n:, n:]).astype(np.float64, copy=False)
         rate = -_along(held, growing[..., n:])
         angle = -_along(held, constant[..., n:] + _along(own.damping[:, n:, n:], rate))
         constant = (
