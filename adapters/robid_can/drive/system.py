@@ -14,7 +14,7 @@ import numpy as np
 from robid_can.dictionary import TraceState
 from robid_can.drive.motion import MotorAxis, Motors
 from robid_can.drive.node import REFERENCES_DIFFER, DriveNode, Nameplate
-from robid_can.frame import Frame, worst_case_bits
+from robid_can.frame import Burst, receive, send, worst_case_bits
 from robid_core import Plant
 
 NMT, SYNC, SDO_REQUEST, HEARTBEAT = 0x000, 0x080, 0x600, 0x700  # CiA 301: predefined connection set
@@ -53,9 +53,7 @@ class DriveSystem:
         return self.now_ns * 1e-9
 
     def _transmit(self, identifier: int, payloads: Sequence[bytes]) -> None:
-        send, time_s = self.bus.send, self.time_s
-        for payload in payloads:
-            send(Frame(identifier, payload, time_s))
+        send(self.bus, Burst(identifier, payloads, self.time_s))
         self._occupy([len(payload) for payload in payloads])
 
     def _occupy(self, lengths: Sequence[int]) -> None:
@@ -74,16 +72,17 @@ class DriveSystem:
     def _drain(self) -> list[tuple[int, list[bytes]]]:
         """Take all frames from the bus, runs of one identifier together."""
         runs: list[tuple[int, list[bytes]]] = []
-        current = -1
-        receive = self.bus.recv
-        while (message := receive(0)) is not None:
-            if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+        while (got := receive(self.bus)) is not None:
+            if isinstance(got, Burst):
+                identifier, payloads = got.identifier, list(got.payloads)
+            elif got.is_error_frame or got.is_remote_frame or got.is_extended_id:
                 continue
-            if message.arbitration_id != current:
-                current = message.arbitration_id
-                payloads: list[bytes] = []
-                runs.append((current, payloads))
-            payloads.append(bytes(message.data))
+            else:
+                identifier, payloads = got.arbitration_id, [bytes(got.data)]
+            if runs and runs[-1][0] == identifier:
+                runs[-1][1].extend(payloads)
+            else:
+                runs.append((identifier, payloads))
         return runs
 
     def _dispatch(self, identifier: int, payloads: list[bytes]) -> None:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 import can
 import canopen
 
-from robid_can.frame import Frame
+from robid_can.frame import Burst, receive, send
 from robid_can.host.watch import HEARTBEAT, HEARTBEAT_S, HOST_NODE_ID, OPERATIONAL, SILENCE_S, Watch
 from robid_core import MotionAborted, MotionRefused, RobidError, heed
 
@@ -79,13 +79,11 @@ class Link(canopen.Network):
         self.clock.let_pass(0)
         self.collect()
 
-    def send_burst(self, identifier: int, payloads: Iterable[bytes]) -> None:
+    def send_burst(self, identifier: int, payloads: Sequence[bytes]) -> None:
         """Send frames of one identifier one behind the other."""
-        send, time_s = self._can.send, self.clock.now()
-        timeout_s = STOPPING_SEND_TIMEOUT_S if self.stopping else SEND_TIMEOUT_S
+        burst = Burst(identifier, payloads, self.clock.now())
         try:
-            for payload in payloads:
-                send(Frame(identifier, payload, time_s), timeout_s)
+            send(self._can, burst, STOPPING_SEND_TIMEOUT_S if self.stopping else SEND_TIMEOUT_S)
         except can.CanError as error:
             raise self.failure(f"B11: the bus does not take frames ({error})") from error
 
@@ -102,19 +100,20 @@ class Link(canopen.Network):
     def receive_burst(self) -> list[bytes]:
         """Return the frames of the block transfer that have come in; all others take the usual way."""
         self.clock.let_pass(0)
+        self.collect()
         frames, self._bulk_frames = self._bulk_frames, []
-        receive, identifier = self._can.recv, self._bulk_identifier
-        while (message := receive(0)) is not None:
-            if message.arbitration_id == identifier:
-                frames.append(bytes(message.data))
-            else:
-                self._take(message)
         return frames
 
     def collect(self) -> None:
         """Take in every frame that has come."""
-        while (message := self._can.recv(0)) is not None:
-            self._take(message)
+        while (got := receive(self._can)) is not None:
+            if not isinstance(got, Burst):
+                self._take(got)
+            elif got.identifier == self._bulk_identifier:
+                self._bulk_frames.extend(got.payloads)
+            else:
+                for frame in got.frames():
+                    self._take(frame)
 
     def _take(self, message: can.Message) -> None:
         if message.is_error_frame:

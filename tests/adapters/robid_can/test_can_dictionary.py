@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robid_can import dictionary as od
-from robid_can.frame import Frame, VirtualEnd, worst_case_bits
+from robid_can.frame import Burst, Frame, VirtualEnd, worst_case_bits
 from robid_core import ConfigurationError
 
 
@@ -76,6 +76,14 @@ def test_frame_reaches_ends_of_ours_and_of_python_can_unchanged(plain_bus):
             assert message.timestamp == 1.5
             assert not message.is_extended_id
         assert ours.recv(0) is None
+        ours.send_burst(Burst(0x602, (b"\x03", b"\x04\x05"), 2.5))
+        assert other.receive() == Burst(0x602, (b"\x03", b"\x04\x05"), 2.5)
+        ours.send_burst(Burst(0x602, (b"\x03", b"\x04\x05"), 2.5))
+        for end in (other, theirs):
+            frames = [end.recv(0) for _ in range(2 if end is other else 4)]
+            assert [bytes(frame.data) for frame in frames[-2:]] == [b"\x03", b"\x04\x05"]
+            assert {(frame.arbitration_id, frame.timestamp) for frame in frames} == {(0x602, 2.5)}
+            assert end.recv(0) is None
         theirs.send(can.Message(arbitration_id=0x581, data=[9], is_extended_id=False))
         assert bytes(ours.recv(0).data) == b"\x09"
     finally:

@@ -209,7 +209,7 @@ def test_D10_a_host_that_goes_on_after_its_drives_have_missed_it_moves_nothing(
             assert rig.nodes[0].state in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON), n_frame
             assert all(outcomes), n_frame  # who went on all the same had nothing left to send
             outcomes.append(outcome)
-    assert len(outcomes) > 50
+    assert len(outcomes) > 40  # frames or bursts
     assert not outcomes.pop()  # the last frame, which ends the upload of the trace
     stood = [outcome.startswith("D10: this computer stood still for 0.4") for outcome in outcomes]
     assert np.mean(stood) > 0.7  # in the others a drive was the first to tell
@@ -264,6 +264,7 @@ def test_D18_interruption_in_the_middle_of_a_transfer_still_switches_every_drive
         send(end, message, timeout)
 
     monkeypatch.setattr(VirtualEnd, "send", interrupt)
+    monkeypatch.setattr(VirtualEnd, "send_burst", lambda end, burst: [end.send(f) for f in burst.frames()])
     with pytest.raises(KeyboardInterrupt):
         rig.host.perform(make_experiment(rig.robot))
     assert rig.host.stop() == []

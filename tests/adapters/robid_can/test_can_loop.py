@@ -148,6 +148,7 @@ def test_lost_frame_of_a_bulk_transfer_is_sent_again(loop, make_robot, make_expe
         send(end, message, timeout)
 
     monkeypatch.setattr(VirtualEnd, "send", lossy)
+    monkeypatch.setattr(VirtualEnd, "send_burst", lambda end, burst: [end.send(f) for f in burst.frames()])
     lossy_trace = rig.host.perform(experiment)
     assert min(counts.values()) > 30
     np.testing.assert_array_equal(lossy_trace.position, clean.position)
