@@ -22,7 +22,7 @@ from robid_core.estimation.torque.weights import covariance_of, whitener
 from robid_core.parameters import FreeParameters
 from robid_core.residual.arm_sensors import ArmSpectra
 from robid_core.residual.between_samples import friction_between_samples
-from robid_core.residual.columns import BodyDerivatives
+from robid_core.residual.columns import BodyDerivatives, SimulatedColumn
 from robid_core.residual.impedance import impedance
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.robot import Robot
@@ -33,18 +33,6 @@ M = TypeVar("M", bound=MotionSpectra)
 DIFFERENCE = 1e-3  # step of derivatives by two prescribed motions, in natural scales
 FINE_DIFFERENCE = 1e-5  # in a cut: near a lightly damped resonance large derivatives cancel
 LANES_AT_ONCE = 32  # robots times experiments: what bounds the memory of motions that run together
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedColumn:
-    """Derivatives for a parameter that only a prescribed motion knows, by a difference of two."""
-
-    index: int
-    """Number of the parameter among the free ones."""
-    remainder: ComplexArray
-    """Of the remainder, shape (n_config, n_exp, n_bin, n_row)."""
-    linear: ComplexArray
-    """Of the linear model's rows, likewise."""
 
 
 @dataclass(eq=False)
@@ -90,6 +78,10 @@ class TorqueBlock(ABC, Generic[M]):
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
     bodies: BodyDerivatives | None = field(init=False, default=None)
     """Derivatives by inertial parameters where they were last taken."""
+    _last_robot: tuple[FreeParameters, FloatArray, Robot] | None = field(init=False, default=None)
+    """That of the last coordinates, (n_free,): one point is asked about many times."""
+    _last_linear: tuple[Robot, M, ComplexArray] | None = field(init=False, default=None)
+    """Rows of the linear model for the last robot and motion."""
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.measured)
@@ -200,8 +192,11 @@ class TorqueBlock(ABC, Generic[M]):
         )
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
-        """Return this block's robot with the free parameters at some coordinates."""
-        return free.set_on(self.robot, coordinates)
+        """Return this block's robot with the free parameters at some coordinates: the last one, asked for again."""
+        last = self._last_robot
+        if last is None or last[0] is not free or not np.array_equal(last[1], coordinates):
+            self._last_robot = last = free, coordinates.copy(), free.set_on(self.robot, coordinates)
+        return last[2]
 
     # Torque
 
@@ -244,11 +239,14 @@ class TorqueBlock(ABC, Generic[M]):
 
     def _linear_rows(self, robot: Robot) -> ComplexArray:
         """Spectra of a robot's linear model, torques and sensors behind the gears, (n_config, n_exp, n_bin, n_row)."""
-        torque, motion = self.linear_torque(robot), self.motion
-        if self.arm is None:
-            return torque
-        shown = self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
-        return np.concatenate((torque, shown), axis=-1)
+        motion, last = self.motion, self._last_linear
+        if last is None or last[0] is not robot or last[1] is not motion:
+            rows = self.linear_torque(robot)
+            if self.arm is not None:
+                shown = self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
+                rows = np.concatenate((rows, shown), axis=-1)
+            self._last_linear = last = robot, motion, rows
+        return last[2].copy()
 
     def residual(
         self, predicted: ComplexArray, delay: FloatArray, sensing: FloatArray | None = None

@@ -35,6 +35,18 @@ def passive_motion(robot: Robot, angle: FloatArray, omega: FloatArray) -> Comple
 
 
 @dataclass(frozen=True, eq=False)
+class SimulatedColumn:
+    """Derivatives for a parameter that only a prescribed motion knows, by a difference of two."""
+
+    index: int
+    """Number of the parameter among the free ones."""
+    remainder: ComplexArray
+    """Of the remainder, shape (n_config, n_exp, n_bin, n_row)."""
+    linear: ComplexArray
+    """Of the linear model's rows, likewise."""
+
+
+@dataclass(frozen=True, eq=False)
 class BodyDerivatives:
     """What mass matrix, stiffness and weight change by for each inertial parameter, at fixed poses."""
 
