@@ -75,6 +75,10 @@ class TorqueBlock(ABC, Generic[M]):
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
     bodies: BodyDerivatives | None = field(init=False, default=None)
     """Derivatives by inertial parameters where they were last taken."""
+    _last_robot: tuple[FreeParameters, FloatArray, Robot] | None = field(init=False, default=None)
+    """That of the last coordinates, (n_free,): one point is asked about many times."""
+    _last_linear: tuple[Robot, M, ComplexArray] | None = field(init=False, default=None)
+    """Rows of the linear model for the last robot and motion."""
 
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.measured)
@@ -180,8 +184,11 @@ class TorqueBlock(ABC, Generic[M]):
         )
 
     def robot_at(self, free: FreeParameters, coordinates: FloatArray) -> Robot:
-        """Return this block's robot with the free parameters at some coordinates."""
-        return free.set_on(self.robot, coordinates)
+        """Return this block's robot with the free parameters at some coordinates: the last one, asked for again."""
+        last = self._last_robot
+        if last is None or last[0] is not free or not np.array_equal(last[1], coordinates):
+            self._last_robot = last = free, coordinates.copy(), free.set_on(self.robot, coordinates)
+        return last[2]
 
     # Torque
 
@@ -224,11 +231,14 @@ class TorqueBlock(ABC, Generic[M]):
 
     def linear_rows(self, robot: Robot) -> ComplexArray:
         """Spectra of a robot's linear model, torques and sensors behind the gears, (n_config, n_exp, n_bin, n_row)."""
-        torque, motion = self.linear_torque(robot), self.motion
-        if self.arm is None:
-            return torque
-        shown = self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
-        return np.concatenate((torque, shown), axis=-1)
+        motion, last = self.motion, self._last_linear
+        if last is None or last[0] is not robot or last[1] is not motion:
+            rows = self.linear_torque(robot)
+            if self.arm is not None:
+                shown = self.arm.linear(robot, self.angle, motion.omega, motion.angle_spectrum)
+                rows = np.concatenate((rows, shown), axis=-1)
+            self._last_linear = last = robot, motion, rows
+        return last[2].copy()
 
     def residual(
         self, predicted: ComplexArray, delay: FloatArray, sensing: FloatArray | None = None

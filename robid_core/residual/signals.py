@@ -6,6 +6,7 @@ the law's gain as the derivative; a law on the commanded torque is evaluated alo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -112,17 +113,18 @@ def signal_columns(
     impedance
         Motor torque per acceleration, shape (n_config, n_bin, n_axis, n_axis).
     """
-    places = {b.label: b.place for b in robot.effects if issubclass(b.effect, SignalEffect)}
-    slopes, found = free.slopes(coordinates), []
-    for i, name in enumerate(free.names):
-        label = name.split(".")[1] if name.startswith("effect.") else ""
-        if label in places:
-            side = places[label].side
-            along = np.stack([_along(robot, name, side, motion, c) for c in range(len(motion.angle))])
-            where = (label, places[label].axis, side)
-            torque = torque_of_change(robot, *where, slopes[i] * along, motion, impedance)
+    slopes, found = free.slopes(coordinates), list[SignalColumn]()
+    for bound in robot.effects:
+        if not issubclass(bound.effect, SignalEffect):
+            continue
+        own = [i for i, name in enumerate(free.names) if name.startswith(f"effect.{bound.label}.")]
+        names, side = [free.names[i] for i in own], bound.place.side
+        along = [_along(robot, names, side, motion, c) for c in range(len(motion.angle) if own else 0)]
+        for i, changes in zip(own, zip(*along, strict=True), strict=True):
+            where = (bound.label, bound.place.axis, side)
+            torque = torque_of_change(robot, *where, slopes[i] * np.stack(changes), motion, impedance)
             found.append(SignalColumn(i, torque))
-    return tuple(found)
+    return tuple(sorted(found, key=lambda column: column.index))
 
 
 def signal_change(robot: Robot, term: SignalTerm, motion: MotionSpectra) -> FloatArray:
@@ -196,8 +198,10 @@ def torque_of_change(
     return column / SMALL
 
 
-def _along(robot: Robot, name: str, side: str, motion: MotionSpectra, config: int) -> FloatArray:
-    """Change of a signal per unit of a parameter, of one configuration, (n_exp, n_time)."""
+def _along(
+    robot: Robot, names: Sequence[str], side: str, motion: MotionSpectra, config: int
+) -> list[FloatArray]:
+    """Change of a signal per unit of each parameter, of one configuration, (n_exp, n_time)."""
     one = motion.of_configuration(config)
     if side == "torque":
         angle, speed, torque = _within_steps(robot, one)
@@ -211,8 +215,7 @@ def _along(robot: Robot, name: str, side: str, motion: MotionSpectra, config: in
     along = RobotMotion(
         rows[0], rows[1], motion.sample_time_s / finer, settle=finer * motion.settling, torque=torque[0]
     )
-    (column,) = effect_columns(robot, (name,), along)
-    return column.values
+    return [column.values for column in effect_columns(robot, names, along)]
 
 
 def _taken_off(robot: Robot, channel: str, motion: MotionSpectra, measured: FloatArray) -> FloatArray:

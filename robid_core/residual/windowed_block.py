@@ -45,6 +45,10 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     """Of initial deflections and their rates from quasi-static ones, (n_config, n_exp, n_state)."""
     prescribed: MotorMotion | None = None
     """The motion in steps of the integrator, once it was asked for."""
+    _last_rows: tuple[Robot, MotorMotion, FloatArray | None, ComplexArray] | None = field(
+        init=False, default=None
+    )
+    """What this motion took of the last robot that was alone, and how it began: derivatives are taken about it."""
 
     @classmethod
     def of_record(
@@ -101,7 +105,17 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
 
     def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
         """Spectra of the torque that this motion takes of each robot, and of sensors behind its gears."""
-        motion = self._prescribed(robots[0].step_s)
+        motion, last = self._prescribed(robots[0].step_s), self._last_rows
+        if len(robots) > 1:
+            return self._rows_of(robots, motion)
+        (robot,) = robots
+        if not (last and last[0] is robot and last[1] is motion and last[2] is self.deviation):
+            (rows,) = self._rows_of(robots, motion)
+            self._last_rows = last = robot, motion, self.deviation, rows
+        return [last[3].copy()]
+
+    def _rows_of(self, robots: Sequence[Robot], motion: MotorMotion) -> list[ComplexArray]:
+        """Likewise, in steps of the integrator."""
         begin = motion.angle, motion.speed, self.deviation
         starts, seen = [state_at_first(robot, *begin) for robot in robots], self.arm is not None
         runs = prescribe_many(robots, motion, starts, keep_coordinates=seen)

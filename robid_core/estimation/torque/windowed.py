@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -51,7 +51,7 @@ class _Waves:
 class WindowedMotion(MotionSpectra):
     """Spectra of whole recordings under a window."""
 
-    @property
+    @cached_property
     def constant(self) -> ComplexArray:
         """Spectrum of the number one, shape (n_bin,): that of the window."""
         window: ComplexArray = scipy.fft.rfft(_window(self.n_sample))[self.bin] / self.n_sample
@@ -218,10 +218,11 @@ def windowed_motion_of(
     return bare.with_signals(position, torque)
 
 
+@lru_cache(maxsize=8)
 def _window(n: int, finer: int = 1, late: float = 0.0) -> FloatArray:
     """Tukey's window over n samples, of mean square one, on a grid so many times finer, shape (finer * n,).
 
-    It comes later by a part of a sample.
+    It comes later by a part of a sample. Read only: all records of one length share it.
     """
 
     def tukey(share: FloatArray) -> FloatArray:
@@ -232,6 +233,7 @@ def _window(n: int, finer: int = 1, late: float = 0.0) -> FloatArray:
     whole = np.arange(n) / (n - 1)
     there = (np.arange(finer * n) / finer - late) / (n - 1)
     scaled: FloatArray = tukey(there) / np.sqrt((tukey(whole) ** 2).mean())
+    scaled.setflags(write=False)
     return scaled
 
 
