@@ -33,7 +33,11 @@ ESTIMATED = (
 RARE = 0.01  # probability of a count as low, were the claim true
 
 
-@pytest.mark.parametrize("wanted", SAMPLE, ids=["nothing", "load_dependent"])
+@pytest.mark.parametrize(
+    "wanted",
+    [pytest.param(SAMPLE[0], marks=pytest.mark.full), SAMPLE[1]],
+    ids=["nothing", "load_dependent"],
+)
 def test_a_hidden_law_is_named_first_and_none_where_there_is_none(wanted: Wanted) -> None:
     """The law is as strong as was asked for; no other one is named beside it, and the delay is found."""
     row = judged(wanted, "test")
@@ -47,7 +51,7 @@ def test_a_hidden_law_is_named_first_and_none_where_there_is_none(wanted: Wanted
         assert late_by(row) < 0.02
 
 
-@pytest.mark.parametrize("seed", [FIRST, FIRST + 1])
+@pytest.mark.parametrize("seed", [FIRST, pytest.param(FIRST + 1, marks=pytest.mark.full)])
 def test_nothing_is_found_on_a_robot_that_nobody_met(seed: int) -> None:
     told, record = measured(seed)
     assert not diagnosed(told, record).findings

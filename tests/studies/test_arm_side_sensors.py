@@ -62,7 +62,10 @@ def test_more_sensors_tell_no_less_and_more_torque_neither(whole: Study) -> None
         assert errors(link, one)[k] == pytest.approx(errors(alone)[k], rel=1e-6)
 
 
-@pytest.mark.parametrize("added", [(), ("link encoders",), ("link encoders", "joint torque sensors")])
+@pytest.mark.parametrize(
+    "added",
+    [(), pytest.param(("link encoders",), marks=pytest.mark.full), ("link encoders", "joint torque sensors")],
+)
 def test_fits_to_noisy_spectra_reach_what_is_stated(whole: Study, added: tuple[str, ...]) -> None:
     study = whole.chosen(added)
     found = np.array([deviations(study, seed) for seed in range(30)])

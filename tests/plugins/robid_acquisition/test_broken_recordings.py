@@ -87,6 +87,7 @@ def test_the_sound_one_is_read_without_a_word(lab: Lab, sound: dict[str, FloatAr
     assert lab.told("run.npz", torque_hold="zero_order_hold", **PERIODIC) == ""
 
 
+@pytest.mark.full
 def test_a_turned_sign(lab: Lab, sound: dict[str, FloatArray]) -> None:
     run = settled(sound)
     run["tau"][:, 1] *= -1
@@ -181,6 +182,7 @@ def test_a_computed_channel(lab: Lab, sound: dict[str, FloatArray]) -> None:
         lab.read("run.npz", computed)
 
 
+@pytest.mark.full
 def test_exchanged_axes(lab: Lab, sound: dict[str, FloatArray]) -> None:
     run = settled(sound)
     run["tau"] = run["tau"][:, [1, 0, 2, 3, 4, 5]]
@@ -207,7 +209,10 @@ def test_a_coarse_torque_that_no_limit_cut_off_is_not_taken_for_one(
     assert list(doubts_of_limits(lab.read("run.npz"))) == []
 
 
-@pytest.mark.parametrize(("axis", "off"), [(1, 0.4), (2, -0.5), (1, np.pi / 2)])
+@pytest.mark.parametrize(
+    ("axis", "off"),
+    [(1, 0.4), *(pytest.param(*case, marks=pytest.mark.full) for case in ((2, -0.5), (1, np.pi / 2)))],
+)
 def test_a_zero_that_is_told_wrong(lab: Lab, sound: dict[str, FloatArray], axis: int, off: float) -> None:
     """The joint's angle is recorded from another zero; what gravity then pulls at is told with its size."""
     run = settled(sound)

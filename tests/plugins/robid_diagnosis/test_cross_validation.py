@@ -39,13 +39,14 @@ def explained(robot: Robot) -> Diagnosis:
     return Diagnosis("effects", "", model=extended.model({}))
 
 
-def test_a_law_that_is_there_predicts_blocks_that_were_left_out() -> None:
+@pytest.mark.parametrize("blocks", [2, pytest.param(4, marks=pytest.mark.full)])
+def test_a_law_that_is_there_predicts_blocks_that_were_left_out(blocks: int) -> None:
     """It leaves what the plant itself leaves; the robot file, its values refitted, leaves the law's torque as well."""
     told = Robot.load("one_axis")
     plant = told.with_effect("hidden", "friction.load_dependent", "axis_1", values=BY_LOAD)
     measured = long_motion(plant)
     context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
-    diagnosis = CrossValidation(blocks=4, skip_s=0.5).run(measured, told, context, explained(told))
+    diagnosis = CrossValidation(blocks=blocks, skip_s=0.5).run(measured, told, context, explained(told))
     before, after = diagnosis.errors
     own = prescribe_record(plant, measured).run.lanes("motor_torque")
     left = (measured.run.lanes("motor_torque") - own)[0, round(0.5 / T) :]

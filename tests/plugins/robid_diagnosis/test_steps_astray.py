@@ -29,7 +29,7 @@ def true_cost(problem: TorqueProblem, point: FloatArray, weights: TorqueProblem,
     return problem.cost(point, problem.weighted(point, about.weights))
 
 
-@pytest.mark.parametrize("passes", [1, 2, 3])
+@pytest.mark.parametrize("passes", [1, *(pytest.param(passes, marks=pytest.mark.full) for passes in (2, 3))])
 @pytest.mark.parametrize("use", LAWS)
 def test_after_however_few_passes_a_fit_is_better_than_its_start(
     told: Robot, measured: Callable[..., Record], use: str, passes: int

@@ -125,7 +125,9 @@ def test_a_right_robot_leaves_nothing_in_any_row() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arm_side", "most"), [((), 1.02), (BOTH[:1], 1.02), (BOTH, 1.5)], ids=["none", "encoders", "both"]
+    ("arm_side", "most"),
+    [((), 1.02), pytest.param(BOTH[:1], 1.02, marks=pytest.mark.full), (BOTH, 1.5)],
+    ids=["none", "encoders", "both"],
 )
 def test_errors_of_springs_are_those_that_the_study_of_sensors_says(
     arm_side: tuple[str, ...], most: float

@@ -143,7 +143,7 @@ def bench_table(
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("falling", [0.0, 1.0])
+@pytest.mark.parametrize("falling", [pytest.param(0.0, marks=pytest.mark.full), 1.0])
 def test_intervals_hold_the_truth_in_nineteen_of_twenty_records(falling: float) -> None:
     """200 seeds: 95 % +- 1.5 %; 90 to 99 % leaves room for weights that are estimated from 16 plateaus, too."""
     true = {"coulomb": 0.4, "viscous": 3e-3, "offset": 0.02, "excess": 0.2, "stribeck_speed": 7.0}

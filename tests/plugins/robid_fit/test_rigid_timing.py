@@ -58,7 +58,7 @@ def test_a_shift_keeps_the_power_of_white_noise() -> None:
     np.testing.assert_allclose(power, power[0], rtol=2e-3)
 
 
-@pytest.mark.parametrize("lag", [np.zeros(3), LAG])
+@pytest.mark.parametrize("lag", [pytest.param(np.zeros(3), marks=pytest.mark.full), LAG])
 def test_intervals_hold_hidden_lags(tmp_path: Path, lag: np.ndarray) -> None:
     robot = loaded(tmp_path, ARM)
     position, torque = signals(recording(robot, 1, seconds=10.0))
@@ -88,7 +88,7 @@ def test_the_half_sample_of_a_held_force_is_known(tmp_path: Path) -> None:
         assert error[0] < 0.1
 
 
-@pytest.mark.parametrize("delays", ["each", "common"])
+@pytest.mark.parametrize("delays", [pytest.param("each", marks=pytest.mark.full), "common"])
 def test_a_model_that_lacks_much_states_a_wide_interval(tmp_path: Path, delays: str) -> None:
     """Friction that grows with the load, and a wave of the angle, are not in the model: they leave a tenth."""
     robot = loaded(tmp_path, ARM)

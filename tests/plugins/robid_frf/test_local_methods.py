@@ -38,7 +38,7 @@ def robot() -> Robot:
     return example_robot(2)
 
 
-@pytest.mark.parametrize("approach", ["direct", "jio"])
+@pytest.mark.parametrize("approach", ["direct", pytest.param("jio", marks=pytest.mark.full)])
 def test_the_contract_of_stages_is_kept_by_the_full_fraction(approach: str) -> None:
     # Coupled masses are in its class, D = K + i w C - w^2 M: recovered to the contract's own tolerance.
     check_stage(LocalRational, for_axes=(1, 2, 6) if approach == "direct" else (6,), approach=approach)
@@ -49,6 +49,7 @@ def test_the_contract_of_stages_is_kept_by_the_polynomial() -> None:
     check_stage(LocalPolynomial, for_axes=(1, 2), window_lines=3)
 
 
+@pytest.mark.full
 def test_uncertainty_of_simpler_denominators_covers_the_truth_too() -> None:
     assert check_covers_truth(LocalRational(parametrization="miso", iterations=2))
 

@@ -65,7 +65,11 @@ def warm(robot: Robot) -> Robot:
     return robot
 
 
-@pytest.mark.parametrize("effects", ["", EFFECTS, STRUCTURE], ids=["none", "laws", "structure"])
+@pytest.mark.parametrize(
+    "effects",
+    [pytest.param("", marks=pytest.mark.full), EFFECTS, STRUCTURE],
+    ids=["none", "laws", "structure"],
+)
 def test_after_a_change_of_any_number_nothing_is_left_of_the_old_one(tmp_path: Path, effects: str) -> None:
     robot = warm(robot_of(tmp_path, effects))
     for name, value in robot.parameters().items():

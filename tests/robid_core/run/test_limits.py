@@ -124,7 +124,7 @@ def test_a_process_that_cannot_be_collected_is_not_waited_for(
     assert kill is BaseProcess.kill
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.5])
+@pytest.mark.parametrize("delay_s", [0.0, pytest.param(0.3, marks=pytest.mark.full), 1.5])
 def test_D18_signals_end_a_run_with_a_deadline_whenever_they_come(world: Any, delay_s: float) -> None:
     world.run(last="frf")
     world.say("{use: strange.estimate}", "{use: strange.estimate, with: {hold: 1000.0}}")

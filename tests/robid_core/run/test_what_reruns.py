@@ -116,7 +116,7 @@ def test_drives_count_for_what_moves_and_for_what_sees_the_truth(world: Any) -> 
     assert " 3.0 " in (world.folder / "artifacts" / "page.html").read_text()
 
 
-@pytest.mark.parametrize("editable", [True, False])
+@pytest.mark.parametrize("editable", [True, pytest.param(False, marks=pytest.mark.full)])
 def test_an_edited_plugin_is_never_served_from_the_store(world: Any, editable: bool) -> None:
     world.install(editable)  # not editable: found beside the project, by its path alone
     assert world.elsewhere().returncode == 0

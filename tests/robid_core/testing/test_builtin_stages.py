@@ -12,7 +12,6 @@ from robid_core.testing import check_stage
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "acquisition.drives": {"periods": 2, "settle_periods": 1},
-    "compensate.ripple": {},
     "design.optimal": {"candidates": 20, "experiments": 3},
     "excitation.binary_sequence": {
         "band_hz": (6, 60),
@@ -25,7 +24,6 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "excitation.filtered_noise": {"band_hz": (6, 60), "duration_s": 4.0, "torque_share": 0.3},
     "excitation.multisine": {"band_hz": (10, 80), "lines": 12, "period_s": 1.0, "slow_sine_rad_s": 9},
     "fit.log_response": {"starts": 1},
-    "fit.rigid": {"recovery": False},  # above the resonance of the example it is no rigid body
     "fit.time_domain": {
         "free": ("friction.*.viscous",),
         "iterations": 1,
@@ -40,6 +38,7 @@ ELSEWHERE = {
     "acquisition.recorded": "robid_acquisition/test_recorded.py",
     "acquisition.simulated": "robid_acquisition/test_acquisition_in_batches.py",
     "compensate.friction": "robid_compensation/test_friction_compensation.py",
+    "compensate.ripple": "robid_compensation/test_ripple_compensation.py",
     "compensate.simulation": "robid_compensation/test_simulation_compensation.py",
     "design.candidates": "robid_design/test_candidates.py",
     "design.separating": "robid_diagnosis/test_next_experiment.py",
@@ -62,6 +61,7 @@ ELSEWHERE = {
     "frf.two_stage": "robid_frf/test_closed_loop_estimators.py",
     "fit.friction": "robid_fit/test_friction.py",
     "fit.presliding": "robid_fit/test_presliding.py",
+    "fit.rigid": "robid_fit/test_rigid.py",
     "report.comparison": "robid_report/test_comparison_page.py",
     "report.html": "robid_report/test_html_report.py",
 }
