@@ -57,9 +57,10 @@ def friction_between_samples(
         speed = own.fine_speed()
         band_limited: FloatArray = speed.astype(np.float32)
         pushing = own.fine_torque() - coefficient[-1]
-        acceleration = np.matmul(pushing - laws.total(band_limited, size), mobility[c])
+        braking, slope = laws.total_and_slope(band_limited, size)
+        acceleration = np.matmul(pushing - braking, mobility[c])
         explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s)
-        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * laws.slope(band_limited, size)
+        follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * slope
         implicit = speed + (explicit - speed) / (1.0 + follows**2 / (1.0 + follows))
         functions = friction_spectra(own, laws, implicit)
         overshot = own.held_spectrum(laws.total(explicit.astype(np.float32), size))
@@ -74,7 +75,7 @@ def _harmful(motion: MotionSpectra, laws: SpeedFunctions, size: FloatArray) -> F
     What replaces a noisy speed errs where friction does; noise alone widens what is sharp, with the square of their
     ratio, and else errs by chance.
     """
-    steepest = laws.slope(np.zeros((1, size.shape[1])), size)
+    _, steepest = laws.total_and_slope(np.zeros((1, size.shape[1])), size)
     level = np.maximum(size.sum(axis=0), SMALLEST)
     band = 2 * np.pi * SPEED_BAND / motion.sample_time_s
     speed_noise = motion.angle_noise * band**2 * 2 * SPEED_BAND / 3

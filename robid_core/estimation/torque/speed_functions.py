@@ -8,7 +8,7 @@ median less than 4e-4 of the Coulomb level, and of a fifth between directions 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,26 +124,28 @@ class SpeedFunctions:
         return found
 
     def total(self, speed: FloatArray, size: FloatArray) -> FloatArray:
-        """Sum of the odd functions at speeds, rad/s, N m, shape of `speed`, (..., n_axis), in its precision.
+        """Sum of the odd functions at speeds, N m; arguments as of `total_and_slope`."""
+        return self.total_and_slope(speed, size)[0]
 
-        `size` of each, N m, (n_odd, n_axis).
+    def total_and_slope(self, speed: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sum of the odd functions at speeds, N m, and its derivative by the speed, N m s/rad, in their precision.
+
+        Parameters
+        ----------
+        speed
+            rad/s, shape (..., n_axis), which the results have.
+        size
+            Of each function, N m, (n_odd, n_axis).
         """
-        return self._summed(speed, size, lambda turned: turned)
-
-    def slope(self, speed: FloatArray, size: FloatArray) -> FloatArray:
-        """Derivative of the sum by the speed, N m s/rad; arguments as of `total`."""
-        return self._summed(speed, size / self.odd, lambda turned: 1 - turned * turned)
-
-    def _summed(
-        self, speed: FloatArray, size: FloatArray, of: Callable[[FloatArray], FloatArray]
-    ) -> FloatArray:
-        """Sum of what is made of each odd function, times a size, (n_odd, n_axis)."""
-        found = np.zeros_like(speed, order="C")
-        inverse, level = _rows(speed, 1 / self.odd), _rows(speed, size)
-        for part, own in zip(_parts(speed), _parts(found), strict=True):
-            for one, height in zip(inverse, level, strict=True):
-                own += height[: len(part)] * of(np.tanh(part * one[: len(part)]))
-        return found
+        total, slope = np.zeros_like(speed, order="C"), np.zeros_like(speed, order="C")
+        rows = [_rows(speed, of_axes) for of_axes in (1 / self.odd, size, size / self.odd)]
+        for part, level, steepness in zip(_parts(speed), _parts(total), _parts(slope), strict=True):
+            n = len(part)
+            for inverse, height, steepest in zip(*rows, strict=True):
+                turned = np.tanh(part * inverse[:n])
+                level += height[:n] * turned
+                steepness += steepest[:n] * (1 - turned * turned)
+        return total, slope
 
 
 def _parts(values: FloatArray) -> Iterator[FloatArray]:

@@ -105,7 +105,7 @@ def test_the_sum_of_functions_and_its_slope() -> None:
     def by_hand(speed: np.ndarray) -> np.ndarray:
         return sum(own * np.tanh(speed / width) for own, width in zip(size, laws.odd, strict=True))
 
-    torque, slope = laws.total(speed, size), laws.slope(speed, size)
+    torque, slope = laws.total_and_slope(speed, size)
     np.testing.assert_allclose(torque, by_hand(speed), rtol=1e-13)
     step = (
         1e-5  # errs by step^2 times a third derivative of 50 / 0.15^3 at most, and by rounding over the step
@@ -124,7 +124,7 @@ def test_what_brakes_is_the_friction_itself_or_what_is_nearest_to_it() -> None:
     assert found.min() >= 0
     assert abs(laws.total(speed, found) - np.tanh(speed / 0.6)).max() < 0.01
     wild = 1000 * np.array([[1.467], [-3.916], [4.42], [-2.644], [0.691]])  # of a recording of a ball screw
-    slope = [laws.slope(speed, sizes) for sizes in (wild, laws.braking(wild, speed))]
+    slope = [laws.total_and_slope(speed, sizes)[1] for sizes in (wild, laws.braking(wild, speed))]
     assert abs(slope[1]).max() < 0.1 * abs(slope[0]).max()
 
 
