@@ -87,11 +87,12 @@ def main() -> None:
             for name, one in logs.items()
             if held in (ALL, name)
         }
-        rms = np.sqrt(np.mean(np.concatenate(list(left.values())) ** 2))
+        every = np.concatenate(list(left.values()))
         rows.append(
             {
                 "left_out": held,
-                "rms_rad": f"{rms:.4f}",
+                "rms_rad": f"{np.sqrt(np.mean(every**2)):.4f}",
+                "mean_absolute_rad": f"{np.abs(every).mean():.4f}",
                 "converged": str(found.converged),
                 "cpu_s": f"{time.process_time() - started:.0f}",
             }
@@ -101,10 +102,14 @@ def main() -> None:
             writer = csv.DictWriter(file, list(rows[0]))
             writer.writeheader()
             writer.writerows(rows)
-        print(f"{held:22} {rms:.4f} rad  converged {found.converged}", flush=True)
-    each = np.array([float(row["rms_rad"]) for row in rows if row["left_out"] != ALL])
+        print(f"{held:22} {rows[-1]['rms_rad']} rad  converged {found.converged}", flush=True)
+    rms, absolute = (
+        np.array([float(row[column]) for row in rows if row["left_out"] != ALL])
+        for column in ("rms_rad", "mean_absolute_rad")
+    )
     print(
-        f"left out one at a time: rms {np.sqrt((each**2).mean()):.4f} rad, median {np.median(each):.4f} rad"
+        f"left out one at a time: rms {np.sqrt((rms**2).mean()):.4f} rad, median of the logs {np.median(rms):.4f} rad; "
+        f"mean absolute {absolute.mean():.4f} rad"
     )
 
 

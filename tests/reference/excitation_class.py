@@ -22,7 +22,7 @@ from robid_excitation.multisine import Multisine
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-# The excitation of pipeline.yaml at the root of the repository; a test holds the two together.
+# That of pipeline.yaml at the root of the repository in twice its period; a test holds the two together.
 SHIPPED: dict[str, Any] = {
     "band_hz": (4.0, 80.0),
     "lines": 100,

@@ -29,7 +29,7 @@ def shortened() -> str:
     text = (ROOT / "pipeline.yaml").read_text(encoding="utf-8")
     for old, new in (
         (r"count: 4", "count: 2"),
-        (r"lines: 100, period_s: 8", "lines: 30, period_s: 4"),
+        (r"lines: 100, period_s: 4", "lines: 30, period_s: 4"),
         (r"periods: 2", "periods: 1"),
         (r"starts: 20", "starts: 3"),
         (r"candidates: 500", "candidates: 60"),
