@@ -38,7 +38,7 @@ _HOME = {
     "robid_core.robot.link_meshes": ("LinkMesh", "link_meshes"),
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
     "robid_core.robot.forces_along": ("ForceAlong", "ForcesAlong", "RobotMotion", "forces_along"),
-    "robid_core.robot.recorded": ("simulate_record",),
+    "robid_core.robot.recorded": ("simulate_record", "simulate_records"),
     "robid_core.robot.structure_effect": ("StructureEffect",),
     "robid_core.robot.batch": ("BatchPortion", "ExperimentBatch", "simulate_over", "simulate_portions"),
     "robid_core.robot.side_by_side": ("prescribe_many",),
@@ -205,6 +205,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.robot.recorded import (
         simulate_record as simulate_record,
+        simulate_records as simulate_records,
     )
     from robid_core.robot.side_by_side import (
         prescribe_many as prescribe_many,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_core import ConfigurationError, FloatArray, FreeParameters, Record, Robot, simulate_record
+from robid_core import ConfigurationError, FloatArray, FreeParameters, Record, Robot, simulate_records
 from robid_core.estimation.disagreement import ExperimentShare
 from robid_core.estimation.serial_correlation import long_run_matrix
 from robid_core.mechanics import SimulationDiverged
@@ -57,7 +57,7 @@ class OutputErrorProblem:
     free
         Parameters of the nominal robot that all variants share.
     parts
-        Records with their robots.
+        Records with their robots; those of one robot are simulated side by side.
     outputs
         Channels that are compared.
     scale
@@ -78,6 +78,8 @@ class OutputErrorProblem:
         self.prediction = prediction
         self.share = 1.0
         """What a squared residual counts beside priors."""
+        robots = list({id(part.robot): part.robot for part in parts}.values())
+        self._alike = [(one, [i for i, part in enumerate(parts) if part.robot is one]) for one in robots]
         self._measured = [compared(part.record, outputs, prediction.skip_s) for part in parts]
         self._last: tuple[bytes, list[FloatArray]] | None = None
         self._slopes: tuple[bytes, list[FloatArray]] | None = None
@@ -99,16 +101,17 @@ class OutputErrorProblem:
             Where its controller is unstable.
         """
         how = self.prediction
-        return [
-            simulate_record(
-                self.free.set_on(part.robot, point),
-                part.record,
+        found: dict[int, Record] = {}
+        for robot, numbers in self._alike:
+            records = simulate_records(
+                self.free.set_on(robot, point),
+                [self.parts[number].record for number in numbers],
                 "rest" if how.start == "rest" else "motion",
                 horizon_s=how.horizon_s,
                 half_window=how.half_window,
             )
-            for part in self.parts
-        ]
+            found.update(zip(numbers, records, strict=True))
+        return [found[number] for number in range(len(self.parts))]
 
     def residuals(self, point: FloatArray) -> list[FloatArray]:
         """Simulated less measured outputs in units of their scale, (n_lane, n_sample, n_output n_axis) of each run."""
@@ -188,7 +191,7 @@ class OutputErrorProblem:
         return found
 
     def _is_possible(self, point: FloatArray) -> bool:
-        return all(self.free.set_on(part.robot, point).is_possible for part in self.parts)
+        return all(self.free.set_on(robot, point).is_possible for robot, _ in self._alike)
 
 
 def information_share(mean_square: float, gauss_newton: FloatArray, long_run: FloatArray) -> float:

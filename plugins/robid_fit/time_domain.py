@@ -213,12 +213,14 @@ class TimeDomainFit(Estimator):
         for run in (run for one in training for run in one.runs):
             for name in self.outputs:
                 run.channel(name)
+        nominal = without_encoder_steps(robot)
+        smooth = {variant: without_encoder_steps(other) for variant, other in others.items()}
         measured = [
-            Part(part, without_encoder_steps(others.get(variant, robot)))
+            Part(part, smooth.get(variant, nominal))
             for one in training
             for variant, part in parts_by_variant(one)
         ]
-        free = FreeParameters.of_robot(without_encoder_steps(robot), names, dict(self.prior))
+        free = FreeParameters.of_robot(nominal, names, dict(self.prior))
         scale = self._scale(measured, generator)
         prediction = Prediction(self.start, self.horizon_s, self.half_window, self.skip_s, self.step)
         return OutputErrorProblem(free, measured, self.outputs, scale, prediction)

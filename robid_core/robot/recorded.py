@@ -8,9 +8,9 @@ run before. With a horizon the simulation starts anew from the measured state ev
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from robid_core.artifacts import Channel, DenseRun, Record, frozen
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.local_motion import local_motion
 from robid_core.robot.plant import check_once, continue_simulation, controller_of, standing
+from robid_core.robot.recorded_lanes import DRIVE_ENABLED, RecordedLanes, recorded_lanes, side_by_side
 from robid_core.robot.restarts import cut_into_windows, join_windows, window_starts
 
 if TYPE_CHECKING:
@@ -26,73 +27,11 @@ if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
 
 Start = Literal["rest", "motion"]
+Outputs = tuple[FloatArray, FloatArray]  # positions and torques, (n_lane, n_sample, n_axis) each
 
-DRIVE_ENABLED = "drive_enabled"  # channel: 1 where a drive is on, 0 where its motor coasts
+LONGER = 1.1  # than the shortest of the runs beside it: so much of its simulation is thrown away
 SAMPLES = 50  # of the beginning, that tell what the integrators hold
 SETTLING_S = 1.0  # run before a periodic record, in whole periods: arms ring for some tenths of a second
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedLanes:
-    """Experiments of one run as lanes of the simulator, periods joined, motor side, each (n_lane, n_sample, n_axis)."""
-
-    position: FloatArray
-    torque: FloatArray | None
-    """None where it was not recorded."""
-    speed_reference: FloatArray
-    position_reference: FloatArray | None
-    enabled: FloatArray | None = None
-    """1 where a drive is on, 0 where it is off; None: all are on."""
-
-    def through(self, function: Callable[[FloatArray], FloatArray]) -> RecordedLanes:
-        """Return what a function makes of every channel that there is."""
-        torque, aim, enabled = self.torque, self.position_reference, self.enabled
-        return RecordedLanes(
-            function(self.position),
-            None if torque is None else function(torque),
-            function(self.speed_reference),
-            None if aim is None else function(aim),
-            None if enabled is None else function(enabled),
-        )
-
-
-def recorded_lanes(run: DenseRun) -> RecordedLanes:
-    """Return every experiment of a run as a lane.
-
-    Where only a position reference was recorded, the speed reference is its derivative.
-
-    Raises
-    ------
-    DataRejected
-        If there is no reference, or a sample is missing.
-    """
-    if not run.valid.all():
-        raise DataRejected("samples are missing in the record; a simulation needs the whole reference")
-
-    def joined(name: str) -> FloatArray:
-        values = run.lanes(name)
-        if not np.isfinite(values).all():
-            raise DataRejected(f"{name} was not recorded on every axis; a simulation needs all")
-        return values
-
-    position_reference = joined("position_reference") if "position_reference" in run.channels else None
-    if "speed_reference" in run.channels:
-        speed_reference = joined("speed_reference")
-    elif position_reference is not None:
-        speed_reference = np.gradient(position_reference, run.sample_time_s, axis=1)
-    else:
-        raise DataRejected(
-            "the record has neither position_reference nor speed_reference; map the channel that the controller "
-            "followed"
-        )
-    torque = joined("motor_torque") if "motor_torque" in run.channels else None
-    enabled = joined(DRIVE_ENABLED) if DRIVE_ENABLED in run.channels else None
-    if enabled is not None and not np.isin(enabled, (0.0, 1.0)).all():
-        raise DataRejected(
-            f"{DRIVE_ENABLED} tells where drives are on and must be 0 or 1; it has values from {enabled.min():g} to "
-            f"{enabled.max():g}"
-        )
-    return RecordedLanes(joined("motor_position"), torque, speed_reference, position_reference, enabled)
 
 
 def simulate_record(
@@ -147,17 +86,91 @@ def simulate_record(
     >>> robid.simulate_record(robot, record).source
     'arrays, simulated with one_axis'
     """
-    runs = []
-    for run in record.runs:
-        _check_sampling(robot, run)
-        if horizon_s is None:
-            position, torque = _at_once(robot, run, record.line is not None, start, seed)
-        else:
-            position, torque = _in_windows(
-                robot, run, round(horizon_s / run.sample_time_s), half_window, seed
-            )
-        runs.append(_with_channels(run, position, torque))
-    return record.replace(source=f"{record.source}, simulated with {robot.name}", runs=tuple(runs))
+    return simulate_records(robot, [record], start, horizon_s=horizon_s, half_window=half_window, seed=seed)[
+        0
+    ]
+
+
+def simulate_records(
+    robot: Robot,
+    records: Sequence[Record],
+    start: Start = "rest",
+    *,
+    horizon_s: float | None = None,
+    half_window: int = 5,
+    seed: int | None = None,
+) -> list[Record]:
+    """Return what `simulate_record` gives for each of several records, whose experiments run side by side.
+
+    Eight experiments fill a register, of whichever record, and many cost hardly more than one; each comes out as it
+    would alone, bit by bit.
+    """
+    runs = [(run, record.line is not None) for record in records for run in record.runs]
+    courses = [_course(robot, *run, start, horizon_s, half_window) for run in runs]
+    outputs: dict[int, Outputs] = {}
+    for group in _groups(courses, alone=seed is not None):
+        found = _simulate(robot, [courses[number] for number in group], start, seed)
+        outputs.update(zip(group, found, strict=True))
+    simulated = (outputs[number] for number in range(len(courses)))
+    return [
+        record.replace(
+            source=f"{record.source}, simulated with {robot.name}",
+            runs=tuple(_with_channels(run, *next(simulated)) for run in record.runs),
+        )
+        for record in records
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A run made ready for the simulator."""
+
+    lanes: RecordedLanes
+    period: tuple[int, float]
+    """Samples, and time between them, of a period that is run before until all has rung out; 0 samples: none is."""
+    n_sample: int
+    """Of the run."""
+    windows: list[int] | None = None
+    """Where the simulation starts anew; None: nowhere."""
+    motion: tuple[FloatArray, ...] | None = None
+    """At the first sample of each lane, as of `state_in_motion`."""
+
+    def whole(self, values: FloatArray) -> FloatArray:
+        """Return what was simulated of the lanes as experiments of the run."""
+        return values if self.windows is None else join_windows(values, self.windows, self.n_sample)
+
+
+def _groups(courses: Sequence[_Course], alone: bool) -> list[list[int]]:
+    """Numbers of the runs that are simulated side by side: of the same channels, hardly longer than the shortest."""
+    if alone:  # noise is drawn for each run as if there were no other
+        return [[number] for number in range(len(courses))]
+    lengths = [course.lanes.position.shape[1] for course in courses]
+    kinds = [(course.lanes.kind, course.period, course.motion is None) for course in courses]
+    found: dict[Any, list[list[int]]] = {}
+    for number in sorted(range(len(courses)), key=lengths.__getitem__):
+        groups = found.setdefault(kinds[number], [])
+        longest = lengths[groups[-1][0]] * (1.0 if courses[number].period[0] else LONGER) if groups else 0
+        if lengths[number] > longest:
+            groups.append([])
+        groups[-1].append(number)
+    return [group for groups in found.values() for group in groups]
+
+
+def _course(
+    robot: Robot, run: DenseRun, periodic: bool, start: Start, horizon_s: float | None, half_window: int
+) -> _Course:
+    _check_sampling(robot, run)
+    lanes = recorded_lanes(run)
+    n_sample = lanes.position.shape[1]
+    if horizon_s is None:
+        settling = len(run.time_s) if periodic and start == "motion" else 0
+        return _Course(lanes, (settling, run.sample_time_s), n_sample)
+    n_horizon = round(horizon_s / run.sample_time_s)
+    starts = window_starts(n_sample, n_horizon)
+    motion = local_motion(lanes.position, starts, half_window, run.sample_time_s)
+    at_starts = tuple(one.reshape(-1, robot.n_axis) for one in motion)
+    cut = cut_into_windows(lanes, starts, n_horizon)
+    return _Course(cut, (0, run.sample_time_s), n_sample, starts, at_starts)
 
 
 def _check_sampling(robot: Robot, run: DenseRun) -> None:
@@ -168,39 +181,29 @@ def _check_sampling(robot: Robot, run: DenseRun) -> None:
         )
 
 
-def _at_once(
-    robot: Robot, run: DenseRun, periodic: bool, start: Start, seed: int | None
-) -> tuple[FloatArray, FloatArray]:
-    """Position and torque of experiments that are simulated from their beginning, (n_lane, n_sample, n_axis)."""
-    lanes, n_before = recorded_lanes(run), 0
-    if start == "rest":
+def _simulate(robot: Robot, courses: Sequence[_Course], start: Start, seed: int | None) -> list[Outputs]:
+    """Position and torque of runs that are simulated side by side, (n_lane, n_sample, n_axis) each."""
+    lanes, n_before = side_by_side([course.lanes for course in courses]), 0
+    motions = [course.motion for course in courses if course.motion is not None]
+    if motions:
+        state = state_in_motion(robot, lanes, tuple(map(np.concatenate, zip(*motions, strict=True))))
+    elif start == "rest":
         state = standing(robot, lanes.position[:, 0])
     else:
         state = state_in_motion(robot, lanes)
-        if periodic:
-            lanes, n_before = _with_settling(lanes, len(run.time_s), run.sample_time_s)
+    if courses[0].period[0]:
+        lanes, n_before = _with_settling(lanes, *courses[0].period)
     check_once(robot, robot.joint_angle(state.position[0, : robot.n_axis]))
     done = continue_simulation(
         robot, state, lanes.speed_reference, seed, lanes.position_reference, enabled=lanes.enabled
     )
-    return done.position[:, n_before:], done.torque[:, n_before:]
-
-
-def _in_windows(
-    robot: Robot, run: DenseRun, n_horizon: int, half_window: int, seed: int | None
-) -> tuple[FloatArray, FloatArray]:
-    """Position and torque, started anew from the measured state every `n_horizon` samples; shapes as `_at_once`."""
-    whole = recorded_lanes(run)
-    n_sample = whole.position.shape[1]
-    starts = window_starts(n_sample, n_horizon)
-    lanes = cut_into_windows(whole, starts, n_horizon)
-    motion = local_motion(whole.position, starts, half_window, run.sample_time_s)
-    state = state_in_motion(robot, lanes, tuple(one.reshape(-1, robot.n_axis) for one in motion))
-    check_once(robot, robot.joint_angle(state.position[0, : robot.n_axis]))
-    done = continue_simulation(
-        robot, state, lanes.speed_reference, seed, lanes.position_reference, enabled=lanes.enabled
-    )
-    return join_windows(done.position, starts, n_sample), join_windows(done.torque, starts, n_sample)
+    found, first = list[Outputs](), 0
+    for course in courses:
+        n_lane, n_sample = course.lanes.position.shape[:2]
+        own = slice(first, first + n_lane), slice(n_before, n_before + n_sample)
+        found.append((course.whole(done.position[own]), course.whole(done.torque[own])))
+        first += n_lane
+    return found
 
 
 def _with_channels(run: DenseRun, position: FloatArray, torque: FloatArray) -> DenseRun:

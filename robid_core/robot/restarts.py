@@ -10,7 +10,7 @@ from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robid_core.robot.recorded import RecordedLanes
+    from robid_core.robot.recorded_lanes import RecordedLanes
 
 
 def window_starts(n_sample: int, n_horizon: int) -> list[int]:

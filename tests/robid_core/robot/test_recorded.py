@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_core import Channel, ConfigurationError, DataRejected, DenseRun, Record, Robot, simulate_record
+from robid_core import (
+    Channel,
+    ConfigurationError,
+    DataRejected,
+    DenseRun,
+    Record,
+    Robot,
+    simulate_record,
+    simulate_records,
+)
+from robid_core.robot import recorded
 
 T = 1e-3
 ANGLE = np.array(
@@ -72,6 +82,39 @@ def test_a_record_that_begins_at_rest_is_given_back(six: Robot) -> None:
     np.testing.assert_allclose(values(again, "motor_torque"), done.torque, rtol=0, atol=1e-7)
     assert again.run.values("speed_reference") is record.run.values("speed_reference")
     assert again.source == f"made up, simulated with {six.name}"
+
+
+@pytest.mark.parametrize(
+    ("how", "calls"),
+    [
+        ({"start": "rest"}, 2),  # 700 and 740 samples beside one another, 900 alone
+        ({"start": "motion"}, 2),
+        ({"horizon_s": 0.05}, 1),  # windows are of one length
+        ({"start": "rest", "seed": 4}, 3),  # noise is drawn for each run
+    ],
+    ids=["rest", "motion", "horizon", "noise"],
+)
+def test_several_records_side_by_side_come_out_as_each_alone(
+    six: Robot, how: dict[str, Any], calls: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records = []
+    for n_sample, n_lane in ((740, 3), (900, 1), (700, 2)):
+        reference = waves(n_sample, n_lane)
+        done = six.simulate(reference, ANGLE[:n_lane])
+        records.append(record_of(done.position, done.torque, 1, speed_reference=reference))
+    alone = [simulate_record(six, one, **how) for one in records]
+    simulate, seen = recorded.continue_simulation, []
+
+    def counted(*arguments: Any, **options: Any) -> Any:
+        seen.append(arguments)
+        return simulate(*arguments, **options)
+
+    monkeypatch.setattr(recorded, "continue_simulation", counted)
+    together = simulate_records(six, records, **how)
+    assert len(seen) == calls
+    for one, other in zip(together, alone, strict=True):
+        for name in ("motor_position", "motor_torque"):
+            np.testing.assert_array_equal(one.run.values(name), other.run.values(name))
 
 
 def test_a_periodic_record_is_given_back_in_steady_motion(six: Robot) -> None:
