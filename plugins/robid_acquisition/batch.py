@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, PositiveFloat
 
+from robid_acquisition.arm_side import UNITS, ArmSide, shown, why_not
 from robid_acquisition.drives import (
     MOST_PERIODS,
     check_axes,
@@ -58,10 +59,12 @@ def record_of(
     excitation: Excitation,
     position: FloatArray,
     torque: FloatArray,
+    behind: Mapping[ArmSide, FloatArray] | None = None,
 ) -> Record:
     """Record of every sample, position and torque (n_config, n_block, n_exp, n_period, n_sample, n_axis).
 
-    The reference is the same in every period, and stands in memory once; position and torque become read-only.
+    `behind` holds channels behind the gears, of the same shape. The reference is the same in every period, and stands
+    in memory once; what was measured becomes read-only.
     """
     realization = excitation.reference
     if len(realization) != len(position):
@@ -72,6 +75,8 @@ def record_of(
         "motor_torque": Channel("motor", "N m", frozen(torque)),
         "speed_reference": Channel("motor", "rad/s", reference),
     }
+    for name, values in (behind or {}).items():
+        channels[name] = Channel("joint", UNITS[name], frozen(values))
     time_s = np.arange(excitation.n_sample, dtype=float) * excitation.sample_time_s
     run = DenseRun(excitation.sample_time_s, channels, time_s, np.ones(position.shape[:-1], dtype=bool))
     angle, line = configurations.angle, excitation.line if len(excitation.line) else None
@@ -102,6 +107,9 @@ class SimulatedAcquisition(Acquisition):
     """Share of samples at the torque limit above which the data are rejected."""
     drift_limit_rad: PositiveFloat = 0.05
     """Drift of a motor angle from period to period above which data with lines are rejected, rad at the motor."""
+    arm_side: tuple[ArmSide, ...] = ()
+    """Channels behind the gears that are measured, too: encoders at the links (`joint_position`), torque sensors in the
+    joints (`joint_torque`), with the noise that the plant's file states; `fit.torque_residual` has the same setting."""
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the plugins whose code the result depends on: the plant's effects."""
@@ -115,7 +123,10 @@ class SimulatedAcquisition(Acquisition):
             wrong = f"plant '{self.plant}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
             return {("plant",): wrong}
         missing = plant.left_out(("torque_limit", "controller"))
-        return {("plant",): missing} if missing else {}
+        if missing:
+            return {("plant",): missing}
+        reason = why_not(plant, self.arm_side)
+        return {("arm_side",): reason} if reason else {}
 
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say for `robid plan` that nothing moves."""
@@ -139,6 +150,8 @@ class SimulatedAcquisition(Acquisition):
             raise ConfigurationError(
                 f"plant '{plant.name}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
             )
+        if reason := why_not(plant, self.arm_side):
+            raise ConfigurationError(f"arm_side: {reason}")
         n_block, n_exp, n_sample, n_axis = excitation.reference.shape[1:]
         places = (configurations.n_config, n_block, n_exp)
         seeds = context.generator.integers(2**62, size=places)
@@ -153,8 +166,10 @@ class SimulatedAcquisition(Acquisition):
             seed=seeds.ravel(),
             n_period=n_period,
             n_kept=self.periods,
+            keep_coordinates=bool(self.arm_side),
         )
         position, torque = (np.empty((len(experiments), self.periods, n_sample, n_axis)) for _ in range(2))
+        behind = {name: np.empty_like(position) for name in self.arm_side}
         level = saturation_level(plant)
         for portion in simulate_portions(context.map, [batch], context.progress):
             if portion.failed is not None:
@@ -162,6 +177,12 @@ class SimulatedAcquisition(Acquisition):
             for lane in range(portion.first, portion.last):
                 position[lane] = portion.position[lane - portion.first].reshape(position.shape[1:])
                 torque[lane] = portion.torque[lane - portion.first].reshape(torque.shape[1:])
+                for name, values in behind.items():
+                    assert portion.coordinates is not None
+                    own = shown(
+                        plant, name, portion.coordinates[lane - portion.first], experiments[lane].seed
+                    )
+                    values[lane] = own.reshape(values.shape[1:])
                 saturated = (np.abs(torque[lane]) >= level).mean(axis=(0, 1))
                 label = experiments[lane].label
                 notes = reject_saturated(label, saturated, robot.axis_names, self.saturation_limit)
@@ -173,4 +194,7 @@ class SimulatedAcquisition(Acquisition):
                     context.log.warning("%s", note)
         shape = (*places, *position.shape[1:])
         source = f"simulated in batches, plant '{plant.name}'"
-        return record_of(source, configurations, excitation, position.reshape(shape), torque.reshape(shape))
+        measured = {name: values.reshape(shape) for name, values in behind.items()}
+        return record_of(
+            source, configurations, excitation, position.reshape(shape), torque.reshape(shape), measured
+        )

@@ -137,9 +137,9 @@ class OutputErrorProblem:
                 moved[i] = np.clip(
                     point[i] + sign * self.prediction.step, self.free.lower[i], self.free.upper[i]
                 )
-                possible = self._is_possible(moved)
-                ends.append(self.residuals(moved) if possible else here)
-                where.append(moved[i] if possible else point[i])
+                there = self._residuals_if_any(moved)
+                ends.append(here if there is None else there)
+                where.append(point[i] if there is None else moved[i])
             width = where[0] - where[1]
             for one, above, below in zip(found, *ends, strict=True):
                 one[..., i] = (above - below) / width if width else 0.0
@@ -148,11 +148,8 @@ class OutputErrorProblem:
 
     def cost(self, point: FloatArray) -> float:
         """Half the sum of squared residuals, as far as they count, and of what priors add; infinite where none is."""
-        if not self._is_possible(point):
-            return float("inf")
-        try:
-            residuals = self.residuals(point)
-        except (SimulationDiverged, ConfigurationError):  # of a trial step: a shorter one may do
+        residuals = self._residuals_if_any(point)
+        if residuals is None:  # of a trial step: a shorter one may do
             return float("inf")
         return 0.5 * self.share * _power(residuals) + 0.5 * float(((point / self.free.prior) ** 2).sum())
 
@@ -189,6 +186,15 @@ class OutputErrorProblem:
                     )
                 )
         return found
+
+    def _residuals_if_any(self, point: FloatArray) -> list[FloatArray] | None:
+        """Residuals, or None where a robot cannot be, or its simulation leaves all bounds."""
+        if not self._is_possible(point):
+            return None
+        try:
+            return self.residuals(point)
+        except (SimulationDiverged, ConfigurationError):
+            return None
 
     def _is_possible(self, point: FloatArray) -> bool:
         return all(self.free.set_on(robot, point).is_possible for robot, _ in self._alike)

@@ -61,6 +61,8 @@ class BatchPortion:
     """Of an experiment that "left all bounds at 0.12 s, ..."; its samples are NaN from there on."""
     failed: int | None = None
     """Which experiment of the batch that was, the first one if several."""
+    coordinates: FloatArray | None = None
+    """True generalised coordinates where they are asked for, (last - first, kept samples, n_coordinate)."""
 
 
 @dataclass(frozen=True)
@@ -129,11 +131,11 @@ def simulate_portions(
         results = stream(tasks, perform, _travelling(batches))
     with contextlib.closing(results):
         for (index, first, last), result in zip(portions(batches), results, strict=True):
-            position, torque, saturated, problem, lane = result
+            position, torque, saturated, coordinates, problem, lane = result
             done += last - first
             tell(done, total, HERE)
             failed = first + lane if problem else None
-            yield BatchPortion(index, first, last, position, torque, saturated, problem, failed)
+            yield BatchPortion(index, first, last, position, torque, saturated, problem, failed, coordinates)
 
 
 def simulate_over(
@@ -206,7 +208,7 @@ def _travelling(batches: Sequence[ExperimentBatch]) -> Iterator[tuple[Any, ...]]
 def _prepare(batch: ExperimentBatch) -> None:
     """Compile what the robot's laws need before threads ask for it, by two samples."""
     text, reference, angle, *_ = task(batch, 0, min(batch.n_lane, GROUP))
-    simulate_experiments(text, np.zeros_like(reference[:, :2]), angle, None, 1, 1, batch.method)
+    simulate_experiments(text, np.zeros_like(reference[:, :2]), angle, None, 1, 1, batch.method, False)
 
 
 def _threads(tasks: Tasks) -> int:

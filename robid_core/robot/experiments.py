@@ -47,6 +47,8 @@ class ExperimentBatch:
     """How many of the last periods are kept; None: all."""
     method: str = "implicit_midpoint"
     """Or runge_kutta, as a check."""
+    keep_coordinates: bool = False
+    """Whether the true coordinates are results, too."""
 
     @property
     def n_lane(self) -> int:
@@ -120,6 +122,7 @@ def task(batch: ExperimentBatch, first: int, last: int) -> tuple[Any, ...]:
         batch.n_period,
         batch.kept,
         batch.method,
+        batch.keep_coordinates,
     )
 
 
@@ -131,19 +134,21 @@ def simulate_experiments(
     n_period: int,
     n_kept: int,
     method: str,
-) -> tuple[FloatArray, FloatArray, FloatArray, str, int]:
+    keep_coordinates: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None, str, int]:
     """Simulate experiments of a robot: the unit of work that travels, registered as `simulate.experiments`.
 
     Parameters
     ----------
     robot
         The whole robot as text (JSON, which is YAML too).
-    speed_reference, motor_angle, seed, n_period, n_kept, method
+    speed_reference, motor_angle, seed, n_period, n_kept, method, keep_coordinates
         As in `ExperimentBatch`, one reference an experiment.
 
     Returns
     -------
-    Position, torque and saturation as in `BatchPortion`, what went wrong, if anything did, and in which experiment.
+    Position, torque, saturation and coordinates as in `BatchPortion`, what went wrong, if anything did, and in which
+    experiment.
     """
     from robid_core.mechanics import SimulationDiverged, simulate
     from robid_core.robot.plant import controller_of, sensor_noise, standing
@@ -175,13 +180,22 @@ def simulate_experiments(
             sample_time=plant.sample_time_s,
             step=plant.step_s,
             method=method,  # type: ignore[arg-type]
+            keep_coordinates=keep_coordinates,
         )
     except SimulationDiverged as error:
         named = re.match(r"simulate: lane (\d+) ", str(error))
         done, lane = error.partial, int(named[1]) if named else 0
         problem = str(error)[named.end() if named else 0 :]
     last = slice((n_period - n_kept) * n_sample, None)
-    return _whole(done.position, last), _whole(done.torque, last), done.saturated, problem, lane
+    coordinates = None if done.coordinates is None else _whole(done.coordinates, last)
+    return (
+        _whole(done.position, last),
+        _whole(done.torque, last),
+        done.saturated,
+        coordinates,
+        problem,
+        lane,
+    )
 
 
 def _whole(values: FloatArray, kept: slice) -> FloatArray:

@@ -18,6 +18,7 @@ from robid_core.arrays import FloatArray
 from robid_core.artifacts import Channel, DenseRun, Record, frozen
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.local_motion import local_motion
+from robid_core.mechanics import SimulationDiverged
 from robid_core.robot.plant import check_once, continue_simulation, controller_of, standing
 from robid_core.robot.recorded_lanes import DRIVE_ENABLED, RecordedLanes, recorded_lanes, side_by_side
 from robid_core.robot.restarts import cut_into_windows, join_windows, window_starts
@@ -194,16 +195,23 @@ def _simulate(robot: Robot, courses: Sequence[_Course], start: Start, seed: int 
     if courses[0].period[0]:
         lanes, n_before = _with_settling(lanes, *courses[0].period)
     check_once(robot, robot.joint_angle(state.position[0, : robot.n_axis]))
-    done = continue_simulation(
-        robot, state, lanes.speed_reference, seed, lanes.position_reference, enabled=lanes.enabled
-    )
-    found, first = list[Outputs](), 0
+    own, first = [], 0
     for course in courses:
         n_lane, n_sample = course.lanes.position.shape[:2]
-        own = slice(first, first + n_lane), slice(n_before, n_before + n_sample)
-        found.append((course.whole(done.position[own]), course.whole(done.torque[own])))
+        own.append((slice(first, first + n_lane), slice(n_before, n_before + n_sample)))
         first += n_lane
-    return found
+    try:
+        done = continue_simulation(
+            robot, state, lanes.speed_reference, seed, lanes.position_reference, enabled=lanes.enabled
+        )
+    except SimulationDiverged as error:
+        done = error.partial
+        if not all(np.isfinite(done.position[part]).all() for part in own):
+            raise  # else it was behind the end of a shorter run
+    return [
+        (course.whole(done.position[part]), course.whole(done.torque[part]))
+        for course, part in zip(courses, own, strict=True)
+    ]
 
 
 def _with_channels(run: DenseRun, position: FloatArray, torque: FloatArray) -> DenseRun:

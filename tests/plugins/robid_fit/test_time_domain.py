@@ -19,7 +19,9 @@ from robid_core import (
     Robot,
     simulate_record,
 )
+from robid_core.mechanics import SimulationDiverged
 from robid_core.stage import map_in_process
+from robid_fit import output_error
 from robid_fit.time_domain import TimeDomainFit
 
 T = 2e-3
@@ -110,6 +112,35 @@ def test_a_plant_without_noise_is_found(tmp_path: Path, settings: dict[str, Any]
     np.testing.assert_allclose(fit.parameters.estimate, true, rtol=allowed)
     assert fit.model is not None
     assert Robot.of_model(fit.model).parameter("mass.swing") == fit.parameters.value("mass.swing")
+
+
+def test_where_one_side_of_a_difference_leaves_all_bounds_the_other_one_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ended a fit; where both sides do, the parameter is left alone."""
+    plant = pendulum(tmp_path)
+    problem = TimeDomainFit(**FREE).problem((record_of(plant),), plant, np.random.default_rng(0))
+    point = np.zeros(len(NAMES))
+    (central,) = problem.derivatives(point)
+    simulate, limit = output_error.simulate_records, plant.parameter(NAMES[0])
+    least = 0.0
+
+    def bounded(robot: Robot, *arguments: Any, **options: Any) -> list[Record]:
+        if not least <= robot.parameter(NAMES[0]) <= limit:
+            raise SimulationDiverged("left all bounds", None)  # type: ignore[arg-type]
+        return simulate(robot, *arguments, **options)
+
+    monkeypatch.setattr(output_error, "simulate_records", bounded)
+    again = TimeDomainFit(**FREE).problem((record_of(plant),), plant, np.random.default_rng(0))
+    (one_sided,) = again.derivatives(point)
+    np.testing.assert_array_equal(one_sided[..., 1:], central[..., 1:])
+    # A difference to one side errs by half its step of 1e-3 times a second derivative of the slope's own size.
+    assert abs(one_sided[..., 0] - central[..., 0]).max() < 2e-3 * abs(central[..., 0]).max()
+    assert (one_sided[..., 0] != central[..., 0]).any()
+    least = limit
+    held = TimeDomainFit(**FREE).problem((record_of(plant),), plant, np.random.default_rng(0))
+    (alone,) = held.derivatives(point)
+    assert not alone[..., 0].any()
 
 
 def test_a_torque_that_was_not_recorded_is_not_needed(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from robid_core import (
     simulate_record,
     simulate_records,
 )
+from robid_core.mechanics import SimulationDiverged
 from robid_core.robot import recorded
 
 T = 1e-3
@@ -115,6 +116,33 @@ def test_several_records_side_by_side_come_out_as_each_alone(
     for one, other in zip(together, alone, strict=True):
         for name in ("motor_position", "motor_torque"):
             np.testing.assert_array_equal(one.run.values(name), other.run.values(name))
+
+
+def test_what_happens_behind_the_end_of_a_shorter_record_ends_no_simulation(
+    six: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    references = [waves(n_sample, 1) for n_sample in (700, 740)]
+    records = []
+    for reference in references:
+        done = six.simulate(reference, ANGLE[:1])
+        records.append(record_of(done.position, done.torque, 1, speed_reference=reference))
+    alone = [simulate_record(six, one) for one in records]
+    simulate = recorded.continue_simulation
+
+    def diverging(first: int) -> Any:
+        def simulated(*arguments: Any, **options: Any) -> Any:
+            done = simulate(*arguments, **options)
+            done.position[0, first:] = np.nan
+            raise SimulationDiverged("lane 0 left all bounds", done)
+
+        return simulated
+
+    monkeypatch.setattr(recorded, "continue_simulation", diverging(700))
+    for one, other in zip(simulate_records(six, records), alone, strict=True):
+        np.testing.assert_array_equal(one.run.values("motor_position"), other.run.values("motor_position"))
+    monkeypatch.setattr(recorded, "continue_simulation", diverging(699))
+    with pytest.raises(SimulationDiverged):
+        simulate_records(six, records)
 
 
 def test_a_periodic_record_is_given_back_in_steady_motion(six: Robot) -> None:
