@@ -22,6 +22,7 @@ import numpy as np  # noqa: E402
 from ruamel.yaml import YAML  # noqa: E402
 
 from robid_core import Context, FloatArray, Record, Robot, load_plugin, simulate_record  # noqa: E402
+from robid_core.mechanics import SimulationDiverged  # noqa: E402
 from robid_core.stage import map_in_process  # noqa: E402
 
 EXAMPLE = Path(__file__).parent
@@ -47,8 +48,11 @@ def logs_of(stages: dict[str, Any], names: list[str], robot: Robot, context: Con
 
 
 def error(record: Record, robot: Robot) -> FloatArray:
-    """Simulated less recorded angle of a whole log from rest, rad, shape (n_sample,)."""
-    made = simulate_record(robot, record).run.values("motor_position")
+    """Simulated less recorded angle of a whole log from rest, rad, shape (n_sample,); infinite where it diverges."""
+    try:
+        made = simulate_record(robot, record).run.values("motor_position")
+    except SimulationDiverged:
+        return np.full(record.run.values("motor_position").size, np.inf)
     left: FloatArray = (made - record.run.values("motor_position")).ravel()
     return left
 
