@@ -215,6 +215,11 @@ def periodic_record(records: Sequence[Record], n_axis: int) -> tuple[Record | No
 
 def _why_not(record: Record, n_axis: int) -> str:
     """Say why a record gives no response of all axes; empty where it does."""
+    if record.line is None and record.runs[0].n_period > 1:
+        return (
+            "the record has periods, but no excited frequencies (`excited_hz` of Record.from_arrays, `lines` of a "
+            "channel map); it was taken as one that does not repeat"
+        )
     if record.line is None or len(record.runs) != 1:
         return "the record does not repeat"
     n_exp = record.run.valid.shape[2]

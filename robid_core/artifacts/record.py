@@ -94,7 +94,8 @@ class Record(Artifact):
         period_s
             Length of a period, where `n_sample` holds several one after another.
         excited_hz
-            Excited frequencies, where the record is for a frequency response; then `period_s` is needed unless
+            Excited frequencies, where the record is for a frequency response, or its periods tell a fit or a diagnosis
+            the noise: without them it counts as motion that does not repeat. Then `period_s` is needed unless
             `n_sample` is one period.
         torque_hold
             "zero_order_hold" where a digital controller holds the torque between samples, else "continuous" (measured,

@@ -116,6 +116,7 @@ def command(
 
     if test and (only or exclude):
         raise ConfigurationError("--test asks for one law; leave --only and --exclude away")
+    robot = robot_below_here(robot)
     apart = keep_apart or []
     files = [*(records or []), *(more or []), *apart]
     root, sources = read_sources(files, channels, data)
@@ -193,6 +194,22 @@ def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list
     if outside is not None:
         raise ConfigurationError(f"{outside}: not below {root}; leave --data away, or name another folder")
     return root, [one.relative_to(root).as_posix() for one in whole]
+
+
+def robot_below_here(robot: str) -> str:
+    """Return a robot's name, or its file as the pipeline here names it; ConfigurationError where it is not below."""
+    from robid_core.errors import ConfigurationError
+
+    path, here = Path(robot), Path.cwd().resolve()
+    if not path.is_absolute() and ".." not in path.parts:
+        return robot
+    whole = path.resolve()
+    if not whole.is_relative_to(here):
+        raise ConfigurationError(
+            f"--robot {robot}: not below the folder in which the diagnosis is written; run the command in a folder "
+            "above the robot file, or copy the file (with its `base`) here"
+        )
+    return whole.relative_to(here).as_posix()
 
 
 def robots_of(variants: list[str], records: list[Path], names: list[str]) -> dict[str, str]:

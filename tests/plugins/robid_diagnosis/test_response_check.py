@@ -113,7 +113,7 @@ def test_where_there_is_none_the_verdict_says_why(told: Robot, plant_of: Plants,
     record = measured(plant_of(told, 3), 4).part(np.arange(4)[:, None, None] < np.full((4, 1, 2), 2))
     moves = record.replace(line=None)
     for diagnosis, why in (
-        (diagnosed(moves, told), "the record does not repeat"),
+        (diagnosed(moves, told), "the record has periods, but no excited frequencies"),
         (
             diagnosed(
                 record, told, response_check=({"use": "frf.lrm", "with": {"discard": 2}}, "fit.log_response")
@@ -134,6 +134,13 @@ def test_a_response_takes_as_many_experiments_as_axes(
     few = many.part(np.arange(4)[:, None, None] < np.full((4, 1, 2), 2))
     moves = many.replace(line=None)
     assert periodic_record((moves, few, many), 1) == (many, "")
+    once = Record.from_arrays(
+        motor_position=many.run.values("motor_position")[0, 0, 0, 0],
+        motor_torque=many.run.values("motor_torque")[0, 0, 0, 0],
+        sample_time_s=many.run.sample_time_s,
+        robot=told,
+    )
+    assert periodic_record((once,), 1) == (None, "the record does not repeat")
     assert periodic_record((few, many), 6) == (
         None,
         "a response of 6 axes takes as many experiments a block, and there are 2",

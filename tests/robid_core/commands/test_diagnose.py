@@ -21,6 +21,7 @@ from robid_core.commands.diagnose import (
     command,
     pipeline_text,
     read_sources,
+    robot_below_here,
     robots_of,
 )
 from robid_core.errors import ConfigurationError
@@ -184,3 +185,18 @@ def test_of_several_maps_the_one_that_fits_the_file_is_taken(tmp_path: Path) -> 
     channels.write_text(channels.read_text().replace("b.npz", "c.csv"), encoding="utf-8")
     with pytest.raises(ConfigurationError, match="name the file as the path of one"):
         read_sources(files, channels, None)
+
+
+def test_a_robot_file_may_be_named_from_anywhere_but_lies_below(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shells complete whole paths; a file beside the folder is refused with what to do."""
+    folder = tmp_path / "cell"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    assert robot_below_here("one_axis") == "one_axis"
+    assert robot_below_here("runs/robot.yaml") == "runs/robot.yaml"
+    assert robot_below_here(str(folder / "runs" / "robot.yaml")) == "runs/robot.yaml"
+    assert robot_below_here("../cell/robot.yaml") == "robot.yaml"
+    with pytest.raises(ConfigurationError, match="run the command in a folder above the robot file"):
+        robot_below_here("../robot.yaml")
