@@ -12,11 +12,15 @@ The functions work on views (`views`); the meaning of each array stands in `chai
 
 from __future__ import annotations
 
-from robid_core.compiled.kernel import fused_kernel
+from robid_core.compiled.kernel import fused_kernel, kernel
+from robid_core.compiled.lanes import where
 from robid_core.compiled.views import address_of, call_law, row_of
 from robid_core.mechanics.chain_arrays import ChainWork
 from robid_core.mechanics.recursion import evaluate
 from robid_core.mechanics.terms import TORQUE
+
+TINY = 1e-24  # of a squared torque, N^2 m^2: below it a secant is flat
+STANDSTILL = 1e-12  # of a squared speed, rad^2/s^2
 
 
 @fused_kernel
@@ -123,44 +127,91 @@ def pass_torque(  # type: ignore[no-untyped-def]
                 b = plant.rigid_column[a, e]
                 driving = torque[b] - plant.rotor_inertia[b] * acceleration[motor + b]
                 for t in range(terms.force.shape[0]):
-                    if terms.force[t, 10] == b:  # as it was in the step before
+                    if terms.force[t, 10] == b:  # as it acted in the step before
                         driving = driving - work.force[t]
                 passed = passed + plant.rigid_value[a, e] * driving
             load[a] = passed
 
 
 @fused_kernel
-def add_forces(terms, work, law_state, stage, half, step):  # type: ignore[no-untyped-def]
+def ask_law(terms, work, law_state, t, load, step):  # type: ignore[no-untyped-def]
+    """Ask a law for its force at the position and speed in `work.place`, and at a load."""
+    work.place[2] = load
+    call_law(
+        terms.force[t, 0], address_of(work.place, 0), address_of(law_state, terms.force[t, 2]),
+        address_of(work.next_state, 0), address_of(terms.argument, terms.force[t, 3]), step,
+    )  # fmt: skip
+    return work.place[3]
+
+
+@kernel
+def better_guess(guess, answer, other, answer_to_other):  # type: ignore[no-untyped-def]
+    """Fixed point of a falling function by the secant through two answers; of a rising one the answer itself."""
+    apart = other - guess
+    slope = (answer_to_other - answer) * apart / (apart * apart + TINY)
+    return where(slope < 0.0, guess + (answer - guess) / (1.0 - slope), answer)
+
+
+@kernel
+def brake_under_load(terms, work, law_state, t, load, step):  # type: ignore[no-untyped-def]
+    """Friction F of a motor before a rigid gear that grows with the load, of which it takes its own part.
+
+    The load that the friction before left is known: ``F = law(load - (F - before))``. Where friction holds against the
+    drive, more of it leaves less load, and two secants find the root; with the load of the step before it would swing
+    where ``dF/dT`` is above ``(J + I) / I``, and leave all bounds. Where the arm drives the motor, more friction is
+    more load, and there may be no root: the motor jams. Then the answer to the load as it was stops it, for which the
+    slope in speed is at least that of a line through standstill.
+    """
+    place, before = work.place, work.force[t]
+    first = ask_law(terms, work, law_state, t, load, step)
+    second = ask_law(terms, work, law_state, t, load - (first - before), step)
+    holds = (second - first) * (first - before) < 0.0
+    root = better_guess(before, first, first, second)
+    third = ask_law(terms, work, law_state, t, where(holds, load - (root - before), load), step)
+    force = where(holds, better_guess(root, third, first, second), third)
+    to_standstill = force * place[1] / (place[1] * place[1] + STANDSTILL)
+    place[5] = where(to_standstill > place[5], to_standstill, place[5])
+    return force
+
+
+@fused_kernel
+def add_forces(terms, work, law_state, stage, half, step, driven):  # type: ignore[no-untyped-def]
     """Add the laws' forces to `stage`, linearised about the extrapolated midpoint, and keep what their slopes add.
 
     ``x_mid = (spring . e) + weight e . a`` and ``v_mid = (right . e) + half e . a`` with the acceleration a of
-    the step.
+    the step. `driven`: torques are given and motion follows, so that a motor's friction takes its part of the load.
     """
     place, load = work.place, work.load
     for t in range(terms.force.shape[0]):
-        first_state, argument = terms.force[t, 2], terms.force[t, 3]
         first, middle, last, end = terms.force[t, 6], terms.force[t, 7], terms.force[t, 8], terms.force[t, 9]
         position = along(terms, middle, last, work.middle)
         velocity = along(terms, middle, last, work.middle_speed)
         place[0], place[1] = position, velocity
-        place[2] = along(terms, last, end, load)
-        call_law(
-            terms.force[t, 0], address_of(place, 0), address_of(law_state, first_state),
-            address_of(work.next_state, 0), address_of(terms.argument, argument), step,
-        )  # fmt: skip
-        force = place[3]
-        work.force[t] = force
+        passed = along(terms, last, end, load)
+        if driven and terms.loads[0] and terms.force[t, 10] >= 0 and end > last:
+            force = brake_under_load(terms, work, law_state, t, passed, step)
+        else:
+            force = ask_law(terms, work, law_state, t, passed, step)
+        if terms.force[t, 5] >= 0 and terms.loads[0]:
+            load[terms.force[t, 5]] = load[terms.force[t, 5]] + force
         if terms.force[t, 4] and half > 0.0:
             force = force + place[4] * (along(terms, middle, last, work.spring) - position)
             force = force + place[5] * (along(terms, middle, last, work.right) - velocity)
             work.slope[t] = terms.weight[t] * place[4] + half * place[5]
         else:
             work.slope[t] = 0.0 * force
-        if terms.force[t, 5] >= 0 and terms.loads[0]:
-            load[terms.force[t, 5]] = load[terms.force[t, 5]] + work.force[t]
+        work.force[t] = force
         for e in range(first, middle):
             i = terms.column[e]
             stage[i] = stage[i] - terms.value[e] * force
+
+
+@fused_kernel
+def complete_forces(terms, work, acceleration):  # type: ignore[no-untyped-def]
+    """Add to the laws' forces what the step's acceleration does to them: those that acted, not those extrapolated."""
+    for t in range(terms.force.shape[0]):
+        turned = along(terms, terms.force[t, 7], terms.force[t, 8], acceleration)
+        work.force[t] = work.force[t] + work.slope[t] * turned
 
 
 @fused_kernel
@@ -292,7 +343,7 @@ def hold_torque(chain, plant, terms, chain_work, work, state, step, n_step, rung
             system[i, i] = plant.constant[i, i] + half * braking
             for e in range(1, fill[a, 0] + 1):
                 system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
-        add_forces(terms, work, law_state, force, half, step)
+        add_forces(terms, work, law_state, force, half, step, True)
         assemble_arm(chain, plant, chain_work, work, force)
         if not runge_kutta:
             for t in range(n_term):
@@ -304,6 +355,7 @@ def hold_torque(chain, plant, terms, chain_work, work, state, step, n_step, rung
                         system[i, j] = system[i, j] + terms.value[e] * terms.value[f] * work.slope[t]
         eliminate(system, right, work.pivot, fill)
         if not runge_kutta:
+            complete_forces(terms, work, right)
             for i in range(n):
                 acceleration[i] = right[i]
                 position[i] = position[i] + step * (speed[i] + half * right[i])

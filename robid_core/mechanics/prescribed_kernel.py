@@ -22,6 +22,7 @@ from robid_core.mechanics.integrator import (
     add_forces,
     advance_laws,
     assemble_arm,
+    complete_forces,
     eliminate_free,
     pass_torque,
 )
@@ -66,7 +67,7 @@ def hold_motion(chain, plant, terms, chain_work, work, state, given, mean, step)
             system[i, i] = plant.constant[i, i]
             for e in range(1, fill[a, 0] + 1):
                 system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
-        add_forces(terms, work, law_state, force, half, step)
+        add_forces(terms, work, law_state, force, half, step, False)
         assemble_arm(chain, plant, chain_work, work, force)
         for t in range(n_term):
             first, last = terms.force[t, 6], terms.force[t, 7]
@@ -95,6 +96,7 @@ def hold_motion(chain, plant, terms, chain_work, work, state, given, mean, step)
                 j = fill[a, e]
                 if j < n_free:
                     torque[a] = torque[a] + system[i, j] * right[j]
+        complete_forces(terms, work, right)
         for i in range(n):
             acceleration[i] = right[i]
             position[i] = position[i] + step * (speed[i] + half * right[i])

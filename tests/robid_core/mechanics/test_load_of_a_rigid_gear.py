@@ -80,3 +80,46 @@ def test_laws_along_a_motion_see_the_same_load(tmp_path: Path) -> None:
     (law,) = forces_along(robot, motion).of("gear")
     np.testing.assert_allclose(law.load[0], load, rtol=1e-9, atol=1e-9 * np.abs(load).max())
     np.testing.assert_allclose(law.run.force[0], SHARE * np.abs(load) * sign, rtol=1e-9, atol=1e-9)
+
+
+SERVO = """
+robid_robot: 1
+name: servo
+sample_time_s: 0.002
+step_s: {step}
+bodies:
+  - {{joint: shoulder, axis: [0, 1, 0], mass: 0.5, centre_of_mass: [0, 0, -0.1],
+     inertia: [[0, 0, 0], [0, 0, 0], [0, 0, 0]]}}
+axes:
+  shoulder:
+    rotor_inertia: 0.0017
+    torque_constant: 0.37
+    torque_limit: 10
+    speed_limit: 20
+    servo: {{duty_gain: 1.15, supply_voltage: 7.4, resistance: 3.8}}
+effects:
+  gear:
+    use: friction.quadratic_load
+    on: shoulder
+    with: {{coulomb: 0.005, load_coulomb: 0.11, load_square: 1.2, excess: 0.8, stribeck_speed: 0.43, viscous: 0.01,
+           speed: 0.02}}
+"""
+
+
+def test_friction_that_grows_faster_than_its_load_holds_and_does_not_shake(tmp_path: Path) -> None:
+    """Friction takes its own part of the load: with that of the step before, the simulation left all bounds.
+
+    It did at any step, where ``dF/dT`` is above ``(J + I) / I = 1.3``. Steps of a millisecond and of a quarter agree
+    within 0.02 rad of 1.3.
+    """
+    found = []
+    for step in (1e-3, 2.5e-4):
+        path = tmp_path / f"servo_{step}.yaml"
+        path.write_text(SERVO.format(step=step))
+        robot = Robot.load(str(path))
+        time = 2e-3 * np.arange(3000)
+        wanted = (0.9 * np.sin(2 * np.pi * 0.4 * time) + 0.4 * np.sin(2 * np.pi * 1.1 * time))[None, :, None]
+        run = robot.simulate(np.gradient(wanted, 2e-3, axis=1), np.zeros((1, 1)), position_reference=wanted)
+        found.append(run.position[0, :, 0])
+    assert np.ptp(found[0]) > 1.0
+    assert np.sqrt(((found[0] - found[1]) ** 2).mean()) < 0.02
