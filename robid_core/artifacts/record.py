@@ -95,8 +95,8 @@ class Record(Artifact):
             Length of a period, where `n_sample` holds several one after another.
         excited_hz
             Excited frequencies, where the record is for a frequency response, or its periods tell a fit or a diagnosis
-            the noise: without them it counts as motion that does not repeat. Then `period_s` is needed unless
-            `n_sample` is one period.
+            the noise; with them `period_s` is needed unless `n_sample` is one period. Without them a record counts as
+            motion that does not repeat.
         torque_hold
             "zero_order_hold" where a digital controller holds the torque between samples, else "continuous" (measured,
             filtered), which is the default; to be given with `excited_hz`, since half a sample lies between the two.

@@ -87,9 +87,10 @@ def simulate_record(
     >>> robid.simulate_record(robot, record).source
     'arrays, simulated with one_axis'
     """
-    return simulate_records(robot, [record], start, horizon_s=horizon_s, half_window=half_window, seed=seed)[
-        0
-    ]
+    (found,) = simulate_records(
+        robot, [record], start, horizon_s=horizon_s, half_window=half_window, seed=seed
+    )
+    return found
 
 
 def simulate_records(
