@@ -152,22 +152,34 @@ def better_guess(guess, answer, other, answer_to_other):  # type: ignore[no-unty
     return where(slope < 0.0, guess + (answer - guess) / (1.0 - slope), answer)
 
 
+@fused_kernel
+def own_part(plant, terms, t):  # type: ignore[no-untyped-def]
+    """Part of a law's force on a motor that is missing in the load the law sees: nothing behind an elastic gear."""
+    part = 0.0 * terms.value[0]
+    for e in range(terms.force[t, 8], terms.force[t, 9]):
+        a = terms.column[e]
+        for f in range(plant.rigid_column.shape[1]):
+            if plant.rigid_column[a, f] == terms.force[t, 10]:
+                part = part + terms.value[e] * plant.rigid_value[a, f]
+    return part
+
+
 @kernel
-def brake_under_load(terms, work, law_state, t, load, step):  # type: ignore[no-untyped-def]
+def brake_under_load(terms, work, law_state, t, load, part, step):  # type: ignore[no-untyped-def]
     """Friction F of a motor before a rigid gear that grows with the load, of which it takes its own part.
 
-    The load that the friction before left is known: ``F = law(load - (F - before))``. Where friction holds against the
-    drive, more of it leaves less load, and two secants find the root; with the load of the step before it would swing
+    The load that the friction before left is known: ``F = law(load - part (F - before))``. Where friction holds against
+    the drive, more of it leaves less load, and two secants find the root; with the load of the step before it would swing
     where ``dF/dT`` is above ``(J + I) / I``, and leave all bounds. Where the arm drives the motor, more friction is
     more load, and there may be no root: the motor jams. Then the answer to the load as it was stops it, for which the
     slope in speed is at least that of a line through standstill.
     """
     place, before = work.place, work.force[t]
     first = ask_law(terms, work, law_state, t, load, step)
-    second = ask_law(terms, work, law_state, t, load - (first - before), step)
+    second = ask_law(terms, work, law_state, t, load - part * (first - before), step)
     holds = (second - first) * (first - before) < 0.0
     root = better_guess(before, first, first, second)
-    third = ask_law(terms, work, law_state, t, where(holds, load - (root - before), load), step)
+    third = ask_law(terms, work, law_state, t, where(holds, load - part * (root - before), load), step)
     force = where(holds, better_guess(root, third, first, second), third)
     to_standstill = force * place[1] / (place[1] * place[1] + STANDSTILL)
     place[5] = where(to_standstill > place[5], to_standstill, place[5])
@@ -175,7 +187,7 @@ def brake_under_load(terms, work, law_state, t, load, step):  # type: ignore[no-
 
 
 @fused_kernel
-def add_forces(terms, work, law_state, stage, half, step, driven):  # type: ignore[no-untyped-def]
+def add_forces(plant, terms, work, law_state, stage, half, step, driven):  # type: ignore[no-untyped-def]
     """Add the laws' forces to `stage`, linearised about the extrapolated midpoint, and keep what their slopes add.
 
     ``x_mid = (spring . e) + weight e . a`` and ``v_mid = (right . e) + half e . a`` with the acceleration a of
@@ -189,7 +201,7 @@ def add_forces(terms, work, law_state, stage, half, step, driven):  # type: igno
         place[0], place[1] = position, velocity
         passed = along(terms, last, end, load)
         if driven and terms.loads[0] and terms.force[t, 10] >= 0 and end > last:
-            force = brake_under_load(terms, work, law_state, t, passed, step)
+            force = brake_under_load(terms, work, law_state, t, passed, own_part(plant, terms, t), step)
         else:
             force = ask_law(terms, work, law_state, t, passed, step)
         if terms.force[t, 5] >= 0 and terms.loads[0]:
@@ -343,7 +355,7 @@ def hold_torque(chain, plant, terms, chain_work, work, state, step, n_step, rung
             system[i, i] = plant.constant[i, i] + half * braking
             for e in range(1, fill[a, 0] + 1):
                 system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
-        add_forces(terms, work, law_state, force, half, step, True)
+        add_forces(plant, terms, work, law_state, force, half, step, True)
         assemble_arm(chain, plant, chain_work, work, force)
         if not runge_kutta:
             for t in range(n_term):

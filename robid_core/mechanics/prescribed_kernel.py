@@ -67,7 +67,7 @@ def hold_motion(chain, plant, terms, chain_work, work, state, given, mean, step)
             system[i, i] = plant.constant[i, i]
             for e in range(1, fill[a, 0] + 1):
                 system[i, fill[a, e]] = plant.constant[i, fill[a, e]]
-        add_forces(terms, work, law_state, force, half, step, False)
+        add_forces(plant, terms, work, law_state, force, half, step, False)
         assemble_arm(chain, plant, chain_work, work, force)
         for t in range(n_term):
             first, last = terms.force[t, 6], terms.force[t, 7]

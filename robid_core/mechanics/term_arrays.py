@@ -24,7 +24,7 @@ class TermArrays(NamedTuple):
     force: IntArray
     """(n_force, 11) entry of the law; n_state, first state, first argument; acts where it sees (implicit); axis of the
     gear whose torque it is part of, or -1; ends of direction, coordinate and load in `column`; axis of the motor that
-    it brakes before the gear, or -1."""
+    it brakes before a rigid gear, or -1."""
     signal: IntArray  # (n_signal, 6) entry of the law; n_state, first state, first argument; axis; channel
     column: IntArray  # (n_entry,)
     value: FloatArray  # (n_entry,)
@@ -54,7 +54,7 @@ def term_arrays(
     rows: dict[str, list[list[int]]] = {"force": [], "signal": []}
     keep = []
     n_state = n_argument = 0
-    gears = _gears(models[0].mechanism)
+    gears, rigid = _gears(models[0].mechanism), _before_rigid_gears(models[0].mechanism)
     for terms in [*zip(*(model.forces for model in models), strict=True), *((signal,) for signal in signals)]:
         first: ForceTerm | SignalTerm = terms[0]
         kind: Kind = "force" if isinstance(first, ForceTerm) else "signal"
@@ -81,6 +81,7 @@ def term_arrays(
         acts_where_it_sees = int(all(np.array_equal(term.direction, term.coordinate) for term in terms))
         gear = int(gears.get(tuple(first.direction.tolist()), -1))
         motor = first.braked_motor(models[0].mechanism.n_axis)
+        motor = motor if motor in rigid else -1
         rows["force"].append([*head, acts_where_it_sees, gear, *ends, motor])
     nothing = np.zeros(len(models))
     return TermArrays(
@@ -98,6 +99,13 @@ def _gears(mechanism: Mechanism) -> dict[tuple[float, ...], int]:
     """Axis of each elastic gear by its direction."""
     directions = map(tuple, mechanism.spring_directions.tolist())
     return dict(zip(directions, np.flatnonzero(mechanism.elastic_gear).tolist(), strict=False))
+
+
+def _before_rigid_gears(mechanism: Mechanism) -> list[int]:
+    """Motors whose torque a rigid gear passes on."""
+    passed = np.linalg.inv(mechanism.gear).T[~mechanism.elastic_gear]
+    found: list[int] = np.flatnonzero(passed.any(axis=0)).tolist()
+    return found
 
 
 def _weights(model: MechanicalModel, weight: FloatArray, implicit_step: float) -> FloatArray:
