@@ -15,7 +15,8 @@ from robid_diagnosis.structures import CONTINUOUS
 
 PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
 CHANGE = 0.01  # of a parameter
-SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
+SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is,
+SEEN = 3.0  # standard deviations of noise, by a size at all: likewise, unless data would show it
 TOLD = 1.0  # standard deviations per logarithm: likewise, where the robot itself is changed
 
 
@@ -29,7 +30,7 @@ def addition_of(hit: Hit, search: Search, label: str) -> Addition:
     free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
     free |= {row.name for row in candidate.effect.parameters if row.unit == "1" and row.default > 0}
     whole = search.motion.whole(candidate, values)
-    least = SMALL * float(np.linalg.norm(whole))
+    least = min(SMALL * float(np.linalg.norm(whole)), SEEN)
     if candidate.place is None:
         free |= {row.name for row in candidate.effect.parameters if row.unit in CONTINUOUS}
         least = TOLD

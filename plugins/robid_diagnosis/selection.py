@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid_core import RobidError
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_between, holds_elsewhere
 from robid_diagnosis.ceilings import ANGLE, ceilings, drifts
@@ -29,10 +28,9 @@ from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, tota
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
 from robid_diagnosis.written import as_written
+from robid_diagnosis.zero_speed import WIDTHS, with_own_width
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
-WIDTHS = 4  # of friction at zero speed, one after the other
-MOVED = 1.02  # times a width, or more: it is another one
 APART = 0.5  # of an order: waves that are nearer are the same
 RIVALS = 4  # candidates that are fitted in turn
 EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
@@ -75,7 +73,8 @@ class Selection:
             if taken is None:
                 break
             current, step = taken
-            current = self._with_its_width(current)
+            current = with_own_width(current, self.failures, self.progress)
+            self.case = current.case
             revision = Revision(self.case, self.searched, self.next_cause, base, self.failures, self.progress)
             current, steps = revision.run(current, [*steps, step], motion)
         axes = tuple(range(self.case.told.n_axis))
@@ -118,27 +117,6 @@ class Selection:
         if base.solution.converged or base.misfit > WRONG:
             return base
         return self.case.fit_what_is_seen(base.hypothesis, self.progress, begin=base)
-
-    def _with_its_width(self, current: Fitted) -> Fitted:
-        """Fit again with the zero-speed width that friction has once its causes are known, until it stays.
-
-        Where a cause has such a width itself, which is held; functions about another one can do what these can.
-        """
-        for _ in range(WIDTHS):
-            case = self.case.with_fitted_width(current)
-            if not current.hypothesis.has_signs or case.width_is_near(self.case, MOVED):
-                break
-            shares = dict(zip(case.told.axis_names, (case.width / self.case.width).tolist(), strict=True))
-            hypothesis = current.hypothesis.with_wider_signs(shares)
-            try:
-                fitted = case.fit(hypothesis, self.progress, begin=current)
-            except RobidError as error:
-                self.failures.append(Failure("zero-speed width", None, None, str(error)))
-                break
-            if fitted.misfit > current.misfit:
-                break
-            self.case, current = case, fitted
-        return current
 
     def next_cause(
         self,

@@ -16,7 +16,7 @@ from robid_core import RobidError
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Step
-from robid_diagnosis.trials import Trial, key_of, nearness
+from robid_diagnosis.trials import SAME, Trial, key_of, nearness
 from robid_diagnosis.values import PRICE, ValueHit
 
 Progress = Callable[[float, float, str], None]
@@ -41,9 +41,10 @@ def _with_ties(case: Case, final: Fitted, step: Step, failures: list[Failure], p
             failures.append(Failure(*key_of(rival.hit), str(error)))
             continue
         fewer = max(0, step.freedom - rival.freedom)
-        if fitted is rival.fitted or _lacks(fitted, final) < nearness(final) + PRICE * fewer * max(
-            1.0, final.misfit
-        ):
+        near = nearness(final) + PRICE * fewer * max(1.0, final.misfit)
+        if (step.on, step.side) == key_of(rival.hit)[1:]:
+            near += SAME * step.gain
+        if fitted is rival.fitted or _lacks(fitted, final) < near:
             kept.append(replace(rival, fitted=fitted))
     return replace(step, rivals=tuple(kept))
 

@@ -16,6 +16,7 @@ from robid_diagnosis.hypothesis import FEW, Addition, Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Failure, Hit, Search
 from robid_diagnosis.values import PRICE, ValueHit
+from robid_diagnosis.zero_speed import with_own_width
 
 LUCK = 4.0  # a rival is not fitted that would have to keep more than this times what the others kept of their promise
 LITTLE_LUCK = 1.5  # likewise, where another one has left no more than noise
@@ -30,6 +31,7 @@ STARTS = 4  # of each
 ROUNDS = 4  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
 TIE = 6.0  # of twice the log-likelihood, where a fit leaves noise: nearer, two hypotheses are one class
+SAME = 1e-3  # of a gain: likewise, of laws at one place; none is its machine's to 3 % of itself
 
 Rival = Hit | ValueHit
 
@@ -65,7 +67,7 @@ class Trial:
 
     def is_like(self, other: Trial) -> bool:
         """Whether it explains data as well as a better one does, as they are or by its numbers' worth."""
-        near = nearness(other.fitted)
+        near = nearness(other.fitted) + resolution(self.hit, other)
         return self.gain > other.gain - near or self.worth > other.worth - near
 
 
@@ -136,19 +138,26 @@ class Trials:
         return total(hit) > most and self._kept.get(key_of(hit), 0.0) < CLOSE * total(hit)
 
     def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
-        """Fit those that gain nearly as much as the best to the end, and return all, the best first."""
+        """Fit those that gain nearly as much as the best to the end, and return all, the best first.
+
+        Where there are several, each with the zero-speed width that it has.
+        """
         most = max((trial.gain for trial in trials), default=0.0)
-        found = []
-        for trial in trials:
-            if trial.gain <= CLOSE * most or trial.fitted.solution.converged or trial in self._ended:
-                found.append(trial)
-                continue
+        near = [trial for trial in trials if trial.gain > CLOSE * most]
+        found = [trial for trial in trials if trial not in near]
+        for trial in near:
             try:
-                found.append(self._to_the_end(trial))
-                self._ended.add(found[-1])
+                settled = trial
+                if not (trial.fitted.solution.converged or trial in self._ended):
+                    settled = self._to_the_end(trial)
+                if len(near) > 1 and settled.fitted.misfit < WRONG:
+                    fitted = with_own_width(settled.fitted, self.failures, self.progress)
+                    settled = self._of(fitted, trial.hit)
+                found.append(settled)
+                self._ended.add(settled)
             except RobidError as error:
                 self.failures.append(Failure(*key_of(trial.hit), str(error)))
-        return sorted(found, key=lambda trial: -trial.worth)
+        return _plainest_first(sorted(found, key=lambda trial: -trial.worth))
 
     def _to_the_end(self, trial: Trial) -> Trial:
         """Fit until passes end by themselves, or gain no more: over a gap the way is long, beside noise it is not."""
@@ -218,6 +227,21 @@ class Trials:
 def nearness(fitted: Fitted) -> float:
     """By how much twice the log-likelihood of another hypothesis may be smaller, for both to be one class."""
     return TIE * max(1.0, fitted.misfit)
+
+
+def resolution(hit: Rival, best: Trial) -> float:
+    """By how much a law may gain less than the best trial for what no law is exact to; nothing at another place."""
+    laws = isinstance(hit, Hit) and isinstance(best.hit, Hit)
+    return SAME * best.gain if laws and key_of(hit)[1:] == key_of(best.hit)[1:] else 0.0
+
+
+def _plainest_first(trials: list[Trial]) -> list[Trial]:
+    """Of laws that gain the same at the place of the best, put that with the fewest numbers first."""
+    if not trials:
+        return trials
+    same = [trial for trial in trials if trial.worth >= trials[0].worth - resolution(trial.hit, trials[0])]
+    plainest = min(same, key=lambda trial: trial.freedom)
+    return [plainest, *(trial for trial in trials if trial is not plainest)]
 
 
 def _frees(best: Trial, hit: Rival) -> bool:

@@ -152,6 +152,8 @@ def solve(
         fresh = gained > MUCH or gained <= 0
         if settled and reweigh and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True
+        elif settled and thorough and _is_bent(problem, point) and _better_derivatives(problem, "all"):
+            settled, fresh = False, True  # in a valley of nonlinear springs fewer derivatives may stand still
         elif settled:
             break
         if number + 1 < passes:
@@ -213,6 +215,11 @@ def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"
     for block in fewer:
         block.by_motion = by_motion
     return bool(fewer)
+
+
+def _is_bent(problem: TorqueProblem, point: FloatArray) -> bool:
+    """Whether springs are nonlinear, so that what bodies and friction do to a motion depends on how they are bent."""
+    return any(robot.bending_forces for robot in problem.robots(point))
 
 
 def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
