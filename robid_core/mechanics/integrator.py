@@ -168,11 +168,11 @@ def own_part(plant, terms, t):  # type: ignore[no-untyped-def]
 def brake_under_load(terms, work, law_state, t, load, part, step):  # type: ignore[no-untyped-def]
     """Friction F of a motor before a rigid gear that grows with the load, of which it takes its own part.
 
-    The load that the friction before left is known: ``F = law(load - part (F - before))``. Where friction holds against
-    the drive, more of it leaves less load, and two secants find the root; with the load of the step before it would swing
-    where ``dF/dT`` is above ``(J + I) / I``, and leave all bounds. Where the arm drives the motor, more friction is
-    more load, and there may be no root: the motor jams. Then the answer to the load as it was stops it, for which the
-    slope in speed is at least that of a line through standstill.
+    The load that the friction before left is known: ``F = law(load - part (F - before))``. Where friction holds
+    against the drive, more of it leaves less load, and two secants find the root; with the load of the step before it
+    would swing where ``dF/dT`` is above ``(J + I) / I``, and leave all bounds. Where the arm drives the motor, more
+    friction is more load, and there may be no root: the motor jams. Then the answer to the load as it was stops it, for
+    which the slope in speed is at least that of a line through standstill.
     """
     place, before = work.place, work.force[t]
     first = ask_law(terms, work, law_state, t, load, step)
