@@ -12,6 +12,7 @@ from robid_core import ComplexArray, Effect, FloatArray, Place, Robot, SignalEff
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.residual import EffectTorque, TorqueProblem, Weighting, effect_class
 from robid_diagnosis.candidates import (
+    EVERY_ORDER,
     ORDERS,
     Candidate,
     Scales,
@@ -23,8 +24,8 @@ from robid_diagnosis.candidates import (
     spots,
 )
 from robid_diagnosis.projection import Rows
-from robid_diagnosis.slide_waves import Waves, waves_of
 from robid_diagnosis.structures import alone, changed_robot, structure_candidates
+from robid_diagnosis.travel_waves import Waves, goes_one_way, waves_of
 
 WHOLE = "*"  # name of the column of a law that is linear in nothing: all that it does
 UNFELT = 0.01  # of what another spring of a change does: no more than that one, held as it may be, shows
@@ -122,27 +123,35 @@ class Motion:
         return scales_at(self.robot, place, position, speed, signal, width, largest, self._orders(place.axis))
 
     def _orders(self, axis: int) -> tuple[float, ...]:
-        """Orders of waves that are worth a try at an axis: whole ones a turn; of a slide, those of what is left."""
-        return self.waves[axis].peaks if axis in self.waves else ORDERS
+        """Orders of waves that are worth a try at an axis: those of what is left, and low whole ones where it turns."""
+        peaks = self.waves[axis].peaks
+        return peaks if axis in self._slides else (*ORDERS, *(one for one in peaks if one not in ORDERS))
+
+    @functools.cached_property
+    def _slides(self) -> list[int]:
+        unit = self.robot.parameter_unit
+        names = enumerate(self.robot.axis_names)
+        return [axis for axis, name in names if unit(f"friction.{name}.viscous") == "N s/m"]
 
     @functools.cached_property
     def waves(self) -> dict[int, Waves]:
-        """Waves over the travel of each slide: a metre has no whole orders."""
-        unit = self.robot.parameter_unit
-        slides = [
-            a for a, name in enumerate(self.robot.axis_names) if unit(f"friction.{name}.viscous") == "N s/m"
-        ]
-        if not slides:
-            return {}
+        """Waves over the travel of each axis: a metre has no whole orders, a turn more than can all be tried."""
         motions = [one.block.motion for one in self.along]
         left = [motion.over_time(r) for motion, r in zip(motions, self.residuals, strict=True)]
+        angle, speed = [motion.angle for motion in motions], [motion.rate(1) for motion in motions]
         highest = float(motions[0].frequency_hz[-1])
 
         def joined(parts: list[FloatArray], axis: int) -> FloatArray:
             return np.concatenate([part[..., axis].ravel() for part in parts])
 
-        angle, speed = [motion.angle for motion in motions], [motion.rate(1) for motion in motions]
-        return {a: waves_of(joined(left, a), joined(angle, a), joined(speed, a), highest) for a in slides}
+        def over_travel(axis: int) -> Waves:
+            slides, way = axis in self._slides, joined(speed, axis)
+            if not slides and goes_one_way(way):
+                return Waves((), 0)
+            lowest = 0.0 if slides else EVERY_ORDER + 0.5
+            return waves_of(joined(left, axis), joined(angle, axis), way, highest, lowest)
+
+        return {axis: over_travel(axis) for axis in range(self.robot.n_axis)}
 
     def candidates(self, use: str) -> list[Candidate]:
         """An effect at every place, with every value to begin from."""
@@ -161,18 +170,24 @@ class Motion:
     def _again(self, use: str, spot: Spot, place: Place) -> list[Candidate]:
         """Candidates of the search before, with their torques, at a place where the motion has hardly changed since."""
         before = self._before
-        if before is None or (use, spot) not in before._at_spot or place.axis in self.waves:
+        if before is None or (use, spot) not in before._at_spot:
             return []
         if spot not in self._alike:
             pairs = zip(self.along, before.along, strict=True)
             self._alike[spot] = all(now.change_since(then, place) < ALIKE for now, then in pairs)
         if not self._alike[spot]:
             return []
-        found = []
+        effect, found = effect_class(use), list[Candidate]()
+        orders, known = self._orders(place.axis), before._orders(place.axis)
+        counted = [row.name for row in effect.parameters if row.unit == "1/turn"]
         for old in before._at_spot[use, spot]:
-            found.append(replace(old, place=place))
-            if old in before._known:
-                self._known[found[-1]] = before._known[old]
+            if all(old.values[name] in orders for name in counted):
+                found.append(replace(old, place=place))
+                if old in before._known:
+                    self._known[found[-1]] = before._known[old]
+        if counted and orders != known:
+            made = self._at(use, effect, spot, place)
+            found += [one for one in made if any(one.values[name] not in known for name in counted)]
         return found
 
     def _at(self, use: str, effect: type[Effect], spot: Spot, place: Place) -> list[Candidate]:

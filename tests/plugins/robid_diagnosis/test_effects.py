@@ -139,6 +139,21 @@ def test_several_waves_of_one_kind_are_named_at_one_axis(
         assert abs(abs(value) - amplitude[order]) < 4 * error < 0.1 * amplitude[order]
 
 
+def test_cogging_of_many_periods_a_turn_is_named(told: Robot, plant_of: Plants, measured: Measured) -> None:
+    """Twelve slots and nine pole pairs: 36 periods a turn, beside a wave of the teeth's own order."""
+    plant, amplitude = plant_of(told, 55), {12.0: 0.012, 36.0: 0.010}
+    for order, size in amplitude.items():
+        values = {"amplitude": size, "order": order, "phase": 0.4}
+        plant = plant.with_effect(f"wave_{order:.0f}", "drive.cogging", "axis_1", values=values)
+    findings = diagnosed(measured(plant, 56), told, only=("drive.cogging",)).findings
+    assert {finding.kind for finding in findings} == {"cause"}
+    assert {round(dict(zip(one.names, one.value, strict=True))["order"]) for one in findings} == {12, 36}
+    for one in findings:
+        values = dict(zip(one.names, zip(one.value, one.standard_error, strict=True), strict=True))
+        size, error = values["amplitude"]
+        assert abs(size - amplitude[round(values["order"][0])]) < 4 * error < 0.1 * size
+
+
 @pytest.mark.full
 def test_friction_that_turns_much_sooner_than_told_is_no_cause(
     told: Robot, plant_of: Plants, measured: Measured
