@@ -8,15 +8,18 @@ no such joint: there `robid_core.mechanics.pose_of` stays.
 from __future__ import annotations
 
 import functools
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import pytorch_kinematics
 import torch  # type: ignore[import-not-found, unused-ignore]
 
 from robid_core import FloatArray
 from robid_core.mechanics import PRISMATIC, REVOLUTE, Chain, Pose, pose_of
 from robid_torch.trees import tensor
+
+if TYPE_CHECKING:
+    import pytorch_kinematics
 
 POINT = "point"
 
@@ -79,6 +82,8 @@ def _serial_chain(
     chain: Chain, body: str, point: tuple[float, ...], device: str
 ) -> pytorch_kinematics.SerialChain:
     """Return the joints up to a body, and a last frame at a point of it; a chain is known by its identity."""
+    import pytorch_kinematics  # here, since it loads matplotlib: what takes no pose does not wait for it
+
     frame, joint = pytorch_kinematics.chain.Frame, pytorch_kinematics.chain.Joint
     transform = pytorch_kinematics.Transform3d
 

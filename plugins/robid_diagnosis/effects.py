@@ -246,10 +246,10 @@ class Effects(DiagnosisStage):
             lines.append("One configuration: nothing was held out in another pose.")
         lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
         if self.only:
-            last = outcome.searches[-1]
+            last, noise = outcome.searches[-1], max(1.0, outcome.final.misfit)
             found = {(cause.effect, cause.on, cause.side) for cause in causes}
             lines += [
-                asked_line(*hit.candidate.key, hit.gain.total, last.p_value(hit))
+                asked_line(*hit.candidate.key, hit.gain.total / noise, last.p_value(hit, noise))
                 for hit in last.hits
                 if hit.candidate.key not in found
             ]

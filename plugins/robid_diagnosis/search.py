@@ -64,10 +64,9 @@ class Hit:
         """What it gains, less what as many numbers gain by chance."""
         return self.gain.total - PRICE * self.freedom
 
-    @property
-    def log_p(self) -> float:
-        """Logarithm of the p-value without a search."""
-        return float(scipy.stats.chi2.logsf(self.gain.total, max(self.freedom, 1)))
+    def log_p(self, misfit: float = 1.0) -> float:
+        """Logarithm of the p-value without a search, in noise of so many times the variance that was told."""
+        return float(scipy.stats.chi2.logsf(self.gain.total / max(1.0, misfit), max(self.freedom, 1)))
 
 
 @dataclass(frozen=True)
@@ -95,9 +94,9 @@ class Found:
     powers: Mapping[tuple[str, str, str], Sequence[Power]]
     """What every candidate would gain by its size."""
 
-    def p_value(self, hit: Hit) -> float:
-        """p-value after the search."""
-        return float(-np.expm1(self.trials * np.log1p(-np.exp(min(hit.log_p, -1e-16)))))
+    def p_value(self, hit: Hit, misfit: float = 1.0) -> float:
+        """p-value after the search, in noise of so many times the variance that was told."""
+        return float(-np.expm1(self.trials * np.log1p(-np.exp(min(hit.log_p(misfit), -1e-16)))))
 
 
 class Search:

@@ -162,13 +162,17 @@ def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful
 
 def data_line(data: DiagnosedData) -> str:
     """Say what was looked at, and against what."""
-    apart = f"; {data.n_test} experiments kept apart" if data.n_test else ""
+    apart = f"; {_experiments(data.n_test)} kept apart" if data.n_test else ""
     loads = f" with {', '.join(data.variants)}" if data.variants else ""
     where = "1 configuration" if data.n_config == 1 else f"{data.n_config} configurations"
     return (
-        f"Data: {data.n_experiment} experiments in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise: "
+        f"Data: {_experiments(data.n_experiment)} in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise: "
         f"{' and '.join(data.noise)}{apart}."
     )
+
+
+def _experiments(count: int) -> str:
+    return "1 experiment" if count == 1 else f"{count} experiments"
 
 
 def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
@@ -200,7 +204,7 @@ def three_digits(value: float) -> str:
 
 
 def asked_line(use: str, on: str | None, side: str | None, gain: float, p_value: float) -> str:
-    """Say of an effect that was asked for and not found how sure that is."""
+    """Say of an effect that was asked for and not found how sure that is, both in the noise that the robot leaves."""
     return (
         f"{use} at {on} ({side}): p = {p_value:.2g}, gain {max(gain, 0.0):.1f} of twice the log-likelihood."
     )

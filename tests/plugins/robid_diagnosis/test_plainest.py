@@ -6,11 +6,13 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from robid_core.residual import effect_class
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Hit
 from robid_diagnosis.selection import _plainest, _stands_out
+from robid_diagnosis.trials import SAME, Trial, _plainest_first
 from robid_diagnosis.values import PRICE, ValueHit
 
 
@@ -41,6 +43,28 @@ def test_laws_that_gain_more_or_act_elsewhere_stay() -> None:
         hit("friction.power_law", 148.3, 1, on="axis_2"),
     ]
     assert _plainest(hits) == hits
+
+
+def trial(fitted: object, gain: float) -> Trial:
+    known = SimpleNamespace(misfit=1.0, hypothesis=SimpleNamespace(additions=[SimpleNamespace(free=())]))
+    return Trial(cast("Any", known), gain, cast("Hit", fitted), 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("apart", "place", "first"), [(0.5, "axis_1", 1), (2.0, "axis_1", 0), (0.5, "axis_2", 0)]
+)
+def test_the_plainest_of_laws_that_gain_the_same_at_one_place_is_named(
+    monkeypatch: pytest.MonkeyPatch, apart: float, place: str, first: int
+) -> None:
+    """A tenth of a percent apart they are the same there; one that gains less still, or acts elsewhere, is not."""
+    monkeypatch.setattr("robid_diagnosis.trials.Hit", SimpleNamespace)
+    many, few = 1e5, 1e5 * (1 - apart * SAME)
+    trials = [
+        trial(hit("friction.power_law", many, 3), many),
+        trial(hit("friction.asymmetric", few, 1, place), few),
+    ]
+    assert _plainest_first(trials)[0] is trials[first]
+    assert trials[1].is_like(trials[0]) is bool(first)
 
 
 def test_a_law_too_weak_to_be_named_is_not_named_as_a_value_that_does_the_same() -> None:

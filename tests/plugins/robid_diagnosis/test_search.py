@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from robid_core import FloatArray, Record, Robot
 from robid_diagnosis.columns import ALIKE, Motion
@@ -47,6 +49,14 @@ def test_many_at_once_gain_what_each_gains_alone(fitted: Fitted, use: str) -> No
         alone = search.hit(hit.candidate, dict(hit.values))
         assert hit.gain.total == pytest.approx(alone.gain.total, rel=1e-4, abs=1e-5)
         assert hit.gain.size == pytest.approx(alone.gain.size, rel=1e-4, abs=1e-9)
+
+
+def test_a_law_that_is_asked_for_is_as_sure_as_the_noise_that_the_robot_leaves(fitted: Fitted) -> None:
+    """Four times the variance that was told: a gain counts a quarter (quasi-likelihood); of less it counts whole."""
+    (hit, *_) = search_at(fitted, fitted.point).run(("friction.load_dependent",), {}, told_nothing).hits
+    strong = replace(hit, gain=replace(hit.gain, total=20.0))
+    assert strong.log_p(4.0) == pytest.approx(scipy.stats.chi2.logsf(5.0, strong.freedom))
+    assert strong.log_p(0.5) == strong.log_p()
 
 
 def test_noise_gives_chi_square_of_the_columns(fitted: Fitted) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core import Finding, ParameterTable, ResponseCheck
-from robid_diagnosis.wording import finding_line, response_check_line, values_line
+from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck
+from robid_diagnosis.wording import data_line, finding_line, response_check_line, values_line
 
 
 def table(estimate: list[float], error: list[float], group: str = "stiffness") -> ParameterTable:
@@ -22,6 +22,14 @@ def test_values_that_are_surely_and_clearly_off_are_read_out_the_furthest_first(
     assert line == (
         "Values: gear_stiffness.axis_2 is 50 ± 0.1 % smaller than in the robot file; "
         "gear_stiffness.axis_1 is 30 ± 0.2 % larger than in the robot file."
+    )
+
+
+def test_one_experiment_is_no_plural() -> None:
+    line = data_line(DiagnosedData(1, 2, 1, 100.0, ("differences between periods",)))
+    assert line == (
+        "Data: 2 experiments in 1 configuration, bins to 100 Hz, noise: differences between periods; "
+        "1 experiment kept apart."
     )
 
 
