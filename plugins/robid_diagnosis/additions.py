@@ -15,8 +15,8 @@ from robid_diagnosis.structures import CONTINUOUS
 
 PROPORTIONAL = 1e-3  # of a law's torque: what it may differ from twice that of half the parameters
 CHANGE = 0.01  # of a parameter
-SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is,
-SEEN = 3.0  # standard deviations of noise, by a size at all: likewise, unless data would show it
+SMALL = 0.02  # of the relative change of a parameter: one whose law changes by less stays as it is
+SEEN = 3.0  # standard deviations of noise that a whole parameter is worth: estimated, however small its part of the law
 TOLD = 1.0  # standard deviations per logarithm: likewise, where the robot itself is changed
 
 
