@@ -42,7 +42,7 @@ def _with_ties(case: Case, final: Fitted, step: Step, failures: list[Failure], p
             continue
         fewer = max(0, step.freedom - rival.freedom)
         near = nearness(final) + PRICE * fewer * max(1.0, final.misfit)
-        if (step.on, step.side) == key_of(rival.hit)[1:]:
+        if step.kind == "effect" and rival.addition is not None and step.key[1:] == key_of(rival.hit)[1:]:
             near += SAME * step.gain
         if fitted is rival.fitted or _lacks(fitted, final) < near:
             kept.append(replace(rival, fitted=fitted))
