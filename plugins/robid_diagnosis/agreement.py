@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import scipy
 
 from robid_diagnosis.columns import WHOLE
+from robid_diagnosis.fitted_projection import projection_without
+from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.least_gains import LEAST
-from robid_diagnosis.projection import Projection
+from robid_diagnosis.projection import Gain, Projection
 from robid_diagnosis.search import Hit
 
 NOWHERE_ELSE = 0.99  # of a law's squared torque in one configuration: no other one can say anything of it
@@ -33,6 +36,24 @@ def differs_between(projection: Projection, hit: Hit, groups: Sequence[Sequence[
     if WHOLE in hit.columns.names or hit.candidate.springs:
         return ""
     beyond, freedom = projection.disagreement(hit.sums, hit.gain, groups)
-    if not DIFFERENT * hit.gain.total < beyond < MODEST or scipy.stats.chi2.sf(beyond, freedom) > CHANCE:
+    if not _differ(beyond, freedom, hit.gain.total):
         return ""
     return f"its size differs between configurations (chi-square {beyond:.3g} of {freedom} degrees)"
+
+
+def differs_at_fit(fitted: Fitted, names: Sequence[str], gain: float) -> bool:
+    """Whether sizes of a law differ between configurations where the law was fitted, in the noise that this left.
+
+    Of a law that bends the motion a search sees the columns of another motion, with which sizes may differ though the
+    law is one. `names`: of its fitted numbers; `gain`: of the fit, in twice the log-likelihood.
+    """
+    projection, groups, columns = projection_without(fitted, names)
+    size = np.zeros(len(names))
+    whole = Gain(gain, tuple(range(len(names))), size, size, 1.0)
+    beyond, freedom = projection.disagreement(projection.sums(columns), whole, groups)
+    return _differ(beyond / max(1.0, fitted.misfit), freedom, gain)
+
+
+def _differ(beyond: float, freedom: int, gain: float) -> bool:
+    """Whether sizes of its own in each configuration gain more than chance, and much of what the law gains."""
+    return bool(DIFFERENT * gain < beyond < MODEST and scipy.stats.chi2.sf(beyond, freedom) <= CHANCE)

@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from robid_diagnosis.additions import is_fixed, scaled_parameters
-from robid_diagnosis.agreement import differs_between, holds_elsewhere
+from robid_diagnosis.agreement import differs_at_fit, differs_between, holds_elsewhere
 from robid_diagnosis.ceilings import ANGLE, ceilings, drifts
 from robid_diagnosis.columns import Motion
+from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.pictures import picture_of
-from robid_diagnosis.projection import Projection
 from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
 from robid_diagnosis.steps import Outcome, Searched, Step
@@ -210,7 +210,7 @@ class Selection:
         if not (by_tolerances or holds_elsewhere(projection, whole, groups)):
             return None
         differs = differs_between(projection, whole, groups)
-        if differs:
+        if differs and differs_at_fit(trial.fitted, trial.addition.names, trial.gain):
             self.failures.append(Failure(*whole.candidate.key, differs))
             return None
         return Step(
@@ -240,24 +240,6 @@ class Selection:
         free = [one for asked in (ceilings, drifts) for one in asked(search.motion, search.projection, axes)]
         best = max(one.gain for one in free if not (wave and one.variable == ANGLE))
         return trial.gain / best if best > LEAST else float("nan")
-
-
-def projection_of(fitted: Fitted) -> tuple[Projection, list[list[int]]]:
-    """Prepare what was fitted; folds are experiments, groups those of one configuration."""
-    about = fitted.about
-    weighted = fitted.problem.weighted(fitted.point, about.weights)
-    folds, groups, first = list[slice](), list[list[int]](), 0
-    for own in weighted:
-        for experiments in own:
-            groups.append([])
-            for rows in experiments:
-                groups[-1].append(len(folds))
-                folds.append(slice(first, first + len(rows)))
-                first += len(rows)
-    residual = np.concatenate([own.ravel() for own in weighted])
-    pull = fitted.point / fitted.problem.prior**2
-    projection = Projection(np.concatenate(about.rows), residual, about.whole, pull, folds)
-    return projection, groups
 
 
 def _stands_out(value: ValueHit, hits: Sequence[Hit], least: LeastGains) -> bool:

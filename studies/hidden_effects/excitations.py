@@ -11,10 +11,10 @@ from robid_core import Robot
 from robid_core.residual import place_in
 from robid_diagnosis.candidates import LABEL, Candidate
 from robid_diagnosis.columns import Motion
+from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Case, Hypothesis
 from robid_diagnosis.projection import Projection
 from robid_diagnosis.search import Search
-from robid_diagnosis.selection import projection_of
 from studies.fit_accuracy.comparison import told_robots
 from studies.fit_accuracy.experiments import Experiments
 from studies.fit_accuracy.measurement import measured

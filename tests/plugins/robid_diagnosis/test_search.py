@@ -11,10 +11,10 @@ import scipy
 
 from robid_core import FloatArray, Record, Robot
 from robid_diagnosis.columns import ALIKE, Motion
+from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.projection import Projection
 from robid_diagnosis.search import DRAWS, Search
-from robid_diagnosis.selection import projection_of
 
 USES = ("friction.load_dependent", "friction.dahl", "transmission.kinematic_error", "drive.cogging")
 
