@@ -36,12 +36,16 @@ def stage(name: str) -> Any:
     return cls.model_validate_json(json.dumps(node.get("with", {})), strict=True)
 
 
+def context_of(seed: int) -> Context:
+    return Context(
+        np.random.default_rng(seed), map_in_process, lambda *_: None, logging.getLogger("test"), data_root=DATA
+    )
+
+
 @functools.cache
 def results() -> tuple[Robot, Record, Fit, Diagnosis]:
     """Run the example's stages once."""
-    context = Context(
-        np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"), data_root=DATA
-    )
+    context = context_of(0)
     robot = Robot.load("robot.yaml", EXAMPLE)
     record = stage("acquire").run(robot, context)
     fit = stage("fit").run(record, robot)
@@ -53,15 +57,10 @@ CAUSES = pytest.mark.parametrize("most", [2, pytest.param(4, marks=pytest.mark.f
 
 
 @functools.cache
-def explained(most: int) -> tuple[Diagnosis, Diagnosis, Diagnosis]:
-    """Run the stages that look for causes: the diagnosis, its cross-validation, its robot in closed loop."""
-    robot, record, fit, _ = results()
-    context = Context(
-        np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("test"), data_root=DATA
-    )
-    found = stage("explain").model_copy(update={"most": most}).run((record,), robot, context)
-    checked = stage("validate").run(record, robot, context, found)
-    return found, checked, stage("simulate_extended").run(record, fit, robot, context, (found,))
+def explained(most: int) -> Diagnosis:
+    """Run the stage that looks for causes."""
+    robot, record, _, _ = results()
+    return stage("explain").model_copy(update={"most": most}).run((record,), robot, context_of(1))
 
 
 def test_the_recording_is_read_with_its_published_constants() -> None:
@@ -123,7 +122,7 @@ def test_the_page_shows_measured_against_simulated() -> None:
 @CAUSES
 def test_causes_are_named_with_their_gain_and_what_is_left_is_said(most: int) -> None:
     """Friction that differs with the direction, and a wave of 2.5 mm of the screw, each with its gain."""
-    found, _, _ = explained(most)
+    found = explained(most)
     causes = {finding.effect: finding for finding in found.findings if finding.kind != "unknown"}
     told = {name: {name, *(tie.split()[0] for tie in finding.ties)} for name, finding in causes.items()}
     directions = [name for name, alike in told.items() if {"friction.eyring", "friction.power_law"} & alike]
@@ -159,7 +158,7 @@ def test_the_extended_robot_has_the_friction_of_each_direction(most: int) -> Non
     the extended robot by less than half of that.
     """
     robot, record, fit, _ = results()
-    found, _, _ = explained(most)
+    found = explained(most)
     assert found.model is not None
     plain = {name: fit.parameters.value(name) for name in fit.parameters.names if name in robot.layout}
     models = {"four parameters": robot.with_parameters(plain), "extended": Robot.of_model(found.model)}
@@ -177,7 +176,8 @@ def test_the_extended_robot_has_the_friction_of_each_direction(most: int) -> Non
 @pytest.mark.full
 def test_blocks_left_out_are_predicted_better_than_the_authors_fit_their_own_data() -> None:
     """The authors' decimation and relative error, every block predicted from the nine others."""
-    _, checked, _ = explained(4)
+    robot, record, _, _ = results()
+    checked = stage("validate").run(record, robot, context_of(1), explained(4))
     before, after = checked.errors
     assert 100 * before.relative[0] == pytest.approx(4.0, abs=0.4)
     assert 100 * after.relative[0] < 2.6
@@ -196,8 +196,9 @@ def test_one_closed_loop_is_that_of_the_fit_and_one_that_of_the_extended_robot()
 
 @CAUSES
 def test_the_extended_robot_follows_the_recording_closer_in_closed_loop(most: int) -> None:
-    _, _, _, plain = results()
-    found, _, extended = explained(most)
+    robot, record, fit, plain = results()
+    found = explained(most)
     assert found.model is not None
+    extended = stage("simulate_extended").run(record, fit, robot, context_of(1), (found,))
     for before, after in zip(plain.time, extended.time, strict=True):
         assert after.relative_error < 0.9 * before.relative_error
