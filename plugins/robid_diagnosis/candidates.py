@@ -29,7 +29,7 @@ from robid_diagnosis.hypothesis import ZERO_SPEEDS
 LABEL = "candidate"
 EVERY_ORDER = 16  # whole orders of a turn are all tried up to this one
 ORDERS = (*(float(order) for order in range(1, EVERY_ORDER + 1)), 18.0, 20.0, 24.0)
-SPEEDS = (0.15, 0.5)  # of the rms speed
+SPEEDS = (0.15, 0.5, 1.5)  # of the rms speed
 GAPS = (0.01, 0.04, 0.15, 0.5)  # of the deflection that is hardly exceeded, both ways
 WAYS = (0.01, 0.1, 1.0)  # of the rms position: until a law with memory slides
 WIDTHS = (0.5, 2.0)  # of the rms position: within what a law of the angle acts

@@ -38,7 +38,11 @@ def stage(name: str) -> Any:
 
 def context_of(seed: int) -> Context:
     return Context(
-        np.random.default_rng(seed), map_in_process, lambda *_: None, logging.getLogger("test"), data_root=DATA
+        np.random.default_rng(seed),
+        map_in_process,
+        lambda *_: None,
+        logging.getLogger("test"),
+        data_root=DATA,
     )
 
 

@@ -10,6 +10,7 @@ import pytest
 import scipy
 
 from robid_core import FloatArray, Record, Robot
+from robid_diagnosis.additions import addition_of
 from robid_diagnosis.columns import ALIKE, Motion
 from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
@@ -117,3 +118,26 @@ def test_torques_serve_the_next_search_where_the_motion_is_the_same(
         assert np.linalg.norm(known - expected) <= 2 * ALIKE * np.linalg.norm(expected)
         if not changed or candidate.spot.side == "gear":
             assert (candidate in second._known) == (not changed)
+
+
+def test_a_level_of_friction_that_falls_above_the_rms_speed_is_found(
+    told: Robot, plant_of: Callable[[Robot, int], Robot], measured: Callable[..., Record]
+) -> None:
+    """At 10 rad/s, where the motor turns with 6 rms: viscous friction does 99.8 % of it; lower starts miss it."""
+    sizes = {"coulomb": 0.0, "breakaway": 0.15, "stribeck_speed": 10.0, "speed": 0.5}
+    plant = plant_of(told, 71).with_effect("hidden", "friction.stribeck", "axis_1", "motor", sizes)
+    case = Case((measured(plant, 72),), told, {}, 100.0, 0, 12, 5e-4)
+    fitted = case.fit(Hypothesis(), told_nothing)
+    search = search_at(fitted, fitted.point)
+    (hit,) = [
+        hit
+        for hit in search.run(("friction.stribeck",), {}, told_nothing).hits
+        if hit.candidate.spot.side == "motor"
+    ]
+    found = search.refined(hit)
+    assert found.log_p(fitted.misfit) < np.log(1e-6)
+    assert found.values["stribeck_speed"] == pytest.approx(10.0, rel=0.1)
+    trial = case.fit(
+        Hypothesis((addition_of(found, search, "hidden"),)), told_nothing, fitted, found.columns.delay
+    )
+    assert trial.misfit < 1.1 < 10 < fitted.misfit
