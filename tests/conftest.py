@@ -5,7 +5,6 @@ Makes `tests/oracles` importable as `oracles`: machinery that shares no code wit
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import subprocess
@@ -89,8 +88,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def rank(file: str) -> int:
     """Return the place of a file among the dear ones, or behind them."""
     return DEAR.index(file) if file in DEAR else len(DEAR)
-
-
-def pytest_collection_finish() -> None:
-    """Let Python's search for garbage pass over what collection made: thousands of tests, searched anew by each."""
-    gc.freeze()

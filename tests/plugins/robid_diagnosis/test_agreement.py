@@ -11,9 +11,11 @@ import scipy
 
 from robid_core import Channel, Record, Robot
 from robid_diagnosis.agreement import CHANCE, differs_at_fit
+from robid_diagnosis.columns import Motion
 from robid_diagnosis.fitted_projection import projection_of, projection_without
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.projection import Gain
+from robid_diagnosis.search import Search
 
 HARD = Addition("hard", "transmission.stiffening", "axis_1", "gear", {"cubic": 1e9}, ("cubic",))
 WAVE = {"amplitude": 2e-3, "order": 7.0, "phase": 0.4}
@@ -50,7 +52,17 @@ def test_one_spring_that_hardens_agrees_where_it_was_fitted(
 ) -> None:
     """It bends the motion: the search, which sees the motion of a straight spring, finds another size in each pose."""
     plant = plant_of(told, 61).with_effect("hard", HARD.use, "axis_1", "gear", {"cubic": cubic})
-    fitted = fit_of(told, measured(plant, 62), HARD)
+    record = measured(plant, 62)
+    without = fit_of(told, record)
+    search = Search(
+        Motion(without.problem, without.point, without.about.weights),
+        projection_of(without)[0],
+        np.random.default_rng(0),
+    )
+    (hit,) = search.run((HARD.use,), {}, lambda *_: None).hits
+    _, groups = projection_of(without)
+    assert search.projection.disagreement(hit.sums, hit.gain, groups)[0] > 1e4
+    fitted = fit_of(told, record, HARD)
     projection, groups, columns = projection_without(fitted, HARD.names)
     whole = Gain(1.0, (0,), np.zeros(1), np.zeros(1), 1.0)
     beyond, freedom = projection.disagreement(projection.sums(columns), whole, groups)
