@@ -95,6 +95,7 @@ class Motion:
         self._alike: dict[Spot, bool] = {}
         self._at_spot: dict[tuple[str, Spot], list[Candidate]] = {}
         self._known: dict[Candidate, Added] = {}
+        self._scales: dict[tuple[int, str, bytes, bool], Scales] = {}
 
     @property
     def robot(self) -> Robot:
@@ -110,6 +111,12 @@ class Motion:
 
     def scales(self, place: Place, effect: type[Effect]) -> Scales:
         """What the motion at a place is like, over all blocks."""
+        key = place.axis, place.side, place.direction.tobytes(), issubclass(effect, SignalEffect)
+        if key not in self._scales:
+            self._scales[key] = self._scales_at(place, effect)
+        return self._scales[key]
+
+    def _scales_at(self, place: Place, effect: type[Effect]) -> Scales:
         row = place.direction
         seen = [one.seen(row) for one in self.along]
         signal = None

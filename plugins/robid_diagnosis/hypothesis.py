@@ -138,7 +138,8 @@ class Fitted:
     @cached_property
     def about(self) -> Linearisation:
         """Derivatives and weights at the point; the problem's motions are those of this point from then on."""
-        return linearise_at(self.problem, self.point, self.model_error)
+        solved = self.solution.converged
+        return linearise_at(self.problem, self.point, self.model_error, solved=solved)
 
     @cached_property
     def misfit(self) -> float:

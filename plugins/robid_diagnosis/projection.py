@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from robid_core import FloatArray
-from robid_diagnosis.sums import SAME, Sums, solved
+from robid_diagnosis.sums import SAME, Sums, inverse, solved
 
 Rows = FloatArray
 """Weighted columns, (n_column, n_row)."""
@@ -75,13 +75,14 @@ class Projection:
         """
         scale = np.sqrt(np.diag(precision))
         lower = np.linalg.cholesky(precision / np.outer(scale, scale)) * scale[:, None]
-        inverse = np.linalg.inv(lower)
-        self.fitted: Rows = rows @ inverse.T
+        apart = np.linalg.inv(lower)
+        self.fitted: Rows = rows @ apart.T
         self.residual = residual
         self.folds = tuple(folds)
-        self.pull: FloatArray = inverse @ pull
+        self.pull: FloatArray = apart @ pull
         self.shares = np.stack([_product(self.fitted[fold].T, self.fitted[fold]) for fold in self.folds])
         self.told = np.stack([_product(self.fitted[fold].T, self.residual[fold]) for fold in self.folds])
+        self._told: FloatArray = self.told.sum(axis=0) - self.pull
 
     def sums(self, columns: Rows) -> Sums:
         """Products of columns (n_column, n_row) with the residual and the fit, fold by fold."""
@@ -96,9 +97,9 @@ class Projection:
 
     def normal(self, sums: Sums) -> tuple[FloatArray, FloatArray]:
         """Normal equations of columns with the fit projected out, (n, n) and (n,)."""
-        whole = self._whole(sums)
-        matrix = whole.own - whole.cross.T @ whole.cross
-        return matrix, whole.slope - whole.cross.T @ whole.told
+        cross = sums.cross.sum(axis=0)
+        matrix = sums.own.sum(axis=0) - cross.T @ cross
+        return matrix, sums.slope.sum(axis=0) - cross.T @ self._told
 
     def gain(self, sums: Sums, positive: Sequence[bool], blind: float, together: bool = False) -> Gain:
         """What columns gain.
@@ -139,7 +140,7 @@ class Projection:
         if not chosen:
             return NOTHING
         inside = matrix[np.ix_(chosen, chosen)]
-        error = np.sqrt(np.abs(np.diag(np.linalg.pinv(inside, rcond=SAME, hermitian=True))))
+        error = np.sqrt(np.abs(np.diag(inverse(inside))))
         return Gain(best, tuple(chosen), size, error, float(visible[chosen].max()))
 
     def held_out(self, sums: Sums, gain: Gain, groups: Sequence[Sequence[int]]) -> FloatArray:

@@ -22,7 +22,7 @@ from robid_diagnosis.candidates import Candidate
 from robid_diagnosis.columns import WHOLE, Columns, Motion
 from robid_diagnosis.projection import Gain, Projection
 from robid_diagnosis.structures import softened, unseen
-from robid_diagnosis.sums import Sums
+from robid_diagnosis.sums import Sums, inverse
 from robid_diagnosis.values import PRICE
 from robid_diagnosis.visible import Power, power_of
 
@@ -297,9 +297,9 @@ class Search:
 def _log_p_by_chance(hit: Hit, matrix: FloatArray, slope: FloatArray) -> FloatArray:
     """Logarithm of the p-value that noise gives a candidate in each draw, from its slopes (n_column, DRAWS)."""
     chosen = list(hit.gain.chosen)
-    inverse = np.linalg.pinv(matrix[np.ix_(chosen, chosen)], hermitian=True)
-    total = np.einsum("id,ij,jd->d", slope[chosen], inverse, slope[chosen])
-    result: FloatArray = scipy.stats.chi2.logsf(total, len(chosen))
+    inside = inverse(matrix[np.ix_(chosen, chosen)], same=np.finfo(float).eps)
+    total = (slope[chosen] * (inside @ slope[chosen])).sum(axis=0)
+    result: FloatArray = np.log(scipy.special.chdtrc(len(chosen), total))
     return result
 
 

@@ -64,6 +64,12 @@ class Sums:
 def solved(matrix: FloatArray, slope: FloatArray) -> FloatArray:
     """Solve normal equations; what depends on the rest gets nothing."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=SAME, hermitian=True)
-    result: FloatArray = inverse @ (slope / scale) / scale
+    result: FloatArray = inverse(matrix / np.outer(scale, scale)) @ (slope / scale) / scale
     return result
+
+
+def inverse(matrix: FloatArray, same: float = SAME) -> FloatArray:
+    """Inverse of a symmetric matrix, zero along what depends on the rest; most have one number."""
+    if matrix.size == 1:
+        return np.divide(1.0, matrix, out=np.zeros_like(matrix), where=matrix != 0)
+    return np.asarray(np.linalg.pinv(matrix, rcond=same, hermitian=True), dtype=np.float64)

@@ -75,6 +75,8 @@ class TorqueBlock(ABC, Generic[M]):
     """Coordinates at which laws on signals were evaluated, shape (n_free,)."""
     bodies: BodyDerivatives | None = field(init=False, default=None)
     """Derivatives by inertial parameters where they were last taken."""
+    _differentiated: tuple[FreeParameters, M, str, FloatArray] | None = field(init=False, default=None)
+    """Parameters, motion, kind and coordinates, (n_free,), of the derivatives that were taken last."""
     _last_robot: tuple[FreeParameters, FloatArray, Robot] | None = field(init=False, default=None)
     """That of the last coordinates, (n_free,): one point is asked about many times."""
     _last_linear: tuple[Robot, M, ComplexArray] | None = field(init=False, default=None)
@@ -303,8 +305,12 @@ class TorqueBlock(ABC, Generic[M]):
         self.about = coordinates.copy()
 
     def differentiate(self, free: FreeParameters, coordinates: FloatArray) -> None:
-        """Take the derivatives that the linear model's spectra do not know, after `renew`."""
-        self.simulated = simulated_columns(self, free, coordinates)
+        """Take the derivatives that the linear model's spectra do not know, after `renew`; once at each point."""
+        last = self._differentiated
+        same = last is not None and last[0] is free and last[1] is self.motion and last[2] == self.by_motion
+        if last is None or not same or self.initial_state_unknown or not np.array_equal(last[3], coordinates):
+            self.simulated = simulated_columns(self, free, coordinates)
+            self._differentiated = free, self.motion, self.by_motion, coordinates.copy()
 
     def slopes_in_time(
         self, robot: Robot, others: Sequence[Robot], steps: Sequence[float]

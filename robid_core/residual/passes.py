@@ -31,6 +31,7 @@ BETTER = 0.95  # of what is left: an improvement that leaves more was the last
 IMPROVED = 4  # passes that improve initial states; later ones would fit other errors of the model with them
 ENOUGH = 0.2  # of the standard error by weights and misfit: a pass that changes springs and effects by less is the last
 NEARLY = 1.0  # likewise: after such a pass one that finds no way down is the last
+NEAR = 3.0  # likewise, where all derivatives are those of prescribed motions: they hardly change so near by
 DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, not by the noise
 MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 KEPT = 0.3  # of the gain that derivatives promise: below, they miss what a prescribed motion does
@@ -147,7 +148,8 @@ def solve(
         contraction = history.contraction(about.whole)
         last, point = found - point, found
         # Old derivatives may find no way down where new ones do, but not after a pass that moved next to nothing.
-        arrived = fresh or gained > 0 or changes[-2] < NEARLY
+        exact = all(block.by_motion == "all" for block in problem.blocks)
+        arrived = fresh or gained > 0 or changes[-2] < (NEAR if exact else NEARLY)
         settled = changes[-1] < ENOUGH and gained <= MUCH and arrived
         fresh = gained > MUCH or gained <= 0
         if settled and reweigh and not doubted and left > DOUBTFUL:
@@ -189,14 +191,21 @@ def _better(
 
 
 def linearise_at(
-    problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool = False
+    problem: TorqueProblem,
+    point: FloatArray,
+    model_error: float,
+    improve: bool = False,
+    *,
+    solved: bool = False,
 ) -> Linearisation:
     """Prescribe the motions to the robots at a point and differentiate there: all that a question beside a fit needs.
 
     Weights are the noise and a model error relative to the torque, never what the model leaves; derivatives those that
     sufficed to a solution. `improve`: initial states that nobody knows are those with which the residual is least.
+    `solved`: passes have just ended there; where their last derivatives are all by prescribed motions, they are kept.
     """
-    prescribe_at(problem, point, model_error, improve)
+    _prescribe_at(problem, point, model_error, improve)
+    _renew_derivatives(problem, point, keep="all" if solved else None)
     return _linearised(problem, point, model_error, doubted=False)
 
 
@@ -204,9 +213,13 @@ def prescribe_at(
     problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool = False
 ) -> None:
     """Prescribe the motions to the robots at a point, as `linearise_at` does, for weights that are known."""
+    _prescribe_at(problem, point, model_error, improve)
+    _renew_derivatives(problem, point)
+
+
+def _prescribe_at(problem: TorqueProblem, point: FloatArray, model_error: float, improve: bool) -> None:
     _renew_signals(problem, point)
     _renew(problem, point, model_error, improve=improve)
-    _renew_derivatives(problem, point)
 
 
 def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"]) -> bool:
@@ -259,11 +272,13 @@ def _renew_signals(problem: TorqueProblem, point: FloatArray) -> None:
         block.renew_signals(problem.free, point[: problem.n_free], residual, delay)
 
 
-def _renew_derivatives(problem: TorqueProblem, point: FloatArray) -> None:
+def _renew_derivatives(problem: TorqueProblem, point: FloatArray, keep: str | None = None) -> None:
+    """Take derivatives at a point; `keep`: blocks that take this kind by prescribed motions keep those they have."""
     size = problem.friction_size(point)
     for block, robot in zip(problem.blocks, problem.robots(point), strict=True):
         block.renew_friction(robot, size)
-        block.differentiate(problem.free, point[: problem.n_free])
+        if block.by_motion != keep:
+            block.differentiate(problem.free, point[: problem.n_free])
 
 
 def _linearised(

@@ -185,17 +185,38 @@ def torque_of_change(
         torque: ComplexArray = np.zeros_like(motion.torque_spectrum)
         torque[..., axis] = -_of_steps(robot, motion, change[..., None])[..., 0]
         return torque
-    every = np.zeros_like(motion.angle)
-    every[..., axis] = change
-    change = SMALL * motion.divided(every, lambda omega: channel_gain(robot, side, omega, label))
+    own = change[..., None]
+    if any(term.channel == side for term in robot.signals):
+        every = np.zeros_like(motion.angle)
+        every[..., axis] = change
+        own = motion.divided(every, lambda omega: channel_gain(robot, side, omega, label))[
+            ..., axis : axis + 1
+        ]
+    column: ComplexArray
     if side == "position":
-        moved = motion.with_signals(motion.angle - change, motion.torque)
-        acceleration = moved.acceleration_spectrum - motion.acceleration_spectrum
-        column: ComplexArray = np.matmul(impedance[:, None], acceleration[..., None])[..., 0]
+        column = -impedance[:, None, :, :, axis] * motion.acceleration_of(own)
     else:
-        moved, column = motion.with_signals(motion.angle, motion.torque - change), motion.spectrum_of(change)
-    column -= added_torque(robot, moved) - added_torque(robot, motion)
-    return column / SMALL
+        column = np.zeros_like(motion.torque_spectrum)
+        column[..., axis] = motion.spectrum_of(own)[..., 0]
+    if any(term.channel == "torque" for term in robot.signals):
+        column -= _added_more(robot, axis, side, own[..., 0], motion)
+    return column
+
+
+def _added_more(
+    robot: Robot, axis: int, side: str, change: FloatArray, motion: MotionSpectra
+) -> ComplexArray:
+    """How much more laws on the motor torque add where angles, or torques, are less by a change, per unit of it."""
+    less = np.zeros_like(motion.angle)
+    less[..., axis] = SMALL * change
+    angle, torque = motion.angle, motion.torque
+    moved = (
+        motion.with_signals(angle - less, torque)
+        if side == "position"
+        else motion.with_signals(angle, torque - less)
+    )
+    more: ComplexArray = (added_torque(robot, moved) - added_torque(robot, motion)) / SMALL
+    return more
 
 
 def _along(

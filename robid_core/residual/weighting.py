@@ -33,7 +33,9 @@ class Weighting:
 
     def residual(self, residual: ComplexArray) -> FloatArray:
         """Weighted residual of (n_config, n_exp, n_bin, n_axis), shape (n_config, n_exp, n_row)."""
-        white = np.matmul(self.matrix, residual[..., None])[..., 0]
+        n_config, n_exp, n_bin, n_row = residual.shape
+        of_bin = np.moveaxis(residual, 2, 0).reshape(n_bin, -1, n_row) @ self.matrix.swapaxes(1, 2)
+        white = np.moveaxis(of_bin.reshape(n_bin, n_config, n_exp, -1), 0, 2)
         rows = np.concatenate((white.real, white.imag), axis=2).reshape(*white.shape[:2], -1)
         for own, bases in zip(rows, self.free_vibration, strict=False):
             for one, basis in zip(own, bases, strict=True):

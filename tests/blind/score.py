@@ -15,6 +15,8 @@ import subprocess
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from blind.judging import FIELDS, judged
 from blind.plan import asked, plan
 from blind.table import Row, summary
@@ -59,7 +61,8 @@ def main() -> None:
             and (not kinds or kinds & set(one.kinds))
             and (one.stratum, str(one.seed)) not in there
         ]
-        with ProcessPoolExecutor(told.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        spawn = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(told.jobs, mp_context=spawn, initializer=_on_one_core) as pool:
             asked_for = {pool.submit(judged, one, commit): one for one in wanted}
             for done in as_completed(asked_for):
                 if (error := done.exception()) is not None:
@@ -70,6 +73,11 @@ def main() -> None:
                 _write(told.table, rows)
                 print(*(rows[-1][name] or "-" for name in FIELDS), flush=True)
     print(summary(rows))
+
+
+def _on_one_core() -> None:
+    """Times are those of one core: in a worker, linear algebra has one thread."""
+    threadpool_limits(limits=1)
 
 
 def _write(table: Path, rows: list[Row]) -> None:

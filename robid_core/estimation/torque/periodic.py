@@ -79,9 +79,14 @@ class PeriodicMotion(MotionSpectra):
         """Return one period, shape of `angle`, over a gain as a function of omega, (n_omega, n_axis)."""
         return divided_period(scipy.fft.rfft(values, axis=2), values.shape[2], self.sample_time_s, gain)
 
+    def acceleration_of(self, angle: FloatArray) -> ComplexArray:
+        """Likewise, of one period."""
+        acceleration: ComplexArray = -(self.omega[:, None] ** 2) * self.spectrum_of(angle)
+        return acceleration
+
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> PeriodicMotion:
         """Return the same with other angles and torques; by how much periods differ is kept."""
-        acceleration = -(self.omega[:, None] ** 2) * self.spectrum_of(angle)
+        acceleration = self.acceleration_of(angle)
         return replace(
             self,
             angle=angle,

@@ -155,6 +155,10 @@ class MotionSpectra(ABC):
         """Return values at the samples, shape of `angle`, over a gain as a function of omega, (n_omega, n_axis)."""
 
     @abstractmethod
+    def acceleration_of(self, angle: FloatArray) -> ComplexArray:
+        """Spectra of the acceleration that goes with angles, as of the measured ones, (n_config, n_exp, n_bin, ...)."""
+
+    @abstractmethod
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> Self:
         """Return the same with other angles and torques, shape of `angle`."""
 

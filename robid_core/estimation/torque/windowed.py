@@ -135,16 +135,21 @@ class WindowedMotion(MotionSpectra):
         moved: ComplexArray = scipy.fft.rfft(values * slope[:, None], axis=2)[:, :, self.bin] / self.n_sample
         return moved
 
+    def acceleration_of(self, angle: FloatArray) -> ComplexArray:
+        """Likewise, under the window; of motion within the band of motions only."""
+        odd, _, _ = odd_continuation(angle, self.sample_time_s)
+        return self.spectrum_of(
+            periodic_derivative(odd, self.sample_time_s, 2, MOTION_BAND_HZ)[:, :, : self.n_sample]
+        )
+
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> WindowedMotion:
         """Return the same with other angles and torques."""
-        odd, _, _ = odd_continuation(angle, self.sample_time_s)
-        acceleration = periodic_derivative(odd, self.sample_time_s, 2, MOTION_BAND_HZ)[:, :, : self.n_sample]
         return replace(
             self,
             angle=angle,
             torque=torque,
             torque_spectrum=self.spectrum_of(torque),
-            acceleration_spectrum=self.spectrum_of(acceleration),
+            acceleration_spectrum=self.acceleration_of(angle),
         )
 
     @property

@@ -8,7 +8,7 @@ from robid_core import FreeParameters, Robot
 from robid_core.arrays import FloatArray
 from robid_core.estimation.torque.periodic import periodic_motion_of
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-from robid_core.residual import PeriodicBlock, TorqueProblem, prescribe_at, solve
+from robid_core.residual import PeriodicBlock, TorqueProblem, linearise_at, prescribe_at, solve
 
 T, N = 1e-3, 1000
 LINES = np.arange(3, 96, 4)
@@ -78,3 +78,28 @@ def test_errors_know_what_the_model_leaves() -> None:
         solution = solve(problem, 6, NEXT_TO_NOTHING, lambda *_: None, begin=truth, reweigh=False)
         found.append(solution.point[:3] / np.sqrt(np.diag(solution.covariance)[:3]))
     assert 0.40 < np.sqrt(np.mean(np.square(found))) < 1.70
+
+
+def test_derivatives_by_motion_are_taken_once_at_a_point() -> None:
+    """And kept where passes have just ended, if all are by prescribed motions; elsewhere they are taken anew."""
+    robot = Robot.load("one_axis").with_effect(
+        "hard", "transmission.stiffening", "axis_1", "gear", {"cubic": 1e7}
+    )
+    names = ("effect.hard.cubic", "rotor_inertia.axis_1", "gear_stiffness.axis_1")
+    angle, torque, point = measured(robot, names, 1e-3, 0.0, 7)
+    problem = problem_of(robot, angle, torque, names)
+    (block,) = problem.blocks
+    block.by_motion = "all"
+    linearise_at(problem, point, NEXT_TO_NOTHING)
+    taken, elsewhere = block.simulated, point.copy()
+    assert len(taken) == len(names)
+    linearise_at(problem, point, NEXT_TO_NOTHING)
+    assert block.simulated is taken
+    elsewhere[2] += 0.1
+    linearise_at(problem, elsewhere, NEXT_TO_NOTHING, solved=True)
+    assert block.simulated is taken
+    linearise_at(problem, elsewhere, NEXT_TO_NOTHING)
+    assert block.simulated is not taken
+    block.by_motion, taken = "bent", block.simulated
+    linearise_at(problem, elsewhere, NEXT_TO_NOTHING, solved=True)
+    assert block.simulated is not taken
