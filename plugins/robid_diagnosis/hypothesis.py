@@ -78,7 +78,7 @@ class Hypothesis:
         return replace(self, widened=(*self.widened, *names))
 
     def without(self, names: Sequence[str]) -> Hypothesis:
-        """Return it without the effect, or the wider priors, of some parameters."""
+        """Return it without the effect, or the wider priors, of some parameters; what is held is decided anew."""
         kept = tuple(one for one in self.additions if not set(one.names) & set(names))
         return Hypothesis(kept, tuple(name for name in self.widened if name not in names))
 
