@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from mcap.records import Chunk, Message, Statistics
 from mcap.stream_reader import CRCValidationError, StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from robid_core import DataRejected, FloatArray
 from robid_rosbag.messages import JOINT_STATE, OF_JOINTS, Topic
@@ -88,10 +89,26 @@ def _check_chunks(path: Path) -> list[str]:
     return remarks
 
 
+class _Bag(AnyReader):
+    """A bag that is read with the decoders of the one before, where both have the same types of messages.
+
+    rosbags compiles decoders for each bag anew, which takes longer than to read a small one.
+    """
+
+    _before: ClassVar[Typestore] = get_typestore(Stores.EMPTY)
+
+    def open(self) -> None:
+        """Open the bag."""
+        super().open()
+        if self.typestore.fielddefs == _Bag._before.fielddefs:
+            self.typestore = _Bag._before
+        _Bag._before = self.typestore
+
+
 def _opened(path: Path) -> AnyReader:
     # Bags of ROS 2 before Iron do not say what their messages look like; the common ones are the same since.
     known = get_typestore(Stores.ROS2_HUMBLE)
-    return AnyReader([path.parent if path.name == METADATA else path], default_typestore=known)
+    return _Bag([path.parent if path.name == METADATA else path], default_typestore=known)
 
 
 class RosbagRecords:
