@@ -4,7 +4,8 @@ Theory: torque = k D(x) + d D'(x) v with the dead zone D(x) = 0 for |x| < gap / 
 and Gutman 2002, Automatica 38): spring and damper of the robot file act on the flanks only. Two departures keep it
 computable. The corners are rounded within a tenth of the gap (ROUNDING of the half gap; a contact is soft at first
 anyway), and inside a thousandth of the spring stays (RESIDUAL), without which an unloaded joint would have no
-equilibrium. The law returns the difference to the linear spring and damper. Under a sine of amplitude A the spring
+equilibrium. A gap that is passed within a step of a simulation acts by its mean over the step (see `deflection`). The
+law returns the difference to the linear spring and damper. Under a sine of amplitude A the spring
 acts as k N(A), N = 1 - (2 / pi) (asin mu + mu sqrt(1 - mu^2)), mu = gap / (2 A) (Gelb and Vander Velde 1968); under a
 Gaussian by the share of time on the flanks. Backlash lowers a resonance that swings through the gap and does nothing
 to a joint that gravity holds on one flank.
@@ -16,7 +17,7 @@ import numpy as np
 
 from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
-from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
+from robid_effects.deflection import SMALLEST_RADIUS, dead_zone, swept_radius
 
 ROUNDING = 0.2
 """Radius of the corners over half the gap."""
@@ -27,15 +28,20 @@ RESIDUAL = 1e-3
 @kernel
 def backlash_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
     """Torque less that of the linear spring and damper; parameters: see `Backlash.arguments`."""
-    radius, stiffness, damping = parameters[1], parameters[2], parameters[3]
-    sign = where(position < 0.0, -1.0, 1.0)
-    distance = abs(position) - parameters[0]
-    ramp, contact = rounded_ramp(distance, radius)
-    free = (1.0 - RESIDUAL) * (contact - 1.0)
-    bend = where(abs(distance) < radius, (1.0 - RESIDUAL) / (2.0 * radius) * sign, 0.0)
-    spring = stiffness * (1.0 - RESIDUAL) * (sign * ramp - position)
-    slope = stiffness * free + damping * bend * velocity
-    return spring + damping * free * velocity, slope, damping * free
+    half, stiffness, damping = (
+        parameters[0],
+        (1.0 - RESIDUAL) * parameters[2],
+        (1.0 - RESIDUAL) * parameters[3],
+    )
+    radius, wider = swept_radius(parameters[1], velocity, step)
+    beyond, contact, rise = dead_zone(position, half, radius)
+    force = stiffness * (beyond - position) + damping * (contact - 1.0) * velocity
+    above, below = position - half, -position - half
+    bend_above = where(abs(above) < radius, 1.0 / (2.0 * radius), 0.0)
+    bend_below = where(abs(below) < radius, 1.0 / (2.0 * radius), 0.0)
+    by_position = stiffness * (contact - 1.0) + damping * velocity * (bend_above - bend_below)
+    by_radius = stiffness * rise - damping * velocity * (bend_above * above + bend_below * below) / radius
+    return force, by_position, damping * (contact - 1.0) + by_radius * wider
 
 
 def rounding_radius(gap: float) -> float:

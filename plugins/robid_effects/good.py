@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
-from robid_core.mechanics import kernel, smooth_sign, where
-from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
+from robid_core.mechanics import kernel, smooth_sign
+from robid_effects.deflection import SMALLEST_RADIUS, dead_zone, swept_radius
 
 
 @kernel
@@ -28,10 +28,12 @@ def soft_zone_law(position, velocity, load, state, next_state, parameters, step)
         parameters[3],
         parameters[4],
     )
-    ramp, share = rounded_ramp(abs(position) - corner, radius)
-    missing = softening * (where(position < 0.0, -1.0, 1.0) * ramp - position)
+    swept, wider = swept_radius(radius, velocity, step)
+    beyond, share, by_radius = dead_zone(position, corner, swept)
+    missing = softening * (beyond - position)
     level = smooth_sign(velocity / speed)
     damping = hysteresis / speed * (1.0 - level * level)
+    damping += softening * by_radius * wider
     return missing + hysteresis * level, softening * (share - 1.0), damping
 
 

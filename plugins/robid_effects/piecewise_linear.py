@@ -23,8 +23,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid_core import ConfigurationError, FloatArray, ForceEffect, Parameter, Place, TestValue
-from robid_core.mechanics import kernel, where
-from robid_effects.deflection import SMALLEST_RADIUS, rounded_ramp
+from robid_core.mechanics import kernel
+from robid_effects.deflection import SMALLEST_RADIUS, dead_zone, swept_radius
 
 CLOSING = 0.03  # lost motion is measured between +-3 % of the rated torque (Nabtesco RV, Sumitomo, Spinea)
 ROUNDING = 0.02
@@ -34,16 +34,16 @@ N_CORNER = 3
 @kernel
 def piecewise_linear_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
     """Torque less the linear spring's, and its slopes; parameters: see `PiecewiseLinear.arguments`."""
-    deflection = abs(position)
-    force = parameters[1] * deflection
-    slope = parameters[1] + 0.0 * deflection
+    force, slope = parameters[1] * position, parameters[1] + 0.0 * position
+    by_velocity = 0.0 * velocity
     for corner in range(N_CORNER):
         row = 2 + 3 * corner
-        ramp, share = rounded_ramp(deflection - parameters[row], parameters[row + 1])
-        force += parameters[row + 2] * ramp
+        radius, wider = swept_radius(parameters[row + 1], velocity, step)
+        beyond, share, by_radius = dead_zone(position, parameters[row], radius)
+        force += parameters[row + 2] * beyond
         slope += parameters[row + 2] * share
-    sign = where(position < 0.0, -1.0, 1.0)
-    return sign * force - parameters[0] * position, slope - parameters[0], 0.0 * velocity
+        by_velocity += parameters[row + 2] * by_radius * wider
+    return force - parameters[0] * position, slope - parameters[0], by_velocity
 
 
 class PiecewiseLinear(ForceEffect):

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from oracles.drives import of_axes
 
+from blind import laws
 from blind.experiments import Experiments, record_of
 from blind.foreign_plant import STEPS, ForeignPlant, Unbounded
 from blind.kinds import OF_ONE, Hidden, Plant, hidden
@@ -29,6 +30,7 @@ FURTHER = (0.1, 10.0)  # factors of a size at once, until both sides are known
 INSIDE = (0.15, 0.85)  # shares of the way between two sizes
 LEAST = 1e-3  # of a strength
 LARGEST = 10.0  # size: a gap beyond is never crossed, and only moves the arm
+NARROW = 8  # likewise, of the record where a gap is hidden, which may be passed in a quarter of a sample
 FINEST = 64  # of MuJoCo's steps a sample: a plant that leaves all bounds with these is unstable
 DRAWS = 4  # of poses and places, until a law is as strong as was asked for
 VALUE_SIZES = (0.8, 3.0)  # of wrong values: these are not sized by strength
@@ -189,7 +191,8 @@ def _with_noise(
     """Measure all experiments; and what exact sensors would have shown of the same motion."""
     shape = experiments.references.shape
     of_angle = generator.standard_normal(shape) * of_axes(truth, "sensors", "position_noise")
-    position, torque, exact = _shown(plant, experiments, late, of_angle)
+    gap = any(law.law == laws.BACKLASH for law in plant.laws)
+    position, torque, exact = _shown(plant, experiments, late, of_angle, NARROW if gap else STEPS)
     of_torque = generator.standard_normal(shape) * experiments.torque_noise
     noisy = record_of(truth, experiments, position, torque + of_torque)
     return noisy, record_of(truth, experiments, exact, torque)

@@ -15,9 +15,11 @@ def place(at):
     return at("gear", stiffness=SPRING, damping=DAMPER)
 
 
-def law(position: float, velocity: float, place, gap: float = GAP) -> tuple[float, float, float]:
+def law(
+    position: float, velocity: float, place, gap: float = GAP, step: float = 0.0
+) -> tuple[float, float, float]:
     arguments = Backlash.arguments(np.array([gap]), place)
-    return Backlash.law(position, velocity, 0.0, np.zeros(1), np.zeros(1), arguments, 2.5e-4)
+    return Backlash.law(position, velocity, 0.0, np.zeros(1), np.zeros(1), arguments, step)
 
 
 def torque(position: float, velocity: float, place) -> float:
@@ -44,15 +46,39 @@ def test_the_equilibrium_is_never_singular(place) -> None:
         assert law(x, 0.0, place)[1] + SPRING >= RESIDUAL * SPRING * (1 - 1e-9)
 
 
-def test_slopes_are_derivatives(place) -> None:
-    rng, h = np.random.default_rng(3), 1e-10
+@pytest.mark.parametrize("step", [0.0, 2.5e-4, 4e-3])
+def test_slopes_are_derivatives(place, step: float) -> None:
+    rng, h, dv = np.random.default_rng(3), 1e-10, 1e-6
     for x, v in zip(rng.uniform(-1.5 * HALF, 1.5 * HALF, 60), rng.normal(0, 0.1, 60), strict=True):
-        _, in_position, in_velocity = law(x, v, place)
-        by_position = (law(x + h, v, place)[0] - law(x - h, v, place)[0]) / (2 * h)
-        by_velocity = (law(x, v + 1e-3, place)[0] - law(x, v - 1e-3, place)[0]) / 2e-3
+        _, in_position, in_velocity = law(x, v, place, step=step)
+        by_position, by_velocity = (
+            (law(x + dx, v + du, place, step=step)[0] - law(x - dx, v - du, place, step=step)[0])
+            / (2 * (dx + du))
+            for dx, du in ((h, 0.0), (0.0, dv))
+        )
         # Rounding: eps * 40 N m / h = 1e-4; curvature of the parabola times h / 2 at its end: 0.08.
         assert in_position == pytest.approx(by_position, abs=0.2)
-        assert in_velocity == pytest.approx(by_velocity, abs=1e-9)
+        # Rounding: 1e-8; the third derivative, k (step / 2)^2 / r^2 / v at most, times dv^2 / 6, is below.
+        assert in_velocity == pytest.approx(by_velocity, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("travel", [0.02, 0.3, 1.0, 7.3])
+def test_a_gap_that_is_passed_in_a_few_steps_leaves_the_impulse_of_its_law(place, travel: float) -> None:
+    """Wherever samples fall, as much as the sharp law; `travel` is what the spring passes in a step, in gaps."""
+    step, way = 2.5e-4, 20 * GAP
+    velocity = travel * GAP / step
+    n = int(2 * way / (travel * GAP))
+    for phase in (0.0, 0.21, 0.5, 0.83):
+        x = -way + (phase + np.arange(n)) * travel * GAP
+        torque = np.array([law(one, velocity, place, step=step)[0] for one in x])
+        first, last = x[0] - 0.5 * travel * GAP, x[-1] + 0.5 * travel * GAP
+        # Integral over x of what the gap takes off: SPRING (|x| - HALF / 2) HALF on each flank, and DAMPER inside.
+        lost = [SPRING * HALF * (abs(end) - HALF / 2) for end in (first, last)]
+        exact = (1 - RESIDUAL) * (lost[0] - lost[1] - DAMPER * velocity * GAP) / (velocity * step)
+        scale = SPRING * HALF
+        # A corner of a fixed radius is summed to (travel / radius)^2 / 24 of its own, at most.
+        bound = 1e-9 if travel > ROUNDING else 0.02
+        assert torque.sum() == pytest.approx(exact, abs=bound * scale)
 
 
 def test_a_mass_bounces_between_the_flanks_without_losing_energy(at) -> None:

@@ -16,9 +16,11 @@ def parameters(lost_motion: float = LOST_MOTION) -> np.ndarray:
     return np.array([K1, K2, K3, T1, T2, lost_motion])
 
 
-def slopes(position: float, values: np.ndarray, place) -> tuple[float, float, float]:
+def slopes(
+    position: float, values: np.ndarray, place, velocity: float = 0.1, step: float = 0.0
+) -> tuple[float, float, float]:
     arguments = PiecewiseLinear.arguments(values, place)
-    return PiecewiseLinear.law(position, 0.1, 0.0, np.zeros(1), np.zeros(1), arguments, 2.5e-4)
+    return PiecewiseLinear.law(position, velocity, 0.0, np.zeros(1), np.zeros(1), arguments, step)
 
 
 def torque(position: float, values: np.ndarray, place) -> float:
@@ -76,13 +78,17 @@ def test_the_curve_is_odd_rises_everywhere_and_does_not_jump(place) -> None:
     assert rise.max() == pytest.approx(K3, rel=1e-9)
 
 
-def test_the_slope_is_the_derivative(place) -> None:
-    values, h = parameters(), 1e-10
+@pytest.mark.parametrize("step", [0.0, 2.5e-4, 0.02])
+def test_the_slopes_are_derivatives(place, step: float) -> None:
+    values, h, dv = parameters(), 1e-10, 1e-6
     for x in np.random.default_rng(1).uniform(-2e-3, 2e-3, 60):
-        up, down = (slopes(x + d, values, place)[0] for d in (h, -h))
+        up, down = (slopes(x + d, values, place, 0.1, step)[0] for d in (h, -h))
+        faster, slower = (slopes(x, values, place, 0.1 + d, step)[0] for d in (dv, -dv))
+        found = slopes(x, values, place, 0.1, step)
         # Rounding: eps * 200 N m / h; a parabola's end inside the difference: rise h / (4 radius).
-        assert slopes(x, values, place)[1] == pytest.approx((up - down) / (2 * h), abs=5.0)
-        assert slopes(x, values, place)[2] == 0.0
+        assert found[1] == pytest.approx((up - down) / (2 * h), abs=5.0)
+        # Rounding: eps * 200 N m / dv.
+        assert found[2] == pytest.approx((faster - slower) / (2 * dv), rel=1e-6, abs=1e-7)
 
 
 def test_three_times_the_files_stiffness_is_no_difference(at) -> None:
