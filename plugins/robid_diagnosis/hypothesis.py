@@ -53,6 +53,15 @@ class Addition:
         """Of the free parameters, as the robot has them."""
         return tuple(f"effect.{self.label}.{name}" for name in self.free)
 
+    @property
+    def held_widths(self) -> tuple[str, ...]:
+        """Zero-speed widths of the law that are not estimated, but those of the motor's friction."""
+        return tuple(name for name in self.values if name in ZERO_SPEEDS and name not in self.free)
+
+    def with_own_width(self) -> Addition:
+        """Return it with zero-speed widths that are estimated."""
+        return replace(self, free=(*self.free, *self.held_widths))
+
     def holding(self, names: Sequence[str]) -> Addition:
         """Return it with some of these parameters held, given as the robot has them."""
         kept = (free for free, name in zip(self.free, self.names, strict=True) if name not in names)
@@ -85,22 +94,22 @@ class Hypothesis:
     @property
     def has_signs(self) -> bool:
         """Whether a law has a zero-speed width of its own, which is held."""
-        return any(
-            name in ZERO_SPEEDS and name not in one.free for one in self.additions for name in one.values
-        )
+        return any(one.held_widths for one in self.additions)
 
     def with_wider_signs(self, shares: Mapping[str, float]) -> Hypothesis:
         """Return it with the zero-speed widths of its laws so many times as large, by axis."""
 
         def of_law(one: Addition) -> Addition:
             share = shares.get(one.on or "", 1.0)
-            values = {
-                name: value * share if name in ZERO_SPEEDS and name not in one.free else value
-                for name, value in one.values.items()
-            }
+            held = one.held_widths
+            values = {name: value * share if name in held else value for name, value in one.values.items()}
             return replace(one, values=values)
 
         return replace(self, additions=tuple(of_law(one) for one in self.additions))
+
+    def with_own_widths(self) -> Hypothesis:
+        """Return it with zero-speed widths of its laws that are estimated."""
+        return replace(self, additions=tuple(one.with_own_width() for one in self.additions))
 
     def holding(self, names: Sequence[str]) -> Hypothesis:
         """Return it with some parameters held."""

@@ -32,7 +32,9 @@ def finding_of(
 
     `robot` has all that was told, the loads of all variants too; `partial`: whether it is a part of what acts there.
     """
-    names = tuple(name for name in step.names if name in final.problem.free.names)  # others data do not tell
+    added = [one.names for one in final.hypothesis.additions if set(one.names) & set(step.names)]
+    known = dict.fromkeys((*step.names, *(name for names in added for name in names)))
+    names = tuple(name for name in known if name in final.problem.free.names)  # others data do not tell
     estimates = [final.estimate(name) for name in names]
     told = [robot.parameter(name) if name in robot.layout else float("nan") for name in names]
     kind = "value" if step.kind != "effect" else "partial" if partial else "cause"

@@ -1,14 +1,14 @@
 """Rivals put into the robot and fitted, all unknowns with them: what a search promises, the fits keep or not.
 
 A few passes compare the most promising; those that come near to the best are fitted to the end. Where even the best
-leaves much, the search saw the laws from too far away: then rivals that promised less have their turn, and the best are
-fitted from every start that the search knows.
+leaves much, the search saw the laws from too far away: then rivals that promised less have their turn, laws of friction
+get zero-speed widths of their own, and the best are fitted from every start that the search knows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robid_core import RobidError
 from robid_diagnosis.additions import addition_of, label_of
@@ -94,6 +94,8 @@ class Trials:
         if self._leaves_much(trials):
             trials = self._settled(self._each(others, trials))
         if self._leaves_much(trials):
+            trials = self._with_widths_of_their_own(trials)
+        if self._leaves_much(trials):
             shaped = [
                 hit
                 for hit in (*rivals, *others)
@@ -131,6 +133,28 @@ class Trials:
             return self.current.misfit > WRONG
         left = trials[0].fitted.misfit
         return left > WRONG and left - 1 > much * (self.current.misfit - 1)
+
+    def _with_widths_of_their_own(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Fit laws of friction again with zero-speed widths that need not be the motor's; keep those that gain.
+
+        At a motor a law has the width of its Coulomb friction, which is known from every fit. A robot may be otherwise:
+        then another law, with more numbers to bend, is less wrong than the right one.
+        """
+        found = list(trials)
+        for trial in trials:
+            if trial.addition is None or not trial.addition.held_widths:
+                continue
+            *before, last = trial.fitted.hypothesis.additions
+            hypothesis = replace(trial.fitted.hypothesis, additions=(*before, last.with_own_width()))
+            try:
+                fitted = self.case.fit_what_is_seen(hypothesis, self.progress, trial.fitted)
+            except RobidError as error:
+                self.failures.append(Failure(*key_of(trial.hit), str(error)))
+                continue
+            own = self._of(fitted, trial.hit)
+            if own.worth > trial.worth + nearness(fitted):
+                found[found.index(trial)] = own
+        return self._settled(found)
 
     def _lost(self, hit: Rival, trials: Sequence[Trial]) -> bool:
         """Whether a rival promised more than any trial gained, and its own fit did not keep it: it began wrong."""

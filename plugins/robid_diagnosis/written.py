@@ -4,6 +4,7 @@ A search fits friction by functions of several widths, so that a width that is t
 the same speeds (Stribeck) these functions may be large against one another, and follow together a curve that no robot
 file has. So the width is fitted, too, and laws that have such a width share it. Two functions of about that width tell
 by their sum where it should be, as far as the laws beside them stay; a secant leads to the width that stays with them.
+Where one width for all leaves much, each law is given its own.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Failure
+from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.values import PRICE
 
 ALONE = (1.0,)
@@ -52,13 +54,21 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
             return _as_sure_as(final, fitted)
         pair = _fitted_width(fitted, progress)
         other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+        own = [other]
+        if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
+            own.append(_with_own_widths(pair, progress))
     except RobidError as error:
         failures.append(Failure("zero-speed width", None, None, str(error)))
         return final
-    possible = [one for one in (_as_sure_as(pair, fitted), other) if _is_possible(one)]
+    possible = [one for one in (_as_sure_as(pair, fitted), *own) if _is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
-    return min(possible, key=lambda one: one.cost(final.about), default=final)
+
+    def cost(one: Fitted) -> float:
+        """With what its numbers gain by chance."""
+        return one.cost(final.about) + PRICE * one.problem.n_free * max(1.0, final.misfit)
+
+    return min(possible, key=cost, default=final)
 
 
 def _is_possible(fitted: Fitted) -> bool:
@@ -76,6 +86,13 @@ def _with_width(begin: Fitted, width: FloatArray, widths: tuple[float, ...], pro
     case = replace(begin.case, friction_speed=width, widths=widths)
     shares = dict(zip(case.told.axis_names, (case.width / begin.case.width).tolist(), strict=True))
     return case.fit(begin.hypothesis.with_wider_signs(shares), progress, begin=begin)
+
+
+def _with_own_widths(begin: Fitted, progress: Progress) -> Fitted:
+    """Fit laws that have widths of their own, and the one width of the motors' friction beside them."""
+    freed = begin.case.fit(begin.hypothesis.with_own_widths(), progress, begin=begin)
+    pair = _fitted_width(freed, progress)
+    return _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
 
 
 def _fitted_width(fitted: Fitted, progress: Progress) -> Fitted:
