@@ -135,10 +135,11 @@ class Trials:
         return left > WRONG and left - 1 > much * (self.current.misfit - 1)
 
     def _with_widths_of_their_own(self, trials: Sequence[Trial]) -> list[Trial]:
-        """Fit laws of friction again with zero-speed widths that need not be the motor's; keep those that gain.
+        """Fit laws of friction again with zero-speed widths that need not be the motor's; keep what then leaves little.
 
         At a motor a law has the width of its Coulomb friction, which is known from every fit. A robot may be otherwise:
-        then another law, with more numbers to bend, is less wrong than the right one.
+        then another law, with more numbers to bend, is less wrong than the right one. Where much is left all the same,
+        one number more gains, too, and says nothing of a width.
         """
         found = list(trials)
         for trial in trials:
@@ -152,7 +153,7 @@ class Trials:
                 self.failures.append(Failure(*key_of(trial.hit), str(error)))
                 continue
             own = self._of(fitted, trial.hit)
-            if own.worth > trial.worth + nearness(fitted):
+            if fitted.misfit < WRONG and own.worth > trial.worth + nearness(fitted):
                 found[found.index(trial)] = own
         return self._settled(found)
 

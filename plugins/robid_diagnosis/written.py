@@ -4,7 +4,7 @@ A search fits friction by functions of several widths, so that a width that is t
 the same speeds (Stribeck) these functions may be large against one another, and follow together a curve that no robot
 file has. So the width is fitted, too, and laws that have such a width share it. Two functions of about that width tell
 by their sum where it should be, as far as the laws beside them stay; a secant leads to the width that stays with them.
-Where one width for all leaves much, each law is given its own.
+Where one width for all leaves much, each law is given its own, if that leaves little.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Failure
-from robid_diagnosis.trials import DOUBTFUL
+from robid_diagnosis.trials import DOUBTFUL, WRONG
 from robid_diagnosis.values import PRICE
 
 ALONE = (1.0,)
@@ -56,7 +56,8 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
         other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
         own = [other]
         if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
-            own.append(_with_own_widths(pair, progress))
+            freed = _with_own_widths(pair, progress)
+            own += [freed] if freed.misfit < WRONG else []
     except RobidError as error:
         failures.append(Failure("zero-speed width", None, None, str(error)))
         return final
