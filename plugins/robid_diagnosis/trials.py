@@ -94,7 +94,8 @@ class Trials:
         if self._leaves_much(trials):
             trials = self._settled(self._each(others, trials))
         if self._leaves_much(trials):
-            trials = self._with_widths_of_their_own(trials)
+            own = [self._with_own_width(trial) for trial in trials]
+            trials = trials if own == trials else self._settled(own)
         if self._leaves_much(trials):
             shaped = [
                 hit
@@ -134,28 +135,24 @@ class Trials:
         left = trials[0].fitted.misfit
         return left > WRONG and left - 1 > much * (self.current.misfit - 1)
 
-    def _with_widths_of_their_own(self, trials: Sequence[Trial]) -> list[Trial]:
-        """Fit laws of friction again with zero-speed widths that need not be the motor's; keep what then leaves little.
+    def _with_own_width(self, trial: Trial) -> Trial:
+        """Return a law of friction fitted again with a zero-speed width of its own, where that leaves little.
 
         At a motor a law has the width of its Coulomb friction, which is known from every fit. A robot may be otherwise:
         then another law, with more numbers to bend, is less wrong than the right one. Where much is left all the same,
         one number more gains, too, and says nothing of a width.
         """
-        found = list(trials)
-        for trial in trials:
-            if trial.addition is None or not trial.addition.held_widths:
-                continue
-            *before, last = trial.fitted.hypothesis.additions
-            hypothesis = replace(trial.fitted.hypothesis, additions=(*before, last.with_own_width()))
-            try:
-                fitted = self.case.fit_what_is_seen(hypothesis, self.progress, trial.fitted)
-            except RobidError as error:
-                self.failures.append(Failure(*key_of(trial.hit), str(error)))
-                continue
-            own = self._of(fitted, trial.hit)
-            if fitted.misfit < WRONG and own.worth > trial.worth + nearness(fitted):
-                found[found.index(trial)] = own
-        return self._settled(found)
+        if trial.addition is None or not trial.addition.held_widths:
+            return trial
+        *before, last = trial.fitted.hypothesis.additions
+        hypothesis = replace(trial.fitted.hypothesis, additions=(*before, last.with_own_width()))
+        try:
+            own = self._of(self.case.fit_what_is_seen(hypothesis, self.progress, trial.fitted), trial.hit)
+        except RobidError as error:
+            self.failures.append(Failure(*key_of(trial.hit), str(error)))
+            return trial
+        gains = own.worth > trial.worth + nearness(own.fitted)
+        return own if gains and own.fitted.misfit < WRONG else trial
 
     def _lost(self, hit: Rival, trials: Sequence[Trial]) -> bool:
         """Whether a rival promised more than any trial gained, and its own fit did not keep it: it began wrong."""

@@ -54,14 +54,13 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
             return _as_sure_as(final, fitted)
         pair = _fitted_width(fitted, progress)
         other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
-        own = [other]
-        if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
-            freed = _with_own_widths(pair, progress)
-            own += [freed] if freed.misfit < WRONG else []
     except RobidError as error:
         failures.append(Failure("zero-speed width", None, None, str(error)))
         return final
-    possible = [one for one in (_as_sure_as(pair, fitted), *own) if _is_possible(one)]
+    found = [_as_sure_as(pair, fitted), other]
+    if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
+        found += _with_own_widths(pair, failures, progress)
+    possible = [one for one in found if _is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
 
@@ -89,11 +88,17 @@ def _with_width(begin: Fitted, width: FloatArray, widths: tuple[float, ...], pro
     return case.fit(begin.hypothesis.with_wider_signs(shares), progress, begin=begin)
 
 
-def _with_own_widths(begin: Fitted, progress: Progress) -> Fitted:
-    """Fit laws that have widths of their own, and the one width of the motors' friction beside them."""
-    freed = begin.case.fit(begin.hypothesis.with_own_widths(), progress, begin=begin)
-    pair = _fitted_width(freed, progress)
-    return _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+def _with_own_widths(begin: Fitted, failures: list[Failure], progress: Progress) -> list[Fitted]:
+    """Fit laws that have widths of their own, beside one width of the motors' friction; none if that leaves much."""
+    try:
+        pair = _fitted_width(
+            begin.case.fit(begin.hypothesis.with_own_widths(), progress, begin=begin), progress
+        )
+        fitted = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+    except RobidError as error:
+        failures.append(Failure("zero-speed width of a law", None, None, str(error)))
+        return []
+    return [fitted] if fitted.misfit < WRONG else []
 
 
 def _fitted_width(fitted: Fitted, progress: Progress) -> Fitted:

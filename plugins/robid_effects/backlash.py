@@ -28,11 +28,8 @@ RESIDUAL = 1e-3
 @kernel
 def backlash_law(position, velocity, load, state, next_state, parameters, step):  # type: ignore[no-untyped-def]
     """Torque less that of the linear spring and damper; parameters: see `Backlash.arguments`."""
-    half, stiffness, damping = (
-        parameters[0],
-        (1.0 - RESIDUAL) * parameters[2],
-        (1.0 - RESIDUAL) * parameters[3],
-    )
+    half, share = parameters[0], 1.0 - RESIDUAL
+    stiffness, damping = share * parameters[2], share * parameters[3]
     radius, wider = swept_radius(parameters[1], velocity, step)
     beyond, contact, rise = dead_zone(position, half, radius)
     force = stiffness * (beyond - position) + damping * (contact - 1.0) * velocity

@@ -76,8 +76,8 @@ def test_a_gap_that_is_passed_in_a_few_steps_leaves_the_impulse_of_its_law(place
         lost = [SPRING * HALF * (abs(end) - HALF / 2) for end in (first, last)]
         exact = (1 - RESIDUAL) * (lost[0] - lost[1] - DAMPER * velocity * GAP) / (velocity * step)
         scale = SPRING * HALF
-        # A corner of a fixed radius is summed to (travel / radius)^2 / 24 of its own, at most.
-        bound = 1e-9 if travel > ROUNDING else 0.02
+        # Samples within a corner of a fixed radius (a tenth of the gap) are summed to (travel / radius)^2 / 24.
+        bound = 1e-9 if travel > ROUNDING else (travel / 0.1) ** 2 / 24
         assert torque.sum() == pytest.approx(exact, abs=bound * scale)
 
 

@@ -36,8 +36,7 @@ def spectrum(angle: np.ndarray, gap: float, finer: int = 1) -> ComplexArray:
 
 @pytest.mark.parametrize("gap", [5e-6, 2e-5, 1e-4])
 def test_the_torque_of_a_motion_is_smooth_in_a_narrow_gap(angle: np.ndarray, gap: float) -> None:
-    """Within 8 % of the gap it is a parabola, to a thousandth of what it changes by: a value at each sample leaves
-    2 to 6 %, another in each fit, which is more than data of an hour leave."""
+    """Within 8 % of the gap it is a parabola, to a thousandth of its change; a value at each sample left 2 to 6 %."""
     torque = np.array([spectrum(angle, gap * share) for share in SHARES])
     basis = np.stack([np.ones_like(SHARES), SHARES - 1, (SHARES - 1) ** 2], axis=1)
     fit = np.linalg.lstsq(basis, torque, rcond=None)[0]
