@@ -4,6 +4,7 @@ What a prescribed motion adds to the linear model is held within a pass, so that
 contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated, and where passes
 do not keep what they gain, what springs, dampers and bodies change of that addition is in the derivatives. A step that
 the motion shows to have led astray is made again, shorter; passes that end unsettled return a point that was tried.
+Derivatives are kept from pass to pass, until one gains much, or leaves more than there was: they hold there no more.
 """
 
 from __future__ import annotations
@@ -130,6 +131,7 @@ def solve(
             if changes[-1] > NEARLY and before - reached < KEPT * gained * before:
                 better = _better_derivatives(problem, "all" if thorough else "bent")
                 fresh |= thorough or better
+            fresh |= reached > before and changes[-1] > ENOUGH
         if fresh or about is None:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+import pytest
 
 from robid_core import FreeParameters, Robot
 from robid_core.arrays import FloatArray
 from robid_core.estimation.torque.periodic import periodic_motion_of
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-from robid_core.residual import PeriodicBlock, TorqueProblem, linearise_at, prescribe_at, solve
+from robid_core.residual import (
+    Linearisation,
+    PeriodicBlock,
+    TorqueProblem,
+    linearise_at,
+    passes,
+    prescribe_at,
+    solve,
+)
 
 T, N = 1e-3, 1000
 LINES = np.arange(3, 96, 4)
@@ -23,7 +34,7 @@ def problem_of(robot: Robot, angle: FloatArray, torque: FloatArray, names: tuple
 
 
 def measured(
-    robot: Robot, names: tuple[str, ...], noise: float, repeated: float, seed: int
+    robot: Robot, names: tuple[str, ...], noise: float, repeated: float, seed: int, amplitude: float = 1.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Angles and torques of two periods, (1, 1, 1, 2, N, 1), of a robot, and its unknowns as they are.
 
@@ -31,7 +42,8 @@ def measured(
     """
     generator, time, shape = np.random.default_rng(seed), T * np.arange(N), (1, 1, 1, 2, N, 1)
     waves = [3.0 / k**1.5 * np.sin(2 * np.pi * k * time / (N * T) + generator.uniform(0, 6)) for k in LINES]
-    angle = np.broadcast_to((2.0 * np.sin(2 * np.pi * time / (N * T)) + sum(waves))[:, None], shape)
+    swing = amplitude * (2.0 * np.sin(2 * np.pi * time / (N * T)) + sum(waves))
+    angle = np.broadcast_to(swing[:, None], shape)
     problem = problem_of(robot, angle, generator.standard_normal(shape), names)
     truth = np.zeros(problem.n_unknown)
     truth[len(names)] = robot.drives.coulomb[0]
@@ -103,3 +115,30 @@ def test_derivatives_by_motion_are_taken_once_at_a_point() -> None:
     block.by_motion, taken = "bent", block.simulated
     linearise_at(problem, elsewhere, NEXT_TO_NOTHING, solved=True)
     assert block.simulated is not taken
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_derivatives_are_renewed_where_a_pass_leaves_more_than_there_was(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Passes about one point lead down, from a law of friction that falls elsewhere to the true one."""
+    true = {"coulomb": 0.0, "breakaway": 0.1, "stribeck_speed": 5.0, "exponent": 1.0, "speed": 0.5}
+    far = {"breakaway": 0.3, "stribeck_speed": 2.0, "exponent": 3.0}
+    robot = Robot.load("one_axis").with_effect("falls", "friction.stribeck", "axis_1", "motor", true)
+    free = tuple(f"effect.falls.{name}" for name in far)
+    names = (*free, "friction.axis_1.viscous", "rotor_inertia.axis_1", "gear_stiffness.axis_1")
+    angle, torque, begin = measured(robot, names, 1e-3, 0.0, seed, amplitude=5.0)
+    wrong = robot.with_parameters(dict(zip(free, far.values(), strict=True)))
+    seen = list[tuple[Linearisation, float]]()
+    minimised = passes.minimised
+
+    def watched(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
+        seen.append((about, problem.cost(point, problem.weighted(point, about.weights))))
+        return minimised(problem, point, about)
+
+    monkeypatch.setattr(passes, "minimised", watched)
+    problem = problem_of(wrong, angle, torque, names)
+    solve(problem, 12, NEXT_TO_NOTHING, lambda *_: None, begin=begin, reweigh=False)
+    pairs = [(one, other) for (then, one), (now, other) in pairwise(seen) if then is now]
+    assert pairs
+    assert all(other <= one for one, other in pairs)
