@@ -78,6 +78,7 @@ class Host:
             longest_s = max(longest_s, way / (drive.read(od.PROFILE_VELOCITY) * drive.scale.velocity))
             drive.write(od.MODE, od.PROFILE_POSITION)
             drive.write(od.TARGET_POSITION, round(angle / drive.scale.position))
+        self.link.supervise()  # what has gone wrong until here is refused, for nothing has moved
         self.link.moving = True
         for drive in self.drives:
             drive.write(od.CONTROLWORD, state.ENABLE_OPERATION | state.NEW_SET_POINT)

@@ -188,12 +188,21 @@ def stalled_before(rig, n_frame):
         "            if False:",
     ),
 )
+@fault(
+    "D10",
+    sees="exit 3, nothing has moved: up to the command that moves the first motor",
+    mutant=(
+        "adapters/robid_can/host/host.py",
+        "        self.link.supervise()  # what has gone wrong until here is refused, for nothing has moved\n",
+        "",
+    ),
+)
 def test_D10_a_host_that_goes_on_after_its_drives_have_missed_it_moves_nothing(
     loop, make_robot, make_experiment
 ):
     """At every frame of bring-up and motion in turn, the host's computer stands still for 0.45 s before it is sent."""
     experiment = make_experiment(make_robot(1), n_sample=50, periods=1, traced=1)
-    outcomes = []
+    outcomes, doubts = [], 0
     for n_frame in itertools.count(1):
         rig = loop(make_robot(1))
         log, outcome = stalled_before(rig, n_frame), ""
@@ -209,6 +218,8 @@ def test_D10_a_host_that_goes_on_after_its_drives_have_missed_it_moves_nothing(
             assert rig.nodes[0].state in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON), n_frame
             assert all(outcomes), n_frame  # who went on all the same had nothing left to send
             outcomes.append(outcome)
+            doubts += not log.moved and "nothing has moved" not in outcome
+    assert doubts == 1  # the command itself came too late: a host cannot know that
     assert len(outcomes) > 40  # frames or bursts
     assert not outcomes.pop()  # the last frame, which ends the upload of the trace
     stood = [outcome.startswith("D10: this computer stood still for 0.4") for outcome in outcomes]
