@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+LONGEST = 20_000  # characters of an exception that are shown; lists of mistakes in a file are shorter
+
 
 class RobidError(Exception):
     """Base of every error that robid raises on purpose; `exit_code` is what the command line returns."""
@@ -81,8 +83,17 @@ class ExtraMissing(PluginError):
 
 
 def said_by(error: BaseException) -> str:
-    """Return the text of an exception, also of one whose `__str__` fails."""
+    """Return the text of an exception, also of one whose `__str__` fails; the beginning of a very long one."""
     try:
-        return str(error)
-    except Exception as second:
-        return f"(its text cannot be shown: {type(second).__name__})"
+        text = str(error)
+    except BaseException as second:
+        return f"(its text cannot be shown: {class_of(second)})"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
+
+
+def class_of(error: BaseException) -> str:
+    """Return the name of an exception's class, also of one that hides it."""
+    try:
+        return str(type(error).__name__)
+    except BaseException:
+        return "an exception whose class cannot be named"

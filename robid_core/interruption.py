@@ -13,6 +13,7 @@ where something must be finished, `held()` keeps signals waiting. State is the p
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import threading
@@ -59,6 +60,17 @@ def signals_as_interrupt() -> Iterator[None]:
         _latch.requested = False
 
 
+def _forget() -> None:
+    """Hear signals as any process does: one that a stage's code has forked is nobody's run, and is ended by them."""
+    for number in SIGNALS:
+        if signal.getsignal(number) is _hear:
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    _latch.requested, _latch.listening = False, 0
+
+
+os.register_at_fork(after_in_child=_forget)
+
+
 def _hear(number: int, frame: FrameType | None) -> None:
     """Set the latch, and raise where that is safe."""
     first, _latch.requested = not _latch.requested, True
@@ -100,6 +112,11 @@ def no_longer() -> None:
 def requested() -> bool:
     """Tell whether a signal has asked to stop."""
     return _latch.requested
+
+
+def may_be_requested() -> bool:
+    """Tell whether a KeyboardInterrupt may come from a signal: nobody listens, or one has asked to stop."""
+    return _latch.requested or not _latch.listening
 
 
 def heed() -> None:

@@ -12,6 +12,7 @@ from robid_core import FloatArray, Record, RobidError, Robot
 from robid_core.estimation.rigid.coupled_axes import Coupling, coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
+from robid_core.estimation.rigid.torque_offsets import offsets_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
 from robid_core.residual import rigid_drives
 
@@ -102,6 +103,21 @@ def doubts_of_scale(record: Record, robot: Robot) -> list[str]:
         f"the torque of {robot.axis_names[one.axis]} is {one.factor:.2g} times what the robot makes of the motion (the "
         f"robot file leaves {100 * one.before:.0f} % of it, {100 * one.after:.0f} % where scaled): {_REMEDY}"
         for one in scales
+    ]
+
+
+def doubts_of_offset(record: Record, robot: Robot) -> list[str]:
+    """Say which torques fit the robot but for a constant; none where they fit, or cannot be told."""
+    try:
+        recorded = _recorded(record, robot)
+        offsets = [] if recorded is None else offsets_in(recorded)
+    except (RobidError, ArithmeticError):
+        return []
+    return [
+        f"the torque of {robot.axis_names[one.axis]} is off by a constant, {one.torque:.3g} N m at the motor (the "
+        f"robot file leaves {100 * one.before:.0f} % of it, {100 * one.after:.0f} % without it): look at zero "
+        "(motor_torque), at the offset of friction in the robot file, and at weights that it lacks"
+        for one in offsets
     ]
 
 

@@ -29,7 +29,13 @@ from robid_acquisition.periodicity import (
     found_period,
 )
 from robid_acquisition.pieces import pieces_between_holes
-from robid_acquisition.plausible import doubts_of_angle, doubts_of_scale, sentence, slips_of
+from robid_acquisition.plausible import (
+    doubts_of_angle,
+    doubts_of_offset,
+    doubts_of_scale,
+    sentence,
+    slips_of,
+)
 from robid_acquisition.poses import mean_angle, unlike_poses
 from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.recording import Recording
@@ -131,7 +137,12 @@ class RecordedAcquisition(ReadFiles):
             context.log.warning("%s", words)
         slips = slips_of(record, robot)
         if not slips:
-            of_values = doubts_of_angle(record, robot) or doubts_of_scale(record, robot)
+            of_values = next(
+                filter(
+                    None, (ask(record, robot) for ask in (doubts_of_angle, doubts_of_scale, doubts_of_offset))
+                ),
+                [],
+            )
             for words in (*of_values, *doubts_of_timing(record, robot)):
                 context.log.warning("%s", words)
             return

@@ -19,15 +19,25 @@ class Report(Artifact):
 
     html: str
 
+    def __post_init__(self) -> None:
+        """Raise TypeError or ValueError for what is no page."""
+        if not isinstance(self.html, str):
+            raise TypeError(f"Report.html is a text, not {type(self.html).__name__}")
+        if not self.html:
+            raise ValueError("Report.html is empty: a page has something to show")
+
     def write(self, path: Path | str) -> None:
         """Write the page itself."""
         Path(path).write_text(self.html, encoding="utf-8")
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
-        """Read the page back; StoreError where it cannot be read, or is no text."""
+        """Read the page back; StoreError where it cannot be read, is empty, or is no text."""
         try:
-            return cls(html=Path(path).read_text(encoding="utf-8"))
+            text = Path(path).read_text(encoding="utf-8")
+            if not text:
+                raise StoreError(f"{path}: empty; robid run makes it again")
+            return cls(html=text)
         except UnicodeDecodeError as error:
             raise StoreError(
                 f"{path}: damaged at byte {error.start}, where no text is; robid run makes it again"

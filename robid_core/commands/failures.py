@@ -56,7 +56,8 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
             if debug:
                 traceback.print_exc()
             _say(
-                f"not enough memory: {error or 'none is left'}; ask for less: a shorter period, fewer lines or blocks"
+                f"not enough memory: {said_by(error) or 'none is left, or a limit is set (ulimit -v)'}; ask for less: "
+                "a shorter period, fewer lines or blocks"
             )
             raise SystemExit(ConfigurationError.exit_code) from error
         except Exception as error:
@@ -86,6 +87,10 @@ def _meant_for_typer(error: Exception) -> bool:
 
 
 def _refusal_of_the_system(error: OSError) -> str:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return "the current folder is gone; go to one that exists and run the same command there"
     name = str(error.filename or "")
     where = f"{name[:LONGEST_NAME]}{'...' if len(name) > LONGEST_NAME else ''}: " if name else ""
     return f"{where}{os.strerror(error.errno or 0)}; the system refuses it; --debug shows where"

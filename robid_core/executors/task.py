@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from robid_core.errors import ConfigurationError, PluginError, RobidError, said_by
+from robid_core.errors import ConfigurationError, PluginError, RobidError, class_of, said_by
 from robid_core.registry import Plugin, registry
 
 Code = tuple[str, str, str, str, str]  # group, name, distribution, version, digest of the sources
@@ -50,9 +50,9 @@ def surviving(error: BaseException) -> BaseException:
     """Return an exception that reaches another process: some can be packed and not unpacked."""
     try:
         pickle.loads(pickle.dumps(error, protocol=pickle.HIGHEST_PROTOCOL))
-    except Exception:
+    except BaseException:  # whatever its own code raises then
         own = next((kind for kind in type(error).__mro__ if kind.__module__ == RobidError.__module__), None)
-        return StandIn(f"{type(error).__name__}: {said_by(error)}") if own is None else own(said_by(error))
+        return StandIn(f"{class_of(error)}: {said_by(error)}") if own is None else own(said_by(error))
     return error
 
 

@@ -24,14 +24,17 @@ def _version(value: int) -> int:
 
 def _project_name(text: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}", text) or is_device_name(text):
-        raise ValueError(f"'{text}' is no name: begin with a letter or digit, then letters, digits, ' ._-'")
+        raise ValueError(
+            f"'{text}' is no name: begin with a letter or digit, then letters, digits, ' ._-', 64 at most"
+        )
     return text
 
 
 def _stage_name(text: str) -> str:
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,63}", text) or is_device_name(text):
         raise ValueError(
-            f"'{text}' cannot name a stage: it becomes a file name; use letters, digits and '_', a letter first"
+            f"'{text}' cannot name a stage: it becomes a file name; use letters, digits and '_', a letter first, 64 "
+            "characters at most"
         )
     return text
 

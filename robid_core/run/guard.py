@@ -15,11 +15,14 @@ from typing import Any
 
 from robid_core.artifacts import Artifact
 from robid_core.artifacts.soundness import unsound
-from robid_core.errors import PluginError, RobidError, said_by
+from robid_core.errors import PluginError, RobidError, class_of, said_by
 from robid_core.executors.task import StandIn
+from robid_core.interruption import may_be_requested
 from robid_core.pipeline import StageNode
 from robid_core.stage import Stage
 from robid_core.store import OF_THE_MACHINE, failures_named
+
+LONGEST_LINE = 1000  # characters of what a plugin says of its failure; the log has all
 
 
 @contextlib.contextmanager
@@ -27,13 +30,17 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
     """Let an error say which stage and plugin it comes from."""
     try:
         yield
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:  # SystemExit too, and what libraries cancel or skip with
+        if isinstance(error, KeyboardInterrupt) and may_be_requested():
+            raise
         if isinstance(error, RobidError) and not isinstance(error, StandIn):
-            log.error("stage %s: %s", node.name, said_by(error), exc_info=True)
-            if not said_by(error).startswith((f"{node.name}:", f"stage {node.name}:")):
-                error.args = (f"stage {node.name}: {said_by(error)}",)
+            text = said_by(error)
+            log.error("stage %s: %s", node.name, text, exc_info=True)
+            if not text:
+                place = _where(error, _package(node))
+                text = f"{node.plugin} raised {class_of(error)} without a message\n  {place}\n  full trace: {log_path}"
+            if not text.startswith((f"{node.name}:", f"stage {node.name}:")):
+                error.args = (f"stage {node.name}: {text}",)
             raise
         log.error("stage %s: %s failed", node.name, node.plugin, exc_info=True)
         if isinstance(error, OSError) and error.errno in OF_THE_MACHINE:
@@ -43,16 +50,22 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
                 raise
         raise PluginError(
             f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"
-            f"  {_where(error, node.plugin.target.partition(':')[0].partition('.')[0])}\n"
+            f"  {_where(error, _package(node))}\n"
             f"  full trace: {log_path}"
         ) from error
 
 
+def _package(node: StageNode) -> str:
+    return node.plugin.target.partition(":")[0].partition(".")[0]
+
+
 def _first_line(error: BaseException) -> str:
     what = "not enough memory" if isinstance(error, MemoryError) else said_by(error).partition("\n")[0]
+    if len(what) > LONGEST_LINE:
+        what = f"{what[:LONGEST_LINE]}..."
     if isinstance(error, StandIn):
         return what
-    return f"{type(error).__name__}: {what}" if what else type(error).__name__
+    return f"{class_of(error)}: {what}" if what else class_of(error)
 
 
 def _where(error: BaseException, package: str) -> str:

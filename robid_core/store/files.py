@@ -12,8 +12,10 @@ import errno
 import hashlib
 import os
 import shutil
+import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from robid_core.errors import StoreError, said_by
 
@@ -30,7 +32,17 @@ ADVICE = {
     errno.ENFILE: "the machine has too many files open; close some programs and run again",
     errno.EFBIG: "a limit on the size of files is set (ulimit -f), or the file system has one; raise it and run again",
     errno.EIO: "the disk reports an error; check it before you run again",
+    errno.EISDIR: "a folder stands where a file belongs; move it away and run again",
+    errno.ENOTDIR: "a file stands where a folder belongs; move it away and run again",
+    errno.EEXIST: "a file stands where a folder belongs; move it away and run again",
 }
+
+
+class NoFile(OSError):
+    """What stands under a name is a folder, a pipe or a device: no file of ours, and reading it may never end."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path} is no file")
 
 
 class Files:
@@ -82,13 +94,14 @@ class Files:
         path.unlink(missing_ok=True)
 
     def read(self, path: Path) -> bytes:
-        """Read a small file."""
-        return path.read_bytes()
+        """Read a small file; NoFile where something else has its name."""
+        with _opened(path) as file:
+            return file.read()
 
     def digest(self, path: Path) -> str:
-        """Return the sha256 of a file's content, in hex."""
+        """Return the sha256 of a file's content, in hex; NoFile where something else has its name."""
         digest = hashlib.sha256()
-        with path.open("rb") as file:
+        with _opened(path) as file:
             while block := file.read(CHUNK):
                 digest.update(block)
         return digest.hexdigest()
@@ -96,6 +109,15 @@ class Files:
     def names(self, path: Path) -> list[str]:
         """Return the names in a folder, sorted."""
         return sorted(entry.name for entry in path.iterdir())
+
+
+def _opened(path: Path) -> BinaryIO:
+    """Open a file for reading; what is none is not waited for."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return os.fdopen(descriptor, "rb")
+    os.close(descriptor)
+    raise NoFile(path)
 
 
 def _sync(path: Path, flags: int) -> None:
@@ -125,13 +147,16 @@ def failures_named(doing: str, path: Path | None, needed: int = 0) -> Iterator[N
         why = os.strerror(error.errno) if error.errno else said_by(error).partition("\n")[0]
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         room = _room(path, needed) if full and path is not None else ""
-        advice = ADVICE.get(error.errno or 0, "check the disk and run again")
+        otherwise = (
+            "move it away and run again" if isinstance(error, NoFile) else "check the disk and run again"
+        )
+        advice = ADVICE.get(error.errno or 0, otherwise)
         what = doing if path is None else f"{doing} {path}"
         raise StoreError(f"cannot {what}: {why}{room}; what was finished before is kept; {advice}") from error
 
 
 # Failures of the machine, whoever's code they meet.
-OF_THE_MACHINE = frozenset(ADVICE) - {errno.EACCES, errno.EPERM}
+OF_THE_MACHINE = frozenset(ADVICE) - {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST}
 
 
 def _room(path: Path, needed: int) -> str:

@@ -29,7 +29,7 @@ import numpy as np
 from robid_core.artifacts import Artifact
 from robid_core.errors import ConfigurationError, StoreError
 from robid_core.store.entry import Entry, entry_from_bytes, entry_to_bytes
-from robid_core.store.files import Files, failures_named
+from robid_core.store.files import Files, NoFile, failures_named
 
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 
@@ -136,6 +136,8 @@ class Store:
                 data = self.files.read(path)
             except FileNotFoundError:
                 return Lookup(key, State.ABSENT)
+            except NoFile as error:
+                return Lookup(key, State.DAMAGED, None, str(error))
             entry = entry_from_bytes(data, str(path))
             if entry is None or entry.key != key:
                 return Lookup(key, State.DAMAGED, None, f"{path} is damaged")
@@ -148,6 +150,8 @@ class Store:
             found = self.files.digest(blob)
         except FileNotFoundError:
             return f"{blob} is missing"
+        except NoFile as error:
+            return str(error)
         return "" if found == entry.sha256 else f"{blob} is damaged: its sha256 is {found[:12]}..."
 
     def put(
@@ -181,8 +185,9 @@ class Store:
         """Give an artifact the name a user opens, `artifacts/<stage>.h5`; return its path."""
         blob, path = self.blobs / entry.blob_name, self.artifacts / f"{_safe(stage)}{entry.suffix}"
         with failures_named("write", path):
-            if path.exists() and (path.samefile(blob) or self.files.digest(path) == entry.sha256):
-                return path
+            with contextlib.suppress(NoFile):
+                if path.exists() and (path.samefile(blob) or self.files.digest(path) == entry.sha256):
+                    return path
             draft = self._draft(entry.suffix)
             try:
                 self._second_name(blob, draft)

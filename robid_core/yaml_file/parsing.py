@@ -8,6 +8,7 @@ refused where they stand, and an alias must not blow up: its size counts at ever
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -29,6 +30,7 @@ from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList
 from robid_core.yaml_file.scalars import plain_scalar
 
 MAXIMUM_DEPTH = 32
+_HALF = re.compile("[\ud800-\udfff]")  # what an escape may write, and no file can hold
 MAXIMUM_NODES = 100_000  # aliases written out; a file of 256 KiB without aliases cannot have more to say
 
 
@@ -92,6 +94,10 @@ def _scan(text: str, kind: FileKind) -> Iterator[Any]:
                 refusal = f"nested deeper than {MAXIMUM_DEPTH} levels"
         elif isinstance(event, MappingEndEvent | SequenceEndEvent):
             depth -= 1
+        elif isinstance(event, ScalarEvent) and (half := _HALF.search(event.value)):
+            refusal = (
+                f"\\u{ord(half[0]):04x} is half a character, which no text has; write the character itself"
+            )
         elif isinstance(event, AliasEvent):
             aliases += 1
             if aliases > kind.maximum_aliases:

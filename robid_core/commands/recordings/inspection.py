@@ -39,7 +39,7 @@ class Inspected:
 def reader_name(file: Path, form: str) -> str:
     """Return the name of a recording's reader; raises ConfigurationError where there is no file or no reader."""
     if not file.is_file():
-        raise ConfigurationError(f"{file}: there is no such file")
+        raise ConfigurationError(f"{file}: {'is no file' if file.exists() else 'there is no such file'}")
     if form:
         return form
     name = known_reader(file)

@@ -202,7 +202,7 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
         of_one("tau", lambda x: x + 0.5 * (x.std() + abs(x.mean()))),
         {},
         "is off by",
-        {"one_axis", "six_axis"},
+        set(ROBOTS),
     ),
     "wrapped": (of_one("q", lambda x: np.mod(x, 2 * np.pi)), {}, "refused.*it wraps", set(ROBOTS)),
     "exchanged": (swapped, {}, "refused.*torques of .* are exchanged", MANY),

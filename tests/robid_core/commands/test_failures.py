@@ -111,3 +111,24 @@ def test_the_guard_keeps_signature_and_result() -> None:
     wrapped = guarded(command, False)
     assert wrapped(2) == 3
     assert wrapped.__doc__ == "Help."
+
+
+def test_memory_that_ends_without_a_word_is_told_with_what_may_limit_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert failing(MemoryError()) == 2
+    assert (
+        "not enough memory: none is left, or a limit is set (ulimit -v); ask for less"
+        in capsys.readouterr().err
+    )
+
+
+def test_a_current_folder_that_is_gone_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert failing(FileNotFoundError(errno.ENOENT, "No such file or directory")) == 7
+    assert "the current folder is gone; go to one that exists" in capsys.readouterr().err

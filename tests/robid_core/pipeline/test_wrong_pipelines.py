@@ -233,14 +233,14 @@ ONE_MISTAKE = {
         changed("  frf:", "  frf-1:"),
         [
             "bad.yaml:17:3: stages.frf-1: 'frf-1' cannot name a stage: it becomes a file name; use letters, "
-            "digits and '_', a letter first"
+            "digits and '_', a letter first, 64 characters at most"
         ],
     ),
     "stage name of a device": (
         changed("  frf:", "  con:"),
         [
             "bad.yaml:17:3: stages.con: 'con' cannot name a stage: it becomes a file name; use letters, digits "
-            "and '_', a letter first"
+            "and '_', a letter first, 64 characters at most"
         ],
     ),
     "stage without braces": (
@@ -313,7 +313,7 @@ ONE_MISTAKE = {
         changed("name: example", "name: ../example"),
         [
             "bad.yaml:2:1: name: '../example' is no name: begin with a letter or digit, then letters, digits, "
-            "' ._-'"
+            "' ._-', 64 at most"
         ],
     ),
     "plugin that cannot be imported": (

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from faults.fault import fault
 
 from robid_core.errors import StoreError
 from robid_core.run import Silence
@@ -115,3 +118,60 @@ def test_two_keys_with_the_same_bytes_are_both_mended(world: Any) -> None:
     world.ran()
     assert world.run().exit_code == 0
     assert world.run().idle
+
+
+NO_FILES: dict[str, Callable[[Path], None]] = {"pipe": os.mkfifo, "folder": Path.mkdir}
+
+
+@fault(
+    "R06",
+    sees="a pipe or a folder where a file of the store belongs is set aside, and what it held is made again",
+    mutant=(
+        "robid_core/store/files.py",
+        "    if stat.S_ISREG(os.fstat(descriptor).st_mode):",
+        "    if True:",
+    ),
+)
+@pytest.mark.parametrize("kind", NO_FILES)
+@pytest.mark.parametrize("place", ["blob", "index", "page"])
+def test_R06_what_is_no_file_is_set_aside_and_not_waited_for(world: Any, place: str, kind: str) -> None:
+    result = world.run()
+    before = world.hashes()
+    path: Path = {
+        "blob": world.blob("fit"),
+        "index": world.folder / "store" / "index" / f"{result.manifest.stages['fit'].key}.json",
+        "page": world.folder / "artifacts" / "page.html",
+    }[place]
+    path.unlink()
+    NO_FILES[kind](path)
+    if (place, kind) == ("page", "folder"):  # it may hold what a person has put there
+        with pytest.raises(
+            StoreError, match=r"page\.html.*a folder stands where a file belongs; move it away"
+        ):
+            world.run()
+        path.rmdir()
+    world.ran()
+    ear = Ear()
+    world.run(listener=ear)
+    assert world.ran() == ([] if place == "page" else ["fit"])
+    assert world.hashes() == before
+    damaged = [heard for heard in ear.heard if "R06: " in heard]
+    assert all(f"{path.name} is no file" in heard for heard in damaged)
+    assert len(damaged) == (place != "page")
+
+
+@fault(
+    "R03",
+    sees="exit 7: a log that is a pipe or a folder is no file, to be moved away; a pipe is not waited for",
+    mutant=("robid_core/run/log.py", "        if path.is_fifo() or path.is_dir():", "        if False:"),
+)
+@pytest.mark.parametrize("kind", NO_FILES)
+def test_R03_a_log_that_is_no_file_is_told(world: Any, kind: str) -> None:
+    world.run()
+    log = world.folder / "log.txt"
+    log.unlink()
+    NO_FILES[kind](log)
+    done = world.elsewhere()
+    assert done.returncode == 7
+    assert f"cannot write {log}: {log} is no file" in done.stderr
+    assert "move it away and run again" in done.stderr

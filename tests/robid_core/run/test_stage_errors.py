@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from faults.fault import fault
 
+from robid_core.artifacts import Report
 from robid_core.errors import DataRejected, PluginError, StoreError
 from robid_core.run import Manifest, RunFolder, Silence
 
@@ -200,3 +201,115 @@ def test_each_run_leaves_its_lines_in_the_log(world: Any) -> None:
     assert log.count("==================== run of") == 2
     assert "robid.fit: fitting converged" in log
     assert "robid.page: kept" in log
+
+
+FIT = '        called("fit")\n'
+
+
+@fault(
+    "R09",
+    sees="exit 5: plugin, class, line and the log, where a stage raises an error of robid without a message",
+    mutant=("robid_core/run/guard.py", "            if not text:", "            if False:"),
+)
+@pytest.mark.parametrize("trust", [True, False])
+def test_R09_an_error_of_ours_without_a_message_is_told_by_class_and_line(world: Any, trust: bool) -> None:
+    raises = "        from robid_core.errors import DataRejected\n        raise DataRejected\n"
+    world.edit(FIT, FIT + raises)
+    with pytest.raises(DataRejected) as caught:
+        world.run(last="fit", trust_plugins=trust)
+    first, place, log = str(caught.value).splitlines()
+    assert first == (
+        "stage fit: 'strange.estimate' (robid_strange_stages 1.0) raised DataRejected without a message"
+    )
+    assert "raise DataRejected" in place
+    assert str(world.folder / "log.txt") in log
+
+
+@fault(
+    "R09",
+    sees="exit 8: a stage that raises KeyboardInterrupt, or sends itself a signal, failed; nobody interrupted the run",
+    mutant=(
+        "robid_core/interruption.py",
+        "    return _latch.requested or not _latch.listening",
+        "    return True",
+    ),
+)
+@pytest.mark.parametrize(
+    "line", ["raise KeyboardInterrupt", "import os, signal; os.kill(os.getpid(), signal.SIGTERM)"]
+)
+def test_R09_a_stage_that_interrupts_itself_has_failed(world: Any, line: str) -> None:
+    world.edit(FIT, f"{FIT}        {line}\n")
+    with pytest.raises(PluginError, match=r"stage fit: 'strange\.estimate'.*failed: KeyboardInterrupt"):
+        world.run(last="fit", trust_plugins=False)
+    assert '"status": "failed"' in (world.folder / "manifest.json").read_text()
+
+
+@fault(
+    "R16",
+    sees="processes that a stage forks are ended by SIGTERM as any other, with no traceback of robid's",
+    mutant=("robid_core/interruption.py", "os.register_at_fork(after_in_child=_forget)\n", ""),
+)
+def test_R16_processes_that_a_stage_forks_hear_no_signals_for_the_run(world: Any) -> None:
+    """Sixteen sleepers are told to end: without a traceback, each by the signal."""
+    forks = """\
+        import os, signal, time
+        sleepers = []
+        for _ in range(16):
+            pid = os.fork()
+            if not pid:
+                try:
+                    time.sleep(30)
+                finally:
+                    os._exit(3)
+            sleepers.append(pid)
+        time.sleep(0.2)
+        for pid in sleepers:
+            os.kill(pid, signal.SIGTERM)
+        ends = {os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in sleepers}
+        if ends != {-signal.SIGTERM}:
+            raise ValueError(ends)
+"""
+    world.edit(FIT, FIT + forks)
+    done = world.elsewhere(last="fit")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@fault(
+    "R09",
+    sees="exit 8: the beginning of what a plugin says, where that is very long",
+    mutant=("robid_core/run/guard.py", "    if len(what) > LONGEST_LINE:", "    if False:"),
+)
+def test_R09_a_very_long_text_of_an_exception_is_cut(world: Any) -> None:
+    world.edit(FIT, FIT + '        raise ValueError("x" * 10_000_000)\n')
+    with pytest.raises(PluginError, match="failed: ValueError: xxx") as caught:
+        world.run(last="fit")
+    assert len(str(caught.value)) < 2000
+
+
+def test_an_exception_that_hides_its_class_and_its_text_is_told(world: Any) -> None:
+    """And also from another process, to which it does not get."""
+    hides = """\
+        class Hidden(type):
+            @property
+            def __name__(cls):
+                raise KeyboardInterrupt
+
+        class Odd(Exception, metaclass=Hidden):
+            def __str__(self):
+                raise KeyboardInterrupt
+
+        raise Odd
+"""
+    world.edit(FIT, FIT + hides)
+    for trust in (True, False):
+        with pytest.raises(
+            PluginError, match="an exception whose class cannot be named: .its text cannot be shown"
+        ):
+            world.run(last="fit", trust_plugins=trust)
+
+
+def test_a_page_that_is_empty_or_no_text_is_no_page() -> None:
+    with pytest.raises(TypeError, match=r"Report\.html is a text, not int"):
+        Report(html=5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"Report\.html is empty"):
+        Report(html="")

@@ -133,6 +133,7 @@ REFUSED = {
     "local tag": (b"seed: !mine 1\n", "1:7", "the tag '!mine' is refused"),
     "tag on a key": (b"!!str seed: 1\n", "1:1", "the tag '!!str' is refused"),
     "second document": (b"robid: 1\n---\nrobid: 1\n", "2:1", "a second document"),
+    "half a character": (b'robid: 1\nname: "\\ud800"\n', "2:7", r"\ud800 is half a character"),
     "YAML 1.1": (b"%YAML 1.1\n---\nrobid: 1\n", "2:1", "YAML 1.1 is asked for"),
     "list for a key": (b"[a, b]: 1\n", "1:1", "a key must be plain text"),
     "byte order mark": (b"\xef\xbb\xbfrobid: 1\n", "1:1", "byte 0 is 0xef: a byte order mark"),

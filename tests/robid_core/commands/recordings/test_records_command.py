@@ -226,6 +226,9 @@ def test_what_cannot_be_read_raises_and_nothing_recognised_is_told(
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigurationError, match="holds no recording"):
         records.command([str(tmp_path / "empty")])
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(ConfigurationError, match=r"pipe\.csv: is no file"):
+        records.command([str(tmp_path / "pipe.csv")], form="csv")
 
 
 @pytest.mark.parametrize(
