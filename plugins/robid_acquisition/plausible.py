@@ -113,6 +113,15 @@ def doubts_of_offset(record: Record, robot: Robot) -> list[str]:
         offsets = [] if recorded is None else offsets_in(recorded)
     except (RobidError, ArithmeticError):
         return []
+    if len(offsets) > 1:
+        names = ", ".join(robot.axis_names[one.axis] for one in offsets)
+        sizes = ", ".join(f"{one.torque:.3g}" for one in offsets)
+        most = max(offsets, key=lambda one: one.before)
+        return [
+            f"the torques of {names} are off by constants, {sizes} N m at the motors (the robot file leaves "
+            f"{100 * most.before:.0f} % of a torque, {100 * most.after:.0f} % without its constant): a weight that the "
+            "robot file lacks does that about few poses; look at loads, at centres of mass, and at zero (motor_torque)"
+        ]
     return [
         f"the torque of {robot.axis_names[one.axis]} is off by a constant, {one.torque:.3g} N m at the motor (the "
         f"robot file leaves {100 * one.before:.0f} % of it, {100 * one.after:.0f} % without it): look at zero "

@@ -105,7 +105,11 @@ def test_a_plugins_own_system_error_stays_the_plugins(world: Any) -> None:
 @fault(
     "R09",
     sees="exit 8: plugin, version and class of an exception whose text cannot be shown",
-    mutant=("robid_core/errors.py", "    except BaseException as second:", "    except LookupError as second:"),
+    mutant=(
+        "robid_core/errors.py",
+        "    except BaseException as second:",
+        "    except LookupError as second:",
+    ),
 )
 def test_R09_an_exception_whose_text_fails_is_told(world: Any) -> None:
     mute = "        class Mute(Exception):\n            def __str__(self): return 1 / 0\n        raise Mute\n"

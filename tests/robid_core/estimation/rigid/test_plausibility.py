@@ -11,6 +11,7 @@ from robid_core import FloatArray, Robot
 from robid_core.estimation.rigid.coupled_axes import coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
+from robid_core.estimation.rigid.torque_offsets import offsets_in
 from robid_core.estimation.rigid.zero_angles import zeros_in
 from robid_core.residual import rigid_drives
 
@@ -177,3 +178,29 @@ def test_a_zero_is_found_in_a_robot_that_is_not_quite_the_told_one(
 def test_an_exchange_of_the_first_axis_sign_shows_nothing(robot: Robot, sound: Experiments) -> None:
     """About a vertical axis a robot is the same mirrored: no torque below the resonances tells, and none is refused."""
     assert slips(robot, sound, turned(0), turned(0)) == []
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_constant_in_a_torque_is_found_with_its_size(
+    robot: Robot, sound: Experiments, axis: int, sign: int
+) -> None:
+    """Twice the torque's rms, at its axis only, to five hundredths of that: masses of the plant are 1 % off."""
+    size = 2 * sign * float(np.sqrt(np.mean([(torque[:, axis] ** 2).mean() for _, torque in sound])))
+    wrong = [(angle, torque + size * NONE[axis]) for angle, torque in sound]
+    (found,) = offsets_in(Recorded.of_experiments(rigid_drives(robot), wrong, robot.sample_time_s, CUTOFF_HZ))
+    assert found.axis == axis
+    assert abs(found.torque - size) < 0.05 * abs(size)
+    assert found.after < 0.2 * found.before
+
+
+def test_a_load_is_off_by_constants_of_several_torques_and_a_sound_one_by_none(
+    robot: Robot, sound: Experiments
+) -> None:
+    """20 kg at the flange, about poses that are near one another: not a constant of one torque."""
+    found = [
+        offsets_in(Recorded.of_experiments(rigid_drives(robot), one, robot.sample_time_s, CUTOFF_HZ))
+        for one in (sound, measured(0.01, 20.0))
+    ]
+    assert found[0] == []
+    assert len(found[1]) > 1
