@@ -4,7 +4,7 @@ What a prescribed motion adds to the linear model is held within a pass, so that
 contracts well on stiff arms, and hardly on compliant ones under strong excitation; it is accelerated, and where passes
 do not keep what they gain, what springs, dampers and bodies change of that addition is in the derivatives. A step that
 the motion shows to have led astray is made again, shorter; passes that end unsettled return a point that was tried.
-Derivatives are kept from pass to pass, until one gains much, or leaves more than there was: they hold there no more.
+Derivatives are kept from pass to pass, until one gains much, or leaves more than there was: they hold no more there.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ DOUBTFUL = 1.1  # misfit: above it, bins are weighted by what the model leaves, 
 MUCH = 0.1  # of the cost: derivatives and weights are renewed after a pass that lowered it by more
 KEPT = 0.3  # of the gain that derivatives promise: below, they miss what a prescribed motion does
 ASTRAY = 2.0  # times the cost of the pass before, or more: what the linear model promised is not there
+LOST = 1.0  # of the log-likelihood, in the noise that is left: a pass that ends so much higher had old derivatives
 RETREAT = 0.3  # of such a step: so much of it is tried next, with derivatives of its own
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
@@ -115,7 +116,7 @@ def solve(
     changes: list[float] = []
     about: Linearisation | None = None
     best = point
-    fresh, settled, doubted, before, gained = True, False, False, 0.0, 0.0
+    fresh, settled, doubted, before, gained, left = True, False, False, 0.0, 0.0, 1.0
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
         _renew_signals(problem, point)
@@ -131,7 +132,7 @@ def solve(
             if changes[-1] > NEARLY and before - reached < KEPT * gained * before:
                 better = _better_derivatives(problem, "all" if thorough else "bent")
                 fresh |= thorough or better
-            fresh |= reached > before and changes[-1] > ENOUGH
+            fresh |= reached > before + LOST * max(left, 1.0) and changes[-1] > ENOUGH
         if fresh or about is None:
             _renew_derivatives(problem, point)
             about, history = _linearised(problem, point, model_error, doubted), History(MEMORY)
