@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import scipy
@@ -15,6 +16,8 @@ from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, 
 from robid_core.estimation.rigid.torque_offsets import offsets_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
 from robid_core.residual import rigid_drives
+
+Found = TypeVar("Found")
 
 CHANNELS = ("motor_position", "motor_torque")
 BELOW = 0.5  # of the lowest resonance: there the arm moves as a rigid one
@@ -91,11 +94,7 @@ def _off(zero: Zero, robot: Robot) -> str:
 
 def doubts_of_scale(record: Record, robot: Robot) -> list[str]:
     """Say which torques fit the robot only with another torque constant; none where they fit, or cannot be told."""
-    try:
-        recorded = _recorded(record, robot)
-        scales = [] if recorded is None else scales_in(recorded)
-    except (RobidError, ArithmeticError):
-        return []
+    scales = _found(scales_in, record, robot)
     if len(scales) > 1:
         factor = float(np.exp(np.mean([np.log(one.factor) for one in scales])))
         return [f"the torques are {factor:.2g} times what the robot makes of the motion: {_REMEDY}"]
@@ -108,11 +107,7 @@ def doubts_of_scale(record: Record, robot: Robot) -> list[str]:
 
 def doubts_of_offset(record: Record, robot: Robot) -> list[str]:
     """Say which torques fit the robot but for a constant; none where they fit, or cannot be told."""
-    try:
-        recorded = _recorded(record, robot)
-        offsets = [] if recorded is None else offsets_in(recorded)
-    except (RobidError, ArithmeticError):
-        return []
+    offsets = _found(offsets_in, record, robot)
     if len(offsets) > 1:
         names = ", ".join(robot.axis_names[one.axis] for one in offsets)
         sizes = ", ".join(f"{one.torque:.3g}" for one in offsets)
@@ -128,6 +123,15 @@ def doubts_of_offset(record: Record, robot: Robot) -> list[str]:
         "(motor_torque), at the offset of friction in the robot file, and at weights that it lacks"
         for one in offsets
     ]
+
+
+def _found(ask: Callable[[Recorded], list[Found]], record: Record, robot: Robot) -> list[Found]:
+    """Return what a record shows below the first resonance; nothing where that cannot be told."""
+    try:
+        recorded = _recorded(record, robot)
+        return [] if recorded is None else ask(recorded)
+    except (RobidError, ArithmeticError):
+        return []
 
 
 def _recorded(record: Record, robot: Robot) -> Recorded | None:

@@ -137,11 +137,10 @@ class RecordedAcquisition(ReadFiles):
             context.log.warning("%s", words)
         slips = slips_of(record, robot)
         if not slips:
-            of_values = next(
-                filter(
-                    None, (ask(record, robot) for ask in (doubts_of_angle, doubts_of_scale, doubts_of_offset))
-                ),
-                [],
+            of_values = (
+                doubts_of_angle(record, robot)
+                or doubts_of_scale(record, robot)
+                or doubts_of_offset(record, robot)
             )
             for words in (*of_values, *doubts_of_timing(record, robot)):
                 context.log.warning("%s", words)

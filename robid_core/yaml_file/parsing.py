@@ -30,8 +30,8 @@ from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList
 from robid_core.yaml_file.scalars import plain_scalar
 
 MAXIMUM_DEPTH = 32
-_HALF = re.compile("[\ud800-\udfff]")  # what an escape may write, and no file can hold
 MAXIMUM_NODES = 100_000  # aliases written out; a file of 256 KiB without aliases cannot have more to say
+_HALF = re.compile("[\ud800-\udfff]")  # what an escape may write, and no file can hold
 
 
 def read_nodes(text: str, kind: FileKind, problems: ProblemList) -> Node | None:

@@ -152,6 +152,17 @@ class Recorded:
         factor, left = self._friction(axis, self.torque[:, axis], self.rigid[:, axis])
         return factor, left
 
+    def beside_friction(self, axis: int, rest: FloatArray, *more: FloatArray) -> tuple[FloatArray, float]:
+        """Fit friction, and further columns, to the rest of a torque, (n_sample,), none of them negative.
+
+        Returns the sizes of the further columns, and the share of the torque's power that is left.
+        """
+        columns = np.stack([self.direction[:, axis], self.velocity[:, axis], *more], axis=1)
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        found, left = scipy.optimize.nnls(columns / size, rest)
+        share = left**2 / max(float((self.torque[:, axis] ** 2).sum()), 1e-300)
+        return found[2:] / size[2:], float(share)
+
     def _friction(self, axis: int, target: FloatArray, *more: FloatArray) -> tuple[float, float]:
         """Fit friction, and a further column, to a target: the further column's number, and the share that is left."""
         one, torque = np.ones(len(target)), self.torque[:, axis]

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
-from robid_core.arrays import FloatArray
 from robid_core.estimation.rigid.plausibility import GAIN, LEFT, NOTICED, Recorded
+from robid_core.estimation.rigid.zero_angles import shares
 
 
 @dataclass(frozen=True)
@@ -39,19 +38,8 @@ def offsets_in(recorded: Recorded) -> list[Offset]:
     found = []
     rest = recorded.torque - recorded.rigid - recorded.drives.offset
     one = np.ones(len(rest))
-    for axis in range(recorded.drives.n_axis):
-        power = max(float((recorded.torque[:, axis] ** 2).sum()), 1e-300)
-        friction = [recorded.direction[:, axis], recorded.velocity[:, axis]]
-        _, before = _fitted(friction, rest[:, axis], power)
-        size, after = _fitted([*friction, one, -one], rest[:, axis], power)
+    for axis, before in enumerate(shares(recorded).tolist()):
+        size, after = recorded.beside_friction(axis, rest[:, axis], one, -one)
         if before > NOTICED and before > GAIN * after and after < LEFT:
-            found.append(Offset(axis, float(size[2] - size[3]), before**0.5, after**0.5))
+            found.append(Offset(axis, float(size[0] - size[1]), before**0.5, after**0.5))
     return found
-
-
-def _fitted(columns: list[FloatArray], rest: FloatArray, power: float) -> tuple[FloatArray, float]:
-    """Sizes, none negative, of columns that explain most of a torque, and the share of its power that is left."""
-    matrix = np.stack(columns, axis=1)
-    scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    size, left = scipy.optimize.nnls(matrix / scale, rest)
-    return size / scale, left**2 / power

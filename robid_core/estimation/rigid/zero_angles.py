@@ -91,13 +91,7 @@ def turned(recorded: Recorded, axis: int, angle: float) -> Recorded:
 def shares(recorded: Recorded) -> FloatArray:
     """Share of each torque's power that the robot leaves with the friction that suits it best, (n_axis,)."""
     rest = recorded.torque - recorded.rigid - recorded.drives.offset
-    result = np.empty(recorded.drives.n_axis)
-    for axis in range(recorded.drives.n_axis):
-        columns = np.stack([recorded.direction[:, axis], recorded.velocity[:, axis]], axis=1)
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        left = scipy.optimize.nnls(columns / size, rest[:, axis])[1]
-        result[axis] = left**2 / max(float((recorded.torque[:, axis] ** 2).sum()), 1e-300)
-    return result
+    return np.array([recorded.beside_friction(axis, rest[:, axis])[1] for axis in range(len(rest.T))])
 
 
 def _best(few: Recorded, recorded: Recorded, axis: int) -> float:
