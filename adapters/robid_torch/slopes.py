@@ -3,7 +3,7 @@
 The functions give what their counterparts in `robid_core.mechanics.slopes` give, which know the derivatives in closed
 form or by differences; here the matrices at rest, the response and the torque are written once as functions, and torch
 differentiates them. Forward mode (`jvp`, mapped over the rows of a `MechanismChange`) is taken, since reverse mode with
-its 72 real outputs a line took 1.4 to 3.3 times as long for 46 and 66 parameters of six axes
+its 72 real outputs a line took 1.5 to 3.4 times as long for 46 and 66 parameters of six axes
 (`python tests/bench/backends.py modes`). Batches are cut so that one of them fits into a stated memory.
 """
 
@@ -136,16 +136,16 @@ def line_slopes(
         torch.tensor(factor, device=device)[:, None, None] for factor in hold_factor(omega, hold_sample_time)
     )
 
-    def responses(config: int, part: slice) -> Callable[..., Tensors]:
+    def responses(configs: slice, part: slice) -> Callable[..., Tensors]:
         w = tensor(omega[part], device)[:, None, None]
         extra = (
-            None if motor_impedance is None else torch.tensor(motor_impedance[config, part], device=device)
+            None if motor_impedance is None else torch.tensor(motor_impedance[configs, part], device=device)
         )
 
         def of_matrices(mass: torch.Tensor, damping: torch.Tensor, stiffness: torch.Tensor) -> Tensors:
             moved = moved_per_torque(mass, damping, stiffness, inputs, w, extra)
-            inertial = inputs.T @ torch.linalg.solve(mass, inputs)
-            return (-(w**2) * hold[part] * moved[:, :n_axis] + image[part] * inertial,)
+            inertial = (inputs.T @ torch.linalg.solve(mass, inputs))[:, None]
+            return (-(w**2) * hold[part] * moved[..., :n_axis, :] + image[part] * inertial,)
 
         return of_matrices
 
@@ -163,13 +163,13 @@ def torque_slopes(
     """Differentiate motor torques; arguments as of `robid_core.mechanics.torque_slopes`, and of `TorchDynamics`."""
     inputs, n_axis = tensor(model.input_map, device), model.n_axis
 
-    def torques(config: int, part: slice) -> Callable[..., Tensors]:
+    def torques(configs: slice, part: slice) -> Callable[..., Tensors]:
         w = tensor(omega[part], device)[:, None, None]
-        motion = torch.tensor(np.swapaxes(swing[config, part], 1, 2), device=device)
+        motion = torch.tensor(np.swapaxes(swing[configs, part], 2, 3), device=device)
 
         def of_matrices(mass: torch.Tensor, damping: torch.Tensor, stiffness: torch.Tensor) -> Tensors:
             moved = moved_per_torque(mass, damping, stiffness, inputs, w, None)
-            return (torch.linalg.solve(moved[:, :n_axis], motion).transpose(1, 2),)
+            return (torch.linalg.solve(moved[..., :n_axis, :], motion).transpose(2, 3),)
 
         return of_matrices
 
@@ -184,10 +184,11 @@ def moved_per_torque(
     w: torch.Tensor,
     motor_impedance: torch.Tensor | None,
 ) -> torch.Tensor:
-    """All coordinates per motor torque at one configuration, (n_freq, n_coordinate, n_axis)."""
+    """All coordinates per motor torque, (n_config, n_freq, n_coordinate, n_axis); matrices (n_config, n, n)."""
+    mass, damping, stiffness = mass[:, None], damping[:, None], stiffness[:, None]
     impedance = torch.complex(stiffness - w**2 * mass, w * damping)
     if motor_impedance is not None:
-        behind = len(mass) - motor_impedance.shape[1]
+        behind = mass.shape[-1] - motor_impedance.shape[-1]
         impedance = impedance + torch.nn.functional.pad(
             torch.diag_embed(motor_impedance), (0, behind, 0, behind)
         )
@@ -198,25 +199,26 @@ def moved_per_torque(
 def _lines(
     model: SecondOrderModel,
     slopes: SecondOrderSlopes,
-    function_at: Callable[[int, slice], Callable[..., Tensors]],
+    function_at: Callable[[slice, slice], Callable[..., Tensors]],
     shape: tuple[int, ...],
     device: torch.device,
     memory_bytes: int,
 ) -> ComplexArray:
-    """Differentiate a function of the matrices, configuration by configuration, some lines and changes at a time."""
+    """Differentiate a function of the matrices, some configurations, lines and changes at a time."""
     n_config, n, count = len(model.mass), model.mass.shape[-1], len(slopes.change)
     found = np.empty((n_config, *shape, count), dtype=np.complex128)
     own = own_changes(model, slopes.change)
+    matrices = model.mass, model.damping, model.stiffness
+    changes = slopes.mass, slopes.damping + own[0], slopes.stiffness + own[1]
     size = bytes_per_line(n, model.n_axis)
-    for c in range(n_config):
-        matrices = tuple(tensor(part[c], device) for part in (model.mass, model.damping, model.stiffness))
-        parts = slopes.mass[c], slopes.damping[c] + own[0], slopes.stiffness[c] + own[1]
-        changes = tuple(tensor(np.moveaxis(part, -1, 0), device) for part in parts)
-        for some in _parts(count, max(1, memory_bytes // size - 1)):
-            along = tuple(part[some] for part in changes)
-            for part in _parts(shape[0], max(1, memory_bytes // (size * (1 + len(along[0]))))):
-                (slope,) = forward_mode(function_at(c, part), matrices, along)
-                found[c, part, ..., some] = slope.cpu().numpy()
+    for some in _parts(count, max(1, memory_bytes // size - 1)):
+        at_once = max(1, memory_bytes // (size * (1 + len(range(count)[some]))))  # lines
+        for configs in _parts(n_config, max(1, at_once // shape[0])):
+            at = tuple(tensor(part[configs], device) for part in matrices)
+            along = tuple(tensor(np.moveaxis(part[configs, ..., some], -1, 0), device) for part in changes)
+            for part in _parts(shape[0], at_once):
+                (slope,) = forward_mode(function_at(configs, part), at, along)
+                found[configs, part, ..., some] = slope.cpu().numpy()
     return found
 
 

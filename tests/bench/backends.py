@@ -124,34 +124,39 @@ def modes(rounds: int) -> None:
             along = mechanics.second_order_slopes(robot.mechanism, *robot.spring_arrays(), rest, change)
             own = of_torch.own_changes(model, change)
             inputs, w = tensor(model.input_map, device), tensor(work.omega, device)[:, None, None]
-            at = tuple(tensor(part[0], device) for part in (model.mass, model.damping, model.stiffness))
+            at = tuple(tensor(part[:1], device) for part in (model.mass, model.damping, model.stiffness))
             parts = along.mass[0], along.damping[0] + own[0], along.stiffness[0] + own[1]
-            rows = tuple(tensor(np.moveaxis(part, -1, 0), device) for part in parts)
+            rows = tuple(tensor(np.moveaxis(part, -1, 0), device)[:, None] for part in parts)
 
             def response(
                 *given: torch.Tensor, inputs: torch.Tensor = inputs, w: torch.Tensor = w
             ) -> torch.Tensor:
-                return -(w**2) * of_torch.moved_per_torque(*given, inputs, w, None)[:, : inputs.shape[1]]
+                return -(w**2) * of_torch.moved_per_torque(*given, inputs, w, None)[..., : inputs.shape[1], :]
 
             def forward(
                 response: Callable[..., torch.Tensor] = response,
                 at: tuple[torch.Tensor, ...] = at,
                 rows: tuple[torch.Tensor, ...] = rows,
             ) -> torch.Tensor:
-                return of_torch.forward_mode(lambda *given: (response(*given),), at, rows)[0]
+                return of_torch.forward_mode(lambda *given: (response(*given),), at, rows)[0][0]
 
             def reverse(
                 response: Callable[..., torch.Tensor] = response,
                 at: tuple[torch.Tensor, ...] = at,
                 rows: tuple[torch.Tensor, ...] = rows,
                 n_line: int = n_line,
+                w: torch.Tensor = w,
             ) -> torch.Tensor:
                 lines = [part.expand(n_line, -1, -1) for part in at]  # each line has matrices of its own
-                found, pull = torch.func.vjp(lambda *given: torch.view_as_real(response(*given)), *lines)
+                found, pull = torch.func.vjp(
+                    lambda *given: torch.view_as_real(response(*given, w=w[:, None])[:, 0]), *lines
+                )
                 n_out = found[0].numel()
                 seeds = torch.eye(n_out, dtype=torch.float64).reshape(n_out, 1, *found.shape[1:])
                 slopes = torch.func.vmap(pull)(seeds.expand(-1, n_line, -1, -1, -1))
-                real = sum(torch.einsum("sfmn,pmn->sfp", s, row) for s, row in zip(slopes, rows, strict=True))
+                real = sum(
+                    torch.einsum("sfmn,pmn->sfp", s, row[:, 0]) for s, row in zip(slopes, rows, strict=True)
+                )
                 return torch.complex(*real.reshape(n_out // 2, 2, n_line, -1).unbind(1))
 
             off = (reverse().movedim(0, 1) - forward().flatten(1, 2)).abs().max() / forward().abs().max()
