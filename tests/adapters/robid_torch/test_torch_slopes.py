@@ -30,6 +30,7 @@ from robid_fit.log_response import LogResponseFit
 torch = pytest.importorskip("torch")
 
 from robid_torch.batches import PROCESSOR, TorchDynamics  # noqa: E402
+from robid_torch.lines import bytes_per_line  # noqa: E402
 
 OMEGA = 2 * np.pi * np.geomspace(4, 80, 9)
 KINDS = ("inertia", "stiffness", "damping", "gear")
@@ -104,10 +105,13 @@ def test_derivatives_by_torch_are_those_of_the_kernel(n_axis: int) -> None:
     )
 
 
-def test_a_batch_cut_to_fit_a_small_memory_gives_the_same_derivatives() -> None:
-    """A few lines, or one and a few parameters, at a time: the same operations on fewer rows."""
+@pytest.mark.parametrize("n_config", [0, 2])
+def test_a_batch_cut_to_fit_a_small_memory_gives_the_same_derivatives(n_config: int) -> None:
+    """A line and a few parameters at a time, or two configurations of three: the same operations on fewer rows."""
     whole = derivatives(PROCESSOR, 6)
-    small = derivatives(TorchDynamics(memory_bytes=4_000_000), 6)
+    n_line = n_config * len(OMEGA)
+    enough = n_line * (1 + len(whole[0])) * bytes_per_line(robot(6).mechanism.n_coordinate, 6)
+    small = derivatives(TorchDynamics(memory_bytes=max(4_000_000, enough)), 6)
     for got, wanted in zip((small[1].mass, *small[2:]), (whole[1].mass, *whole[2:]), strict=True):
         np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-13 * np.abs(wanted).max())
 
