@@ -13,12 +13,14 @@ where something must be finished, `held()` keeps signals waiting. State is the p
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 REMIND_S = 0.5  # how often the main thread is reminded of a request that has not come out
@@ -48,16 +50,26 @@ def signals_as_interrupt() -> Iterator[None]:
     _latch.requested, _latch.over = False, threading.Event()
     heard = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, _hear) for number in heard}
+    show = sys.unraisablehook
+    silent = sys.unraisablehook = functools.partial(_show_unless_latched, show)
     _latch.listening = 1
     try:
         yield
     finally:
         _latch.over.set()
         _latch.listening = 0
+        if sys.unraisablehook is silent:
+            sys.unraisablehook = show
         for number, handler in before.items():
             if signal.getsignal(number) is _hear:
                 signal.signal(number, handler)
         _latch.requested = False
+
+
+def _show_unless_latched(show: Callable[[Any], object], dropped: sys.UnraisableHookArgs) -> None:
+    """Show an exception that Python drops, with its traceback; not a KeyboardInterrupt, which the latch still has."""
+    if not (issubclass(dropped.exc_type, KeyboardInterrupt) and _latch.requested):
+        show(dropped)
 
 
 def _forget() -> None:
@@ -73,10 +85,11 @@ os.register_at_fork(after_in_child=_forget)
 
 def _hear(number: int, frame: FrameType | None) -> None:
     """Set the latch, and raise where that is safe."""
-    first, _latch.requested = not _latch.requested, True
-    if first:
-        arguments = (number, threading.get_ident(), _latch.over)
-        threading.Thread(target=_remind, args=arguments, name="robid reminder", daemon=True).start()
+    with held():  # one that comes now would raise before there is who reminds of it
+        first, _latch.requested = not _latch.requested, True
+        if first:
+            arguments = (number, threading.get_ident(), _latch.over)
+            threading.Thread(target=_remind, args=arguments, name="robid reminder", daemon=True).start()
     if not (_latch.held or _latch.at_safe_points or _latch.over.is_set() or _being_handled()):
         raise KeyboardInterrupt
 

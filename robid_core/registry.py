@@ -15,6 +15,7 @@ from importlib import metadata
 from typing import Any
 
 from robid_core.errors import ConfigurationError, ExtraMissing, PluginError, said_by
+from robid_core.interruption import may_be_requested
 
 STAGES = "robid.stages"
 EFFECTS = "robid.effects"
@@ -79,6 +80,10 @@ class Plugin:
 
     def load(self) -> Any:
         """Import the object; PluginError says which distribution failed and why."""
+        if metadata.EntryPoint.pattern.match(self.target) is None:
+            raise PluginError(
+                f"{self} is registered as '{self.target}', which is no 'module:object'; tell the author of the plugin"
+            )
         try:
             return self.entry_point.load()
         except ModuleNotFoundError as error:
@@ -89,9 +94,9 @@ class Plugin:
             if self.distribution != UNKNOWN:
                 missing += f"; run: pip install {self.distribution} (adds what it requires and lacks)"
             raise PluginError(missing) from error
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:  # a module may end in sys.exit()
+            if isinstance(error, KeyboardInterrupt) and may_be_requested():
+                raise
             raise PluginError(
                 f"{self} cannot be imported: {type(error).__name__}: {said_by(error)}"
             ) from error

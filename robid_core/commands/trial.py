@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from robid_core.errors import PluginError
 from robid_core.executors.task import surviving
+from robid_core.interruption import may_be_requested
 from robid_core.registry import GROUPS, Plugin, registry
 from robid_core.run.confined_stage import last_frame
 from robid_core.store import failures_named
@@ -71,7 +72,7 @@ def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) 
     if kind == "nothing":
         raise PluginError(_how_it_ended(os.waitstatus_to_exitcode(status), plugins, doing, last))
     if kind == "error":
-        if isinstance(value, Exception | KeyboardInterrupt):
+        if isinstance(value, Exception) or (isinstance(value, KeyboardInterrupt) and may_be_requested()):
             raise value
         how = f"raised {type(value).__name__}, which no plugin may"
         raise PluginError(_blamed(how, plugins, doing)) from value
@@ -87,10 +88,10 @@ def _work(action: Callable[[], object], there: Connection, crash: int) -> None:
     except BaseException as error:
         message = "error", surviving(error)
     try:
-        there.send(message)
         sys.stdout.flush()
         sys.stderr.flush()
-    except OSError:  # nobody listens any more, or the plugin closed files that are not its own
+        there.send(message)
+    except Exception:  # nobody listens any more, or the plugin took streams that are not its own
         os._exit(1)
     os._exit(0)
 

@@ -16,11 +16,13 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -145,6 +147,7 @@ class ProcessMap:
 
     def _workers(self) -> concurrent.futures.ProcessPoolExecutor:
         if self._pool is None:
+            start_resource_tracker()
             self._pool = concurrent.futures.ProcessPoolExecutor(
                 self.jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
             )
@@ -163,6 +166,18 @@ class ProcessMap:
             worker.join(END_S)
             worker.kill()  # one that has ended is not touched
             worker.join(END_S)
+
+
+def start_resource_tracker() -> None:
+    """Start the process of multiprocessing that clears away what killed processes leave; it does so without a word.
+
+    It would call what a run leaves that kills a stage with its pool a leak, on the screen, after the last line.
+    """
+    sys.warnoptions.append("ignore:resource_tracker")
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.pop()
 
 
 def _processors() -> int:

@@ -23,11 +23,11 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 from robid_core.errors import MotionAborted, PluginError
+from robid_core.executors.process import start_resource_tracker
 from robid_core.interruption import SIGNALS, heed, held
 from robid_core.run.confined_stage import Job, crash_file, last_frame, run_job
 from robid_core.run.process_state import umask
@@ -74,7 +74,7 @@ class _Confined:
     def start(self) -> None:
         """Start it deaf to signals until it has a process group of its own."""
         with held():
-            resource_tracker.ensure_running()  # which would let signals through again
+            start_resource_tracker()  # which would let signals through again
             with _blocked_signals():  # in the server too, where this is the first
                 arguments = (self._job, self._memory_mb, dict(os.environ), umask(), self._there)
                 self._process, self._server = started(run_job, arguments, f"robid {self._job.name}")

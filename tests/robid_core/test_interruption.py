@@ -9,12 +9,16 @@ import sys
 import threading
 import time
 import weakref
+from collections.abc import Callable
+from typing import Any
 
 import pytest
+from faults.fault import fault
 
 from robid_core import interruption
 from robid_core.interruption import at_safe_points, heed, held, requested, signals_as_interrupt
 
+INTERRUPTION = "robid_core/interruption.py"
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
@@ -124,6 +128,60 @@ def test_a_signal_that_python_drops_is_met_at_the_next_look(place: str) -> None:
         del watcher
         with pytest.raises(KeyboardInterrupt):
             heed()
+
+
+@fault(
+    "D18",
+    sees="no traceback where Python drops what a signal raises, at a fork or in a `__del__`; of other errors, as ever",
+    mutant=(
+        INTERRUPTION,
+        "    if not (issubclass(dropped.exc_type, KeyboardInterrupt) and _latch.requested):\n",
+        "    if True:\n",
+    ),
+)
+def test_D18_a_signal_that_python_drops_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[type[BaseException]] = []
+    show = shown.append
+    monkeypatch.setattr(sys, "unraisablehook", lambda dropped: show(dropped.exc_type))
+    before = sys.unraisablehook
+
+    class Unlucky:
+        def __init__(self, call: Callable[[], object]) -> None:
+            self.call = call
+
+        def __del__(self) -> None:
+            self.call()
+
+    with signals_as_interrupt():
+        Unlucky(lambda: signal.raise_signal(signal.SIGTERM))
+        Unlucky(lambda: 1 / 0)
+        assert requested()
+    assert shown == [ZeroDivisionError]
+    assert sys.unraisablehook is before
+
+
+@fault(
+    "D18",
+    sees="a run that ends at two signals at once, also where Python drops what they raise: somebody reminds it",
+    mutant=(
+        INTERRUPTION,
+        "    with held():  # one that comes now",
+        "    with contextlib.nullcontext():  # one that comes now",
+    ),
+)
+def test_D18_a_signal_within_another_does_not_keep_it_from_being_reminded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Reminder(threading.Thread):
+        def __init__(self, **settings: Any) -> None:
+            signal.raise_signal(signal.SIGTERM)
+            super().__init__(**settings)
+
+    monkeypatch.setattr(threading, "Thread", Reminder)
+    with signals_as_interrupt():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert "robid reminder" in [thread.name for thread in threading.enumerate()]
 
 
 def test_at_safe_points_a_signal_waits_for_the_next_look() -> None:

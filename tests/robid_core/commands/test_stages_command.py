@@ -11,6 +11,8 @@ from pydantic import Field
 
 from robid_core import FrfEstimator, Robot, Settings
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
+from robid_core.errors import PluginError
+from robid_core.interruption import signals_as_interrupt
 from robid_core.registry import EFFECTS, STAGES, Plugin, Registry, registry
 from robid_core.yaml_file.kind import PIPELINE_FILE
 from robid_core.yaml_file.parsing import read_nodes
@@ -68,6 +70,22 @@ def test_a_plugin_that_fails_is_a_line_and_no_failure() -> None:
     name, group, package, what = row(plugin("robid_no_such_module:Stage"))
     assert (name, group, package) == ("frf.everything", "stages", "somebody 3.1")
     assert what.startswith("FAILS: 'frf.everything' (somebody 3.1) needs the module robid_no_such_module")
+
+
+def test_a_plugin_that_is_registered_as_no_object_is_told() -> None:
+    with pytest.raises(
+        PluginError, match="somebody 3.1. is registered as '!!! nothing', which is no 'module:object'"
+    ):
+        plugin("!!! nothing").load()
+
+
+def test_a_plugin_that_interrupts_itself_when_it_is_imported_has_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "robid_impatient.py").write_text("raise KeyboardInterrupt", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    with signals_as_interrupt(), pytest.raises(PluginError, match="cannot be imported: KeyboardInterrupt"):
+        plugin("robid_impatient:Stage").load()
 
 
 def test_every_installed_stage_can_be_explained(capsys: pytest.CaptureFixture[str]) -> None:

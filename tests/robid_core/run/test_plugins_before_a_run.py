@@ -68,7 +68,7 @@ def test_R09_settings_of_a_plugin_that_end_the_process_are_told(
 @fault(
     "R09",
     sees="exit 8 of validate, plan and run: a plugin's settings raised SystemExit, which would be exit 0",
-    mutant=(TRIAL, "        if isinstance(value, Exception | KeyboardInterrupt):\n", "        if True:\n"),
+    mutant=(TRIAL, "        if isinstance(value, Exception) or (", "        if True or ("),
 )
 @pytest.mark.parametrize("command", ["validate", "plan", "run"])
 def test_R09_settings_of_a_plugin_that_ask_to_exit_are_told(world: Any, capsys: Any, command: str) -> None:
@@ -76,6 +76,40 @@ def test_R09_settings_of_a_plugin_that_ask_to_exit_are_told(world: Any, capsys: 
     code, out, err = told(world, capsys, command)
     assert (code, out) == (8, "")
     assert "while the pipeline was read, the code of robid_strange_stages 1.0 raised SystemExit" in err
+
+
+@fault(
+    "R14",
+    sees="exit 8 of validate and run: a plugin raised KeyboardInterrupt when imported; it was exit 130",
+    mutant=(
+        TRIAL,
+        "(isinstance(value, KeyboardInterrupt) and may_be_requested())",
+        "isinstance(value, KeyboardInterrupt)",
+    ),
+)
+@pytest.mark.parametrize("command", ["validate", "run"])
+def test_R14_a_plugin_that_interrupts_itself_is_told(world: Any, capsys: Any, command: str) -> None:
+    at_import(world, "raise KeyboardInterrupt")
+    code, out, err = told(world, capsys, command)
+    assert (code, out) == (8, "")
+    assert "the code of robid_strange_stages 1.0 raised KeyboardInterrupt, which no plugin may" in err
+
+
+@fault(
+    "R09",
+    sees="exit 8 of validate, one sentence: a plugin took the standard streams away; it was exit 70 without a word",
+    mutant=(
+        TRIAL,
+        "        sys.stdout.flush()\n        sys.stderr.flush()\n        there.send(message)\n",
+        "        there.send(message)\n        sys.stdout.flush()\n        sys.stderr.flush()\n",
+    ),
+)
+def test_R09_a_plugin_that_takes_the_streams_away_is_told(world: Any) -> None:
+    at_import(world, "import sys; sys.stdout = sys.stderr = None")
+    done = run([*ROBID, "validate", str(world.file)], env=world.environment)
+    assert (done.returncode, done.stdout) == (8, "")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "the code of robid_strange_stages 1.0 ended the process" in done.stderr
 
 
 @fault(
