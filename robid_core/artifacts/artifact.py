@@ -71,7 +71,12 @@ class Artifact:
                 continue
             if not isinstance(value, np.ndarray):
                 raise DataRejected(f"{self.place(item.name)}: an array is wanted, not {type(value).__name__}")
-            self._check_array(item.name, value, item.metadata, lengths)
+            if np.ma.is_masked(value):
+                raise DataRejected(
+                    f"{self.place(item.name)}: {int(np.ma.getmaskarray(value).sum())} values are masked, which no file "
+                    "keeps; fill them with what they are (values.filled)"
+                )
+            self._check_array(item.name, np.asarray(value), item.metadata, lengths)
         self.__setstate__(vars(self).copy())
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -42,11 +42,11 @@ def is_frozen(values: npt.NDArray[Any]) -> bool:
 def kept(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the values frozen, copied where somebody else may write them, in an array that stays read-only.
 
-    It is a view of a frozen array, which numpy does not let become writeable again.
+    It is a view of a frozen array, which numpy does not let become writeable again; of a subclass its numbers stay.
     """
     if not is_frozen(values):
         values = frozen(np.array(values, order="K"))
-    return values.view()
+    return np.asarray(values).view()
 
 
 class FrozenDict(dict[Key, Value]):

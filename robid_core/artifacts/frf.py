@@ -47,7 +47,7 @@ class Frf(Artifact):
     sample_time_s: float
     torque_hold: str
     angle: FloatArray = array("n_config n_axis", "rad")
-    frequency_hz: FloatArray = array("n_freq", "Hz", rising=True)
+    frequency_hz: FloatArray = array("n_freq", "Hz", rising=True, least=0.0)
     response: ComplexArray = array("n_config n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False, known=True)
     block_response: ComplexArray | None = array(
         "n_config n_block n_freq n_out n_in", "(rad/s^2)/(N m)", finite=False, optional=True

@@ -1,9 +1,10 @@
-"""What no result may be, whoever computed it: values at infinity, nothing but NaN, axes that run backwards, negative
-errors, covariances that no scatter has, clocks that stand still, one name for two things.
+"""What no result may be, whoever computed it: something else than its class declares, values at infinity, nothing but
+NaN, axes that run backwards, negative errors, covariances that no scatter has, clocks that stand still, one name for
+two things, names for nothing.
 
 Asked before a result is stored, of whole artifacts, since they may be built from parts that are checked elsewhere. A
-field says in its declaration what it is: `array(..., rising=True)`, `array(..., covariance=True)`,
-`array(..., known=True)`, `array(..., least=0.0)`.
+field says in its declaration what it is: its type (`declared.py`), `array(..., rising=True)`,
+`array(..., covariance=True)`, `array(..., known=True)`, `array(..., least=0.0)`.
 """
 
 from __future__ import annotations
@@ -16,14 +17,34 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.artifacts.artifact import Artifact
+from robid_core.artifacts.declared import declarations, other_than
+from robid_core.artifacts.dense_run import DenseRun
+from robid_core.artifacts.record import Record
+from robid_core.artifacts.units import QUANTITIES
+from robid_core.errors import DataRejected
 
 NAMES = ("names", "axis_names")  # fields in which a name means one thing
+PARAMETERS = frozenset({"n_parameter", "n_essential"})
+NAMED = {"axis_names": frozenset({"n_axis"}), "names": PARAMETERS, "units": PARAMETERS, "groups": PARAMETERS}
+HOLDS = ("zero_order_hold", "continuous")
+CLOCKS = 1e-3  # by which two statements of a sampling time may differ
 ROUNDING = 1e-6  # of a correlation: matrices that were inverted near their last digits are still covariances
 
 
 def unsound(artifact: Artifact, place: str = "") -> Iterator[str]:
     """Yield what is wrong with an artifact and those within it: the field, and what about it."""
     place = place or type(artifact).__name__
+    others = list(_undeclared(artifact, place))
+    yield from others
+    if others:
+        return
+    try:
+        artifact.replace()  # checked as when it was built: it may have been changed or built in another way
+    except (DataRejected, TypeError, ValueError) as error:
+        yield str(error)
+        return
+    yield from _wrong_lengths(artifact, place)
+    yield from _wrong_measurement(artifact, place)
     yield from _wrong_clock(artifact, place)
     for item in dataclasses.fields(artifact):
         value, where = getattr(artifact, item.name), f"{place}.{item.name}"
@@ -42,6 +63,51 @@ def unsound(artifact: Artifact, place: str = "") -> Iterator[str]:
             for key, part in parts:
                 if isinstance(part, Artifact):
                     yield from unsound(part, f"{where}[{key}]")
+
+
+def _undeclared(artifact: Artifact, place: str) -> Iterator[str]:
+    """Yield which fields are missing, or hold something else than their class declares."""
+    for name, declared in declarations(type(artifact)).items():
+        if name not in {item.name for item in dataclasses.fields(artifact)}:
+            continue
+        if not hasattr(artifact, name):
+            yield f"{place}.{name}: missing"
+        elif words := other_than(declared, getattr(artifact, name)):
+            yield f"{place}.{name}: {words}"
+
+
+def _wrong_lengths(artifact: Artifact, place: str) -> Iterator[str]:
+    """Yield which names are more or fewer than what they name."""
+    fields = [(item, getattr(artifact, item.name)) for item in dataclasses.fields(artifact)]
+    arrays = [(item.metadata["axes"], value) for item, value in fields if isinstance(value, np.ndarray)]
+    lengths = {axis: length for axes, value in arrays for axis, length in zip(axes, value.shape, strict=True)}
+    for item, names in fields:
+        for axis in sorted(NAMED.get(item.name, frozenset()) & lengths.keys()):
+            if len(names) != lengths[axis]:
+                yield f"{place}.{item.name}: {len(names)} entries, but {axis} is {lengths[axis]}"
+
+
+def _wrong_measurement(artifact: Artifact, place: str) -> Iterator[str]:
+    """Yield what no measurement says: nothing at all, a hold that nobody knows, channels in units of something else."""
+    hold = getattr(artifact, "torque_hold", HOLDS[0])
+    if hold not in HOLDS:
+        yield f"{place}.torque_hold: '{hold}', not {' or '.join(HOLDS)}"
+    if isinstance(artifact, Record) and not artifact.runs:
+        yield f"{place}.runs: empty"
+    if not isinstance(artifact, DenseRun):
+        return
+    if not artifact.channels:
+        yield f"{place}.channels: empty"
+    step_s = float(np.diff(artifact.time_s).mean()) if len(artifact.time_s) > 1 else artifact.sample_time_s
+    if abs(step_s - artifact.sample_time_s) > CLOCKS * abs(artifact.sample_time_s):
+        yield f"{place}.time_s: {step_s:g} s between samples, but sample_time_s is {artifact.sample_time_s:g} s"
+    for name, channel in artifact.channels.items():
+        where = f"{place}.channels[{name}]"
+        allowed = next((symbols for word, symbols in QUANTITIES.items() if word in name), None)
+        if allowed is not None and channel.unit_symbol not in allowed:
+            yield f"{where}: in {channel.unit_symbol or 'no unit'}; by its name it is in {' or '.join(allowed)}"
+        if channel.values.shape[:-1] != artifact.valid.shape:
+            yield f"{where}: values of shape {channel.values.shape}, but valid has {artifact.valid.shape}"
 
 
 def _wrong(values: npt.NDArray[Any], metadata: Mapping[str, Any]) -> str:

@@ -20,6 +20,7 @@ from robid_core.errors import PluginError
 from robid_core.yaml_file.model_fields import fields_at, first_line
 from robid_core.yaml_file.nodes import Node
 from robid_core.yaml_file.problems import KeyPath, ProblemList, nearest, suggestion
+from robid_core.yaml_file.scalars import MOST_DIGITS
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
@@ -186,6 +187,8 @@ def _hint(item: Mapping[str, Any]) -> str:
     if kind == "int_type" and isinstance(value, float) and value.is_integer():
         return f"{value!r} is not a whole number to YAML; write {int(value)}"
     if kind in ("int_type", "float_type") and isinstance(value, str):
+        if len(value) > MOST_DIGITS and value.lstrip("+-").isdecimal():
+            return f"it has {len(value.lstrip('+-'))} digits, of which at most {MOST_DIGITS} are read"
         return f"'{_short(value)}' is text"
     if kind == "string_type" and isinstance(value, bool | int | float):
         return f"{value!r} is no text; write it in quotes if text is meant"

@@ -104,6 +104,10 @@ class _Confined:
     def _hear(self, wait_s: float = LOOK_S) -> tuple[Any, ...] | None:
         """Return the next message, None where there is none within `wait_s`; whole, whatever signals come."""
         if not self._here.poll(wait_s):
+            assert self._process is not None
+            ended = self._process.exitcode not in (None, SERVER_GONE)  # others may hold its end of the line
+            if ended and not self._here.poll(0):
+                raise self._died()
             return None
         try:
             with held():
@@ -121,7 +125,10 @@ class _Confined:
         if code == SERVER_GONE and self._server is not None and has_died(self._server):
             how = "R11: the server that starts processes was killed, and this one ended without a result"
             advice = "run again; where memory runs out the system kills, so give it less work if that repeats"
-        elif code is None or code == -signal.SIGKILL:
+        elif code is None:
+            how = "R09: its process tells nothing any more and goes on: its code put another program in its place"
+            advice = "a plugin starts programs beside itself and closes only its own files; tell its author"
+        elif code == -signal.SIGKILL:
             how = f"R11: its process was killed{limit}, as the system does where memory runs out"
             advice = "give it less work or a larger --memory"
         elif code < 0:

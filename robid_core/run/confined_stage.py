@@ -89,6 +89,9 @@ class _Log(logging.handlers.QueueHandler):
         with contextlib.suppress(OSError):
             self._line.send("log", record)
 
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Lose a line that cannot be made or sent, as the log file does."""
+
 
 def run_job(
     job: Job, memory_mb: int | None, environment: Mapping[str, str], umask: int, pipe: Connection
@@ -112,14 +115,23 @@ def run_job(
             message: tuple[Any, ...] = ("done",)
         except BaseException as error:
             settled()
-            text = traceback.format_exc()
-            told = surviving(error)
-            told.robid_frames = list(traceback.extract_tb(error.__traceback__))  # type: ignore[attr-defined]
-            message = ("error", told, text)
+            message = _told(error)
         try:
             line.send(*message)
         except OSError:  # nobody listens any more, or the stage's code closed the pipe and all other files
             os._exit(1)
+
+
+def _told(error: BaseException) -> tuple[Any, ...]:
+    """Return the message on an error; end with exit code 1 where the stage's code left too little of Python for it."""
+    try:
+        text = traceback.format_exc()
+        told = surviving(error)
+        with contextlib.suppress(Exception):  # some exceptions let nobody add to them
+            told.robid_frames = list(traceback.extract_tb(error.__traceback__))  # type: ignore[attr-defined]
+        return "error", told, text
+    except BaseException:
+        os._exit(1)
 
 
 def _take_over(environment: Mapping[str, str], umask: int) -> None:

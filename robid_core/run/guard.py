@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import sys
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ from robid_core.pipeline import StageNode
 from robid_core.stage import Stage
 from robid_core.store import OF_THE_MACHINE, failures_named
 
+OUR_CODES = range(2, 9)  # of the kinds of errors; no plugin's error is a success, or a mistake of robid
 LONGEST_LINE = 1000  # characters of what a plugin says of its failure; the log has all
 
 
@@ -33,7 +35,7 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
     except BaseException as error:  # SystemExit too, and what libraries cancel or skip with
         if isinstance(error, KeyboardInterrupt) and may_be_requested():
             raise
-        if isinstance(error, RobidError) and not isinstance(error, StandIn):
+        if isinstance(error, RobidError) and not isinstance(error, StandIn) and error.exit_code in OUR_CODES:
             text = said_by(error)
             log.error("stage %s: %s", node.name, text, exc_info=True)
             if not text:
@@ -46,7 +48,7 @@ def named_errors(node: StageNode, log: logging.Logger, log_path: Path) -> Iterat
         if isinstance(error, OSError) and error.errno in OF_THE_MACHINE:
             named = ", with" if error.filename else ""
             file = Path(error.filename) if error.filename else None
-            with failures_named(f"run stage {node.name}, {node.plugin}{named}", file):
+            with failures_named(f"run stage {node.name}, {node.plugin}{named}", file, needed=None):
                 raise
         raise PluginError(
             f"stage {node.name}: {node.plugin} failed: {_first_line(error)}\n"
@@ -70,7 +72,8 @@ def _first_line(error: BaseException) -> str:
 
 def _where(error: BaseException, package: str) -> str:
     """Return the last line of the plugin's own code that the error went through."""
-    frames = getattr(error, "robid_frames", None) or traceback.extract_tb(error.__traceback__)
+    told = object.__getattribute__(error, "__dict__").get("robid_frames")  # its class may answer by an error
+    frames = told or traceback.extract_tb(object.__getattribute__(error, "__traceback__"))
     own = [f for f in frames if f"/{package}/" in f.filename or f.filename.endswith(f"/{package}.py")]
     if not frames:
         return "the trace is empty"
@@ -86,6 +89,11 @@ def checked_result(name: str, plugin: object, stage: Stage, result: Any) -> Arti
             f"stage {name}: R12: {plugin} returned {_a(type(result).__name__)}, but its kind "
             f"'{stage.kind}' promises {_a(promised.__name__)}; nothing was stored"
         )
+    if not _found_again(type(result)) or result.suffix != promised.suffix:
+        raise PluginError(
+            f"stage {name}: R12: {plugin} returned {_a(type(result).__name__)}, a class that nobody could read back: "
+            f"it must stand at the top of a module, and its files end in '{promised.suffix}'; nothing was stored"
+        )
     problem = next(unsound(result), "")
     if problem:
         raise PluginError(
@@ -94,5 +102,10 @@ def checked_result(name: str, plugin: object, stage: Stage, result: Any) -> Arti
     return result
 
 
+def _found_again(kind: type[Artifact]) -> bool:
+    """Tell whether another process finds a class by its name."""
+    return getattr(sys.modules.get(kind.__module__), kind.__qualname__, None) is kind
+
+
 def _a(noun: str) -> str:
-    return f"an {noun}" if noun[0].lower() in "aeiou" else f"a {noun}"
+    return f"an {noun}" if noun[:1].lower() in set("aeiou") else f"a {noun}"

@@ -12,13 +12,14 @@ import fcntl
 import json
 import os
 import socket
+import stat
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from robid_core.errors import StoreError
 from robid_core.interruption import heed
-from robid_core.store import failures_named
+from robid_core.store import NoFile, failures_named
 
 LOOK_S = 0.05  # how often a lock that somebody holds is tried
 
@@ -45,6 +46,8 @@ def run_lock(path: Path, wait: bool, waiting: Callable[[str], None]) -> Iterator
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         with failures_named("lock", path):
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise NoFile(path)
             if not _try(descriptor):
                 holder = _holder(descriptor)
                 if not wait:

@@ -23,7 +23,7 @@ class _LogFile(logging.FileHandler):
 def log_file(path: Path, title: str) -> Iterator[logging.Logger]:
     """Write everything that is logged under 'robid' to a file, too, and give the run's logger."""
     with failures_named("write", path):
-        if path.is_fifo() or path.is_dir():  # opening a pipe would wait for who reads it
+        if path.is_fifo() or path.is_dir() or path.is_socket():  # opening a pipe would wait for who reads it
             raise NoFile(path)
         handler = _LogFile(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))

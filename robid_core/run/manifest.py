@@ -16,7 +16,7 @@ from robid_core.errors import ConfigurationError, StoreError
 from robid_core.pipeline.wiring import Source
 from robid_core.run.folder import RunFolder
 from robid_core.run.identity import differences
-from robid_core.store import Files, Store, canonical_json, failures_named, text_hash
+from robid_core.store import Files, NoFile, Store, canonical_json, failures_named, text_hash
 
 MANIFEST_FORMAT = 2  # 1 had no hash of its own
 
@@ -90,6 +90,8 @@ class Manifest:
                 data = (files or Files()).read(folder.manifest)
             except FileNotFoundError:
                 return None
+            except NoFile as error:
+                raise DamagedManifest(folder, "a folder, a pipe or a device stands there") from error
         try:
             content = json.loads(data)
             version = _checked_version(folder, content)

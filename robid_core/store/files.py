@@ -35,11 +35,24 @@ ADVICE = {
     errno.EISDIR: "a folder stands where a file belongs; move it away and run again",
     errno.ENOTDIR: "a file stands where a folder belongs; move it away and run again",
     errno.EEXIST: "a file stands where a folder belongs; move it away and run again",
+    errno.ENXIO: "a socket or a device stands where a file belongs; move it away and run again",
+    errno.ELOOP: "a link leads to itself; remove it and run again",
+    errno.ENOENT: "a folder on the way to it is gone, or a link leads nowhere; bring it back, or remove the link",
+}
+OF_FILES = {
+    errno.EACCES,
+    errno.EPERM,
+    errno.EISDIR,
+    errno.ENOTDIR,
+    errno.EEXIST,
+    errno.ENXIO,
+    errno.ELOOP,
+    errno.ENOENT,
 }
 
 
 class NoFile(OSError):
-    """What stands under a name is a folder, a pipe or a device: no file of ours, and reading it may never end."""
+    """What stands under a name is a folder, a pipe, a socket, a device: no file of ours, and reading may never end."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(f"{path} is no file")
@@ -113,7 +126,12 @@ class Files:
 
 def _opened(path: Path) -> BinaryIO:
     """Open a file for reading; what is none is not waited for."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError as error:
+        if error.errno in (errno.ENXIO, errno.ELOOP):  # a socket, a link to itself
+            raise NoFile(path) from error
+        raise
     if stat.S_ISREG(os.fstat(descriptor).st_mode):
         return os.fdopen(descriptor, "rb")
     os.close(descriptor)
@@ -129,7 +147,7 @@ def _sync(path: Path, flags: int) -> None:
 
 
 @contextlib.contextmanager
-def failures_named(doing: str, path: Path | None, needed: int = 0) -> Iterator[None]:
+def failures_named(doing: str, path: Path | None, needed: int | None = 0) -> Iterator[None]:
     """Turn an OSError into a StoreError: what was done to which path, why it failed, what to do.
 
     Parameters
@@ -139,14 +157,16 @@ def failures_named(doing: str, path: Path | None, needed: int = 0) -> Iterator[N
     path
         What the user knows it by; None where the system named no file.
     needed
-        Bytes that were to be written, for the message when the disk is full.
+        Bytes that were to be written, for the message when the disk is full; None where it is not known which disk is.
     """
     try:
         yield
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else said_by(error).partition("\n")[0]
+        if error.errno in (errno.ENOTDIR, errno.EEXIST) and (obstacle := _obstacle(error.filename)):
+            why = f"{obstacle} is no folder"
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-        room = _room(path, needed) if full and path is not None else ""
+        room = _room(path, needed) if full and path is not None and needed is not None else ""
         otherwise = (
             "move it away and run again" if isinstance(error, NoFile) else "check the disk and run again"
         )
@@ -155,8 +175,14 @@ def failures_named(doing: str, path: Path | None, needed: int = 0) -> Iterator[N
         raise StoreError(f"cannot {what}: {why}{room}; what was finished before is kept; {advice}") from error
 
 
+def _obstacle(path: str | None) -> Path | None:
+    """Return what stands on the way to a path, or in its place, and is no folder."""
+    way = [*reversed(Path(path).parents), Path(path)] if path else []
+    return next((place for place in way if os.path.lexists(place) and not place.is_dir()), None)
+
+
 # Failures of the machine, whoever's code they meet.
-OF_THE_MACHINE = frozenset(ADVICE) - {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST}
+OF_THE_MACHINE = frozenset(ADVICE) - OF_FILES
 
 
 def _room(path: Path, needed: int) -> str:

@@ -82,7 +82,8 @@ class Store:
             for folder in (self.folder.parent, self.folder, *folders):  # also what a killed run left unsynced
                 self.files.sync_folder(folder)
             for name in self.files.names(self.temporary):
-                self.files.remove(self.temporary / name)
+                with failures_named("clear away", self.temporary / name):
+                    self.files.remove(self.temporary / name)
 
     def lookup(self, key: str) -> Lookup:
         """Say whether the artifact made under `key` is here or in a run beside, every byte of it verified."""

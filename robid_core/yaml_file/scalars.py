@@ -12,10 +12,12 @@ Scalar = str | int | float | bool | None
 _NULL = frozenset({"", "~", "null", "Null", "NULL"})
 _TRUE = frozenset({"true", "True", "TRUE"})
 _FALSE = frozenset({"false", "False", "FALSE"})
-# Longer numbers stay text: no setting needs them, and Python refuses to convert very long ones.
-_INTEGER = re.compile(r"[-+]?[0-9]{1,300}")
-_OCTAL = re.compile(r"0o[0-7]{1,300}")
-_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]{1,300}")
+MOST_DIGITS = (
+    300  # longer numbers stay text: no setting needs them, and Python refuses to convert very long ones
+)
+_INTEGER = re.compile(rf"[-+]?[0-9]{{1,{MOST_DIGITS}}}")
+_OCTAL = re.compile(rf"0o[0-7]{{1,{MOST_DIGITS}}}")
+_HEXADECIMAL = re.compile(rf"0x[0-9a-fA-F]{{1,{MOST_DIGITS}}}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _INFINITY = re.compile(r"[-+]?\.(inf|Inf|INF)")
 _NOT_A_NUMBER = re.compile(r"\.(nan|NaN|NAN)")
@@ -33,7 +35,7 @@ def plain_scalar(text: str) -> Scalar:
         return int(text[2:], 8)
     if _HEXADECIMAL.fullmatch(text):
         return int(text[2:], 16)
-    if _FLOAT.fullmatch(text) and len(text) <= 300:
+    if _FLOAT.fullmatch(text) and len(text) <= MOST_DIGITS:
         return float(text)
     if _INFINITY.fullmatch(text):
         return float(text.replace(".", ""))

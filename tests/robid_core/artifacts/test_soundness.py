@@ -10,8 +10,9 @@ import pytest
 from faults.fault import fault
 from hypothesis import given, settings, strategies as st
 
-from robid_core import Channel, Frf, ParameterTable
+from robid_core import Channel, Configurations, DenseRun, Frf, ParameterTable, Record, Report
 from robid_core.artifacts.soundness import no_covariance, unsound
+from robid_core.errors import DataRejected
 
 SEES = (
     "exit 8: the stage and its plugin gave a result that cannot be, which field, and why; nothing is stored"
@@ -171,3 +172,148 @@ def test_zero_variances_are_covariances() -> None:
     assert no_covariance(np.zeros((2, 3, 3))) == ""
     with pytest.raises(AssertionError):
         assert no_covariance(np.array([[0.0, 1.0], [1.0, 0.0]])) == ""
+
+
+def changed(artifact: Any, **fields: Any) -> Any:
+    """Return the artifact with fields that nobody checked."""
+    for name, value in fields.items():
+        object.__setattr__(artifact, name, value)
+    return artifact
+
+
+def measurement(**changes: Any) -> DenseRun:
+    """Four samples of a motor."""
+    channel = Channel("motor", "rad", np.zeros((1, 1, 1, 1, 4, 1)))
+    fields: dict[str, Any] = {
+        "sample_time_s": 0.5,
+        "channels": {"motor_position": channel},
+        "time_s": np.arange(4) * 0.5,
+        "valid": np.ones((1, 1, 1, 1, 4), dtype=bool),
+    }
+    return DenseRun(**(fields | changes))
+
+
+@fault(
+    "R12",
+    sees="exit 8: which field holds what, and what its class declares; a file would keep it and nobody could read it",
+    mutant=(FILE, "    if others:\n        return\n", "    others.clear()\n    if True:\n        return\n"),
+)
+@fault(
+    "R12",
+    sees="exit 8: complex angles, texts and records in place of real numbers",
+    mutant=(
+        "robid_core/artifacts/declared.py",
+        "    if wanted in KINDS and value.dtype.kind not in KINDS[wanted]:",
+        "    if False:",
+    ),
+)
+@pytest.mark.parametrize(
+    "artifact, told",
+    [
+        (
+            changed(response(), angle=np.ones((1, 2)) + 1j),
+            "Frf.angle: an array of complex128, not of real numbers",
+        ),
+        (changed(response(), angle=np.ones((1, 2), "S1")), "Frf.angle: an array of |S1, not of real numbers"),
+        (
+            changed(response(), angle=np.ones((1, 2), "f8,i4")),
+            "Frf.angle: an array of [('f0', '<f8'), ('f1', '<i4')]",
+        ),
+        (changed(response(), angle=None), "Frf.angle: nothing, not an array"),
+        (changed(response(), estimator=5), "Frf.estimator: an int, not a str"),
+        (changed(response(), sample_time_s="1"), "Frf.sample_time_s: a str, not a float"),
+        (changed(response(), axis_names=["a", "b"]), "Frf.axis_names: a list, not a tuple"),
+        (changed(response(), axis_names=("a", 5)), "Frf.axis_names: an int, not a str"),
+        (changed(response(), estimator="\ud800"), "Frf.estimator: half a character at 0 of a text"),
+        (changed(response(), estimator="a\0"), "Frf.estimator: a text with the character NUL at 1"),
+        (object.__new__(Report), "Report.html: missing"),
+        (changed(Report("x"), html=""), "Report.html is empty: a page has something to show"),
+        (
+            changed(measurement(), channels={"": None}),
+            "DenseRun.channels: an entry called '', which no file can have",
+        ),
+        (changed(measurement(), channels={"motor": 5}), "DenseRun.channels: an int, not a Channel"),
+        (Record(("a",), "x", "continuous", (5,), np.zeros((1, 1))), "Record.runs: an int, not a DenseRun"),  # type: ignore[arg-type]
+    ],
+)
+def test_R12_what_a_class_does_not_declare_is_no_result(artifact: Any, told: str) -> None:
+    assert [line for line in problems(artifact) if line.startswith(told)]
+
+
+def test_whole_numbers_stand_for_real_ones_and_real_ones_for_complex() -> None:
+    assert problems(response(angle=np.zeros((1, 2), dtype=int), response=np.ones((1, 3, 2, 2)))) == []
+
+
+@fault(
+    "R12",
+    sees="exit 8: NaN, or axes of unequal lengths, in an artifact that was changed after it was built",
+    mutant=(FILE, "        artifact.replace()  #", "        pass  #"),
+)
+def test_R12_what_was_changed_after_it_was_built_is_checked_again() -> None:
+    late = changed(response(), angle=np.full((1, 2), np.nan))
+    assert problems(late) == ["Frf.angle: 2 values are NaN or infinite, the first at n_config=0, n_axis=0"]
+
+
+@fault(
+    "R12",
+    sees="exit 8: how many names there are, and how many values they name",
+    mutant=(FILE, "            if len(names) != lengths[axis]:", "            if False:"),
+)
+def test_R12_names_are_as_many_as_what_they_name() -> None:
+    table = parameters("a", "b")
+    assert problems(table.replace(names=("a",))) == ["ParameterTable.names: 1 entries, but n_parameter is 2"]
+    assert problems(response(axis_names=())) == ["Frf.axis_names: 0 entries, but n_axis is 2"]
+
+
+@fault(
+    "R12",
+    sees="exit 8: a channel in degrees, and in which unit it is by its name; no angle of another unit is stored",
+    mutant=(
+        FILE,
+        "        if allowed is not None and channel.unit_symbol not in allowed:",
+        "        if False:",
+    ),
+)
+def test_R12_what_no_measurement_says_is_no_result() -> None:
+    values = np.zeros((1, 1, 1, 1, 4, 1))
+    assert problems(measurement()) == []
+    assert problems(measurement(channels={"motor_position": Channel("motor", "deg", values)})) == [
+        "DenseRun.channels[motor_position]: in deg; by its name it is in rad or m"
+    ]
+    assert problems(measurement(sample_time_s=0.001)) == [
+        "DenseRun.time_s: 0.5 s between samples, but sample_time_s is 0.001 s"
+    ]
+    assert problems(measurement(channels={})) == ["DenseRun.channels: empty"]
+    short = measurement(channels={"current": Channel("motor", "A", values[..., :2, :])})
+    assert problems(short) == [
+        "DenseRun.channels[current]: values of shape (1, 1, 1, 1, 2, 1), but valid has (1, 1, 1, 1, 4)"
+    ]
+    assert problems(Record(("a",), "x", "held", (), np.zeros((1, 1)))) == [
+        "Record.torque_hold: 'held', not zero_order_hold or continuous",
+        "Record.runs: empty",
+    ]
+
+
+@fault(
+    "R12",
+    sees="exit 5: how many values are masked, and to fill them; none comes out as if it had been measured",
+    mutant=(
+        "robid_core/artifacts/artifact.py",
+        "            if np.ma.is_masked(value):",
+        "            if False:",
+    ),
+)
+def test_R12_masked_values_do_not_lose_their_mask() -> None:
+    masked = np.ma.masked_array([[1.0], [2.0]], mask=[[True], [False]])
+    with pytest.raises(DataRejected, match=r"Configurations\.angle: 1 values are masked, .*fill"):
+        Configurations(("a",), masked)
+    assert type(Configurations(("a",), np.ma.masked_array([[1.0]])).angle) is np.ndarray
+
+
+def test_an_array_that_denies_what_it_holds_is_taken_for_its_numbers() -> None:
+    class Liar(np.ndarray[Any, Any]):
+        def __array_ufunc__(self, *_: Any, **__: Any) -> Any:
+            return np.ones(1, dtype=bool)
+
+    with pytest.raises(DataRejected, match="1 values are NaN"):
+        Configurations(("a",), np.full((1, 1), np.nan).view(Liar))

@@ -171,6 +171,7 @@ MISTAKES: dict[str, tuple[tuple[str, str], str, str]] = {
     "a stage that is a module": (("frf.log", "os.system"), "frf.use", "no stage 'os.system'"),
     "a robot from the environment": (("robot: one_axis", "robot: $ROBOT"), "robot", "no robot '$ROBOT'"),
     "a name that leads away": (("name: example", "name: ../other"), "name", "is no name"),
+    "a seed of a thousand digits": (("seed: 1", f"seed: {'1' * 1000}"), "seed", "it has 1000 digits"),
     "a seed in words": (("seed: 1", "seed: now"), "seed", "'now' is text"),
     "drives misspelt": (("use: simulated", "use: simulatd"), "drives.use", "did you mean 'simulated'?"),
     "drives without a plant": (

@@ -6,6 +6,8 @@ import json
 import locale
 import logging
 import os
+import re
+import time
 import warnings
 from pathlib import Path
 from typing import Any
@@ -272,3 +274,88 @@ def test_R16_state_is_taken_back_also_after_a_failure(
     with pytest.raises(ZeroDivisionError), state_taken_back(logging.getLogger("robid.test")):
         fail()
     assert {name: part.ask() for name, part in PARTS.items()} == before
+
+
+@fault(
+    "R09",
+    sees="exit 8 at once: its code ended its process, though a process that it has left goes on",
+    mutant=(
+        CONFINE,
+        "        ended = self._process.exitcode not in (None, SERVER_GONE)",
+        "        ended = False",
+    ),
+)
+def test_R09_a_process_that_a_stage_leaves_behind_does_not_hold_the_run(world: Any) -> None:
+    leaves = """\
+        if not os.fork():
+            os.setsid()
+            time.sleep(20)
+            os._exit(0)
+        os._exit(5)
+"""
+    world.run(last="frf")
+    world.edit(FIT, FIT + leaves)
+    began = time.monotonic()
+    with pytest.raises(PluginError, match="R09: its code ended its process with exit code 5"):
+        confined(world, last="fit")
+    assert time.monotonic() - began < 15
+
+
+@fault(
+    "R09",
+    sees="nothing on the screen, and the stage's result, where a line of its log cannot be made or sent",
+    mutant=(
+        "robid_core/run/confined_stage.py",
+        "    def handleError(self, record: logging.LogRecord) -> None:",
+        "    def unheard(self, record: logging.LogRecord) -> None:",
+    ),
+)
+def test_R09_a_line_of_the_log_that_cannot_be_sent_is_lost_without_a_traceback(world: Any) -> None:
+    lines = """\
+        context.log.info("%d", "no number")
+        context.log.info("a function", extra={"given": lambda: 0})
+        context.log.info("a line")
+"""
+    world.edit(FIT, FIT + lines)
+    done = world.elsewhere(last="fit", trust_plugins=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "robid.fit: a line" in (world.folder / "log.txt").read_text()
+
+
+STUBBORN = """\
+class Stubborn(Exception):
+    def __setattr__(self, name, value):
+        if name == "robid_frames":
+            raise ValueError(name)
+        super().__setattr__(name, value)
+
+
+"""
+EMPTIED = """\
+        import sys
+        for name in list(sys.modules):
+            if name.startswith(("robid", "numpy", "json")):
+                del sys.modules[name]
+        raise ValueError("mine")
+"""
+
+
+@fault(
+    "R09",
+    sees="exit 8 and no traceback, also where a stage's code leaves too little of Python to tell what it raised",
+    mutant=(
+        "robid_core/run/confined_stage.py",
+        "        with contextlib.suppress(Exception):  # some exceptions let nobody add to them",
+        "        with contextlib.nullcontext():",
+    ),
+)
+@pytest.mark.parametrize(
+    "code, told", [('        raise Stubborn("mine")\n', "failed: Stubborn: mine"), (EMPTIED, "R09|mine")]
+)
+def test_R09_no_traceback_of_a_stages_process_is_shown(world: Any, code: str, told: str) -> None:
+    world.edit("BIAS = 0.0", f"{STUBBORN}BIAS = 0.0")  # a class that reaches the run
+    world.edit(FIT, FIT + code)
+    done = world.elsewhere(last="fit", trust_plugins=False)
+    assert done.returncode == 8
+    assert re.search(told, done.stderr)
+    assert "Traceback" not in done.stderr

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import socket
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -120,12 +122,25 @@ def test_two_keys_with_the_same_bytes_are_both_mended(world: Any) -> None:
     assert world.run().idle
 
 
-NO_FILES: dict[str, Callable[[Path], None]] = {"pipe": os.mkfifo, "folder": Path.mkdir}
+def socket_at(path: Path) -> None:
+    """Leave a socket, by a path that is short enough for one."""
+    with contextlib.chdir(path.parent), socket.socket(socket.AF_UNIX) as made:
+        made.bind("s")
+        Path("s").rename(path.name)
+
+
+NO_FILES: dict[str, Callable[[Path], None]] = {
+    "pipe": os.mkfifo,
+    "folder": Path.mkdir,
+    "socket": socket_at,
+    "link to itself": lambda path: path.symlink_to(path.name),
+}
 
 
 @fault(
     "R06",
-    sees="a pipe or a folder where a file of the store belongs is set aside, and what it held is made again",
+    sees="a pipe, a folder, a socket or a link to itself where a file of the store belongs is set aside, and what it "
+    "held is made again",
     mutant=(
         "robid_core/store/files.py",
         "    if stat.S_ISREG(os.fstat(descriptor).st_mode):",
@@ -163,9 +178,13 @@ def test_R06_what_is_no_file_is_set_aside_and_not_waited_for(world: Any, place: 
 @fault(
     "R03",
     sees="exit 7: a log that is a pipe or a folder is no file, to be moved away; a pipe is not waited for",
-    mutant=("robid_core/run/log.py", "        if path.is_fifo() or path.is_dir():", "        if False:"),
+    mutant=(
+        "robid_core/run/log.py",
+        "        if path.is_fifo() or path.is_dir() or path.is_socket():",
+        "        if False:",
+    ),
 )
-@pytest.mark.parametrize("kind", NO_FILES)
+@pytest.mark.parametrize("kind", ["pipe", "folder", "socket"])
 def test_R03_a_log_that_is_no_file_is_told(world: Any, kind: str) -> None:
     world.run()
     log = world.folder / "log.txt"
@@ -175,3 +194,63 @@ def test_R03_a_log_that_is_no_file_is_told(world: Any, kind: str) -> None:
     assert done.returncode == 7
     assert f"cannot write {log}: {log} is no file" in done.stderr
     assert "move it away and run again" in done.stderr
+
+
+@fault(
+    "R06",
+    sees="a pipe, a folder or a socket where the manifest belongs is set aside, and a manifest is written",
+    mutant=(
+        "robid_core/run/manifest.py",
+        "            except NoFile as error:",
+        "            except ZeroDivisionError as error:",
+    ),
+)
+@pytest.mark.parametrize("kind", NO_FILES)
+def test_R06_what_stands_for_the_manifest_is_set_aside(world: Any, kind: str) -> None:
+    world.run()
+    before = world.hashes()
+    manifest = world.folder / "manifest.json"
+    manifest.unlink()
+    NO_FILES[kind](manifest)
+    world.ran()
+    ear = Ear()
+    world.run(listener=ear)
+    assert world.ran() == []
+    assert world.hashes() == before
+    assert (
+        "manifest.json: damaged (a folder, a pipe or a device stands there); it was set aside" in ear.heard[0]
+    )
+    assert '"status": "done"' in manifest.read_text()
+
+
+@fault(
+    "R04",
+    sees="exit 7: which of the folders is none, not the folder of the whole run, and to move that away",
+    mutant=("robid_core/store/files.py", "error.errno in (errno.ENOTDIR, errno.EEXIST) and", "False and"),
+)
+@pytest.mark.parametrize("name", ["artifacts", "store", "store/blobs", "store/temporary"])
+def test_R04_a_file_in_place_of_a_folder_is_named(world: Any, name: str) -> None:
+    world.run(last="where")
+    place = world.folder / name
+    place.rename(world.project / "away")
+    place.write_text("mine")
+    with pytest.raises(StoreError, match=f": {place} is no folder; .*move it away and run again"):
+        world.run(last="where")
+
+
+@fault(
+    "R04",
+    sees="exit 7: a lock that is a pipe or a device is no file, and to move it away",
+    mutant=(
+        "robid_core/run/lock.py",
+        "            if not stat.S_ISREG(os.fstat(descriptor).st_mode):",
+        "            if False:",
+    ),
+)
+def test_R04_a_lock_that_is_no_file_is_told(world: Any) -> None:
+    world.run(last="where")
+    lock = world.folder / "store" / "lock"
+    lock.unlink()
+    lock.symlink_to("/dev/null")
+    with pytest.raises(StoreError, match=r"cannot lock .*lock is no file; .*move it away and run again"):
+        world.run(last="where")

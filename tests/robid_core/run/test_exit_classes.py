@@ -96,6 +96,20 @@ def test_a_log_whose_disk_is_full_when_it_is_closed_ends_no_run(world: Any) -> N
     assert '"status": "done"' in (world.folder / "manifest.json").read_text()
 
 
+@fault(
+    "R03",
+    sees="exit 7: the file for which a stage found a disk full, and no room of another disk",
+    mutant=(GUARD, ", file, needed=None):", ", file):"),
+)
+def test_R03_the_room_of_a_disk_that_is_not_known_is_not_told(world: Any) -> None:
+    world.edit(FIT, FIT + "        raise OSError(28, 'No space left on device', '/other/disk/file')\n")
+    with pytest.raises(StoreError) as caught:
+        world.run(last="fit")
+    assert "with /other/disk/file: No space left on device; what was finished before is kept" in str(
+        caught.value
+    )
+
+
 def test_a_plugins_own_system_error_stays_the_plugins(world: Any) -> None:
     world.edit(FIT, FIT + "        open('/nowhere/at/all')\n")
     with pytest.raises(PluginError, match="FileNotFoundError"):

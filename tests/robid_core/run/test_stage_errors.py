@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -306,6 +307,80 @@ def test_an_exception_that_hides_its_class_and_its_text_is_told(world: Any) -> N
             PluginError, match="an exception whose class cannot be named: .its text cannot be shown"
         ):
             world.run(last="fit", trust_plugins=trust)
+
+
+@fault(
+    "R12",
+    sees="exit 8: the class of the result, which no other process could read back; nothing is stored",
+    mutant=("robid_core/run/guard.py", "    if not _found_again(type(result)) or", "    if"),
+)
+@pytest.mark.parametrize("body", ["pass", "suffix = '.html'"])
+def test_R12_a_class_that_only_one_process_has_is_not_stored(world: Any, body: str) -> None:
+    world.edit(
+        "\n        converged = self.outcome",
+        f"\n        class Own(Fit):\n            {body}\n\n        converged = self.outcome",
+    )
+    world.edit(
+        '        return Fit("strange", status, converged', '        return Own("strange", status, converged'
+    )
+    for trust in (True, False):
+        with pytest.raises(
+            PluginError, match=r"R12: .* returned an Own, a class that nobody could read back"
+        ):
+            world.run(last="fit", trust_plugins=trust)
+    assert not (world.folder / "artifacts" / "fit.h5").exists()
+
+
+@fault(
+    "R09",
+    sees="exit 8: plugin, class and line of an exception that answers every question by another error",
+    mutant=(
+        "robid_core/run/guard.py",
+        'object.__getattribute__(error, "__dict__").get("robid_frames")',
+        'getattr(error, "robid_frames", None)',
+    ),
+)
+def test_R09_an_exception_that_cannot_be_asked_is_told(world: Any) -> None:
+    raises = """\
+        class Mute(Exception):
+            def __getattr__(self, name):
+                raise ValueError(name)
+
+        raise Mute("mine")
+"""
+    world.edit(FIT, FIT + raises)
+    done = world.elsewhere(last="fit")  # pytest, too, would ask it
+    assert done.returncode == 8
+    assert re.search(r"failed: Mute: mine\n .*raise Mute", done.stderr)
+
+
+@fault(
+    "R09",
+    sees="exit 8, not 0 or 70: plugin and line, where a stage raises an error of robid's with an exit code of its own",
+    mutant=("robid_core/run/guard.py", " and error.exit_code in OUR_CODES:", ":"),
+)
+@pytest.mark.parametrize("trust", [True, False])
+@pytest.mark.parametrize("code", [0, 70, "'x'"])
+def test_R09_an_error_with_an_exit_code_of_its_own_is_the_plugins(
+    world: Any, code: object, trust: bool
+) -> None:
+    raises = f"""\
+        from robid_core.errors import RobidError
+
+        class Odd(RobidError):
+            exit_code = {code}
+
+        raise Odd("mine")
+"""
+    world.edit(FIT, FIT + raises)
+    with pytest.raises(PluginError, match=r"'strange\.estimate' .*failed: .*: mine"):
+        world.run(last="fit", trust_plugins=trust)
+
+
+def test_a_result_whose_class_has_no_name_is_told(world: Any) -> None:
+    world.edit(FIT, FIT + "        return type('', (), {})()\n")
+    with pytest.raises(PluginError, match=r"R12: 'strange\.estimate' .* returned "):
+        world.run(last="fit")
 
 
 def test_a_page_that_is_empty_or_no_text_is_no_page() -> None:
