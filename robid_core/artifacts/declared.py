@@ -32,6 +32,7 @@ def declarations(kind: type) -> dict[str, Any]:
 
 def other_than(declared: Any, value: Any) -> str:
     """Say what a value is where it is not what is declared; empty where it is."""
+    value = value.item() if isinstance(value, np.generic) else value  # as the file has it
     origin, inner = typing.get_origin(declared), typing.get_args(declared)
     if origin in (types.UnionType, typing.Union):
         first, *others = (other_than(one, value) for one in inner)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts.dense_run import Channel
-from robid_core.artifacts.units import QUANTITIES, UNITS
+from robid_core.artifacts.units import QUANTITIES, UNITS, symbols_of
 from robid_core.errors import DataRejected
 
 AXES = ("n_config", "n_block", "n_exp", "n_period", "n_sample", "n_axis")
@@ -70,9 +70,9 @@ def dense(name: str, values: npt.ArrayLike, axes: str, period: int | None) -> Fl
 
 def channel(name: str, values: FloatArray, unit: str | None) -> Channel:
     """Return a channel in SI units; its name says what it holds and on which side of the gear."""
-    allowed = next((symbols for word, symbols in QUANTITIES.items() if word in name), None)
+    allowed = symbols_of(name)
     if unit is None:
-        if allowed is None:
+        if not allowed:
             raise DataRejected(
                 f"{name}: its name does not say what it holds; give units={{'{name}': ...}}, or a name with one of "
                 f"{', '.join(QUANTITIES)} in it"
@@ -81,7 +81,7 @@ def channel(name: str, values: FloatArray, unit: str | None) -> Channel:
     if unit not in UNITS:
         raise DataRejected(f"{name}: unit '{unit}' is not known; there are: {', '.join(UNITS)}")
     symbol, factor = UNITS[unit]
-    if allowed is not None and symbol not in allowed:
+    if allowed and symbol not in allowed:
         hint = "; multiply by the torque constant first" if symbol == "A" else ""
         raise DataRejected(f"{name}: {unit} is no unit of it; it is in {' or '.join(allowed)}{hint}")
     return Channel("joint" if name.startswith("joint") else "motor", symbol, values * factor)

@@ -22,6 +22,7 @@ MOTOR_TORQUE = "motor_torque"
 SPEED_REFERENCE = "speed_reference"
 POSITION_REFERENCE = "position_reference"
 MEASURED = (MOTOR_POSITION, MOTOR_TORQUE)
+HOLDS = ("zero_order_hold", "continuous")  # of torques between samples
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,14 +19,13 @@ import numpy.typing as npt
 from robid_core.artifacts.artifact import Artifact
 from robid_core.artifacts.declared import declarations, other_than
 from robid_core.artifacts.dense_run import DenseRun
-from robid_core.artifacts.record import Record
-from robid_core.artifacts.units import QUANTITIES
+from robid_core.artifacts.record import HOLDS, Record
+from robid_core.artifacts.units import symbols_of
 from robid_core.errors import DataRejected
 
 NAMES = ("names", "axis_names")  # fields in which a name means one thing
 PARAMETERS = frozenset({"n_parameter", "n_essential"})
 NAMED = {"axis_names": frozenset({"n_axis"}), "names": PARAMETERS, "units": PARAMETERS, "groups": PARAMETERS}
-HOLDS = ("zero_order_hold", "continuous")
 CLOCKS = 1e-3  # by which two statements of a sampling time may differ
 ROUNDING = 1e-6  # of a correlation: matrices that were inverted near their last digits are still covariances
 
@@ -103,8 +102,8 @@ def _wrong_measurement(artifact: Artifact, place: str) -> Iterator[str]:
         yield f"{place}.time_s: {step_s:g} s between samples, but sample_time_s is {artifact.sample_time_s:g} s"
     for name, channel in artifact.channels.items():
         where = f"{place}.channels[{name}]"
-        allowed = next((symbols for word, symbols in QUANTITIES.items() if word in name), None)
-        if allowed is not None and channel.unit_symbol not in allowed:
+        allowed = symbols_of(name)
+        if allowed and channel.unit_symbol not in allowed:
             yield f"{where}: in {channel.unit_symbol or 'no unit'}; by its name it is in {' or '.join(allowed)}"
         if channel.values.shape[:-1] != artifact.valid.shape:
             yield f"{where}: values of shape {channel.values.shape}, but valid has {artifact.valid.shape}"

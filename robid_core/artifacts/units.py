@@ -27,3 +27,12 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "voltage": ("V",),
     "temperature": ("degC", "K"),
 }
+
+
+def symbols_of(name: str) -> tuple[str, ...]:
+    """Return the SI symbols that a channel of this name may have, none where its name says no quantity.
+
+    >>> symbols_of("motor_torque")
+    ('N m', 'N')
+    """
+    return tuple(symbol for word, symbols in QUANTITIES.items() if word in name for symbol in symbols)

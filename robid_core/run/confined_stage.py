@@ -98,6 +98,9 @@ def run_job(
 ) -> None:
     """Run a stage in this process, which was started for it, and tell how it went."""
     os.setsid()  # a process group of its own, which ends as a whole
+    os.set_inheritable(
+        pipe.fileno(), False
+    )  # another program in its place would hold the line and say nothing
     _take_over(environment, umask)
     parent = multiprocessing.parent_process()
     assert parent is not None

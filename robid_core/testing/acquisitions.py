@@ -8,12 +8,11 @@ import numpy as np
 
 from robid_core.artifacts import Artifact, Configurations, Excitation, Record
 from robid_core.artifacts.dense_run import DenseRun
-from robid_core.artifacts.record import MEASURED, MOTOR_POSITION
-from robid_core.artifacts.units import QUANTITIES
+from robid_core.artifacts.record import HOLDS, MEASURED, MOTOR_POSITION
+from robid_core.artifacts.units import symbols_of
 from robid_core.robot import Robot
 from robid_core.testing.broken import ContractBroken
 
-HOLDS = ("zero_order_hold", "continuous")
 FOLLOWED = (0.4, 2.5)  # motion of a motor over that of the robot: no factor of a gear, a degree or a sign
 PERIODS = 4  # that the robot takes to settle
 NEAR = 0.2  # rad, joint side, beside the travel: from the configuration that was asked for
@@ -45,8 +44,8 @@ def _check_run(name: str, run: DenseRun) -> None:
     for label, channel in run.channels.items():
         if channel.side not in ("motor", "joint"):
             raise ContractBroken(f"{name}: the side of {label} is '{channel.side}'; it is motor or joint")
-        allowed = next((symbols for word, symbols in QUANTITIES.items() if word in label), None)
-        if allowed is not None and channel.unit_symbol not in allowed:
+        allowed = symbols_of(label)
+        if allowed and channel.unit_symbol not in allowed:
             raise ContractBroken(
                 f"{name}: {label} is in {channel.unit_symbol or 'no unit'}; by its name it is in {' or '.join(allowed)}"
             )

@@ -10,7 +10,7 @@ import pytest
 from faults.fault import fault
 from hypothesis import given, settings, strategies as st
 
-from robid_core import Channel, Configurations, DenseRun, Frf, ParameterTable, Record, Report
+from robid_core import Channel, Configurations, DenseRun, Fit, Frf, ParameterTable, Record, Report
 from robid_core.artifacts.soundness import no_covariance, unsound
 from robid_core.errors import DataRejected
 
@@ -43,6 +43,21 @@ def parameters(*names: str) -> ParameterTable:
     n = len(names)
     flags = np.zeros(n, dtype=bool)
     return ParameterTable(names, ("N m",) * n, ("friction",) * n, *np.ones((3, n)), flags, flags)
+
+
+def solved(**changes: Any) -> Fit:
+    """A fit of one parameter."""
+    fields: dict[str, Any] = {
+        "method": "x",
+        "status": "done",
+        "converged": True,
+        "misfit": 1.0,
+        "n_starts": 1,
+        "n_agree": 1,
+        "parameters": parameters("a"),
+        "covariance": np.ones((1, 1)),
+    }
+    return Fit(**(fields | changes))
 
 
 def problems(artifact: Any) -> list[str]:
@@ -233,11 +248,16 @@ def measurement(**changes: Any) -> DenseRun:
             "DenseRun.channels: an entry called '', which no file can have",
         ),
         (changed(measurement(), channels={"motor": 5}), "DenseRun.channels: an int, not a Channel"),
-        (Record(("a",), "x", "continuous", (5,), np.zeros((1, 1))), "Record.runs: an int, not a DenseRun"),  # type: ignore[arg-type]
+        (Record(("a",), "x", "continuous", (5,), np.zeros((1, 1))), "Record.runs: an int, not a DenseRun"),
     ],
 )
 def test_R12_what_a_class_does_not_declare_is_no_result(artifact: Any, told: str) -> None:
     assert [line for line in problems(artifact) if line.startswith(told)]
+
+
+def test_numbers_of_numpy_stand_for_those_of_python() -> None:
+    assert problems(response(sample_time_s=np.float32(0.001))) == []
+    assert problems(solved(converged=np.bool_(True), misfit=np.float32(1.0))) == []
 
 
 def test_whole_numbers_stand_for_real_ones_and_real_ones_for_complex() -> None:
@@ -270,7 +290,7 @@ def test_R12_names_are_as_many_as_what_they_name() -> None:
     sees="exit 8: a channel in degrees, and in which unit it is by its name; no angle of another unit is stored",
     mutant=(
         FILE,
-        "        if allowed is not None and channel.unit_symbol not in allowed:",
+        "        if allowed and channel.unit_symbol not in allowed:",
         "        if False:",
     ),
 )

@@ -7,6 +7,7 @@ import locale
 import logging
 import os
 import re
+import subprocess
 import time
 import warnings
 from pathlib import Path
@@ -299,6 +300,22 @@ def test_R09_a_process_that_a_stage_leaves_behind_does_not_hold_the_run(world: A
     with pytest.raises(PluginError, match="R09: its code ended its process with exit code 5"):
         confined(world, last="fit")
     assert time.monotonic() - began < 15
+
+
+@fault(
+    "R09",
+    sees="exit 8: its code put another program in its place; that program is ended, and not called a lack of memory",
+    mutant=(CONFINE, "        elif code is None:", "        elif False:"),
+)
+def test_R09_a_stage_that_becomes_another_program_is_told(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robid_core.run.confine.GONE_S", 0.5)
+    world.run(last="frf")
+    world.edit(FIT, FIT + "        os.execvp('sleep', ['sleep', '41.75'])\n")
+    with pytest.raises(PluginError, match="R09: .* goes on: its code put another program in its place"):
+        confined(world, last="fit")
+    assert "sleep 41.75" not in subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True).stdout
 
 
 @fault(

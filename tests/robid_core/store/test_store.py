@@ -123,6 +123,14 @@ def test_drafts_that_a_killed_run_left_are_cleared(store: Store, artifact: Confi
     assert list(store.temporary.iterdir()) == []
 
 
+def test_a_draft_that_cannot_be_cleared_is_named(store: Store) -> None:
+    (store.temporary / "mine").mkdir()
+    with pytest.raises(
+        StoreError, match=f"cannot clear away {store.temporary / 'mine'}: Is a directory; .*move it"
+    ):
+        store.prepare()
+
+
 def test_the_size_told_when_a_disk_is_full_is_about_right(tmp_path: Path) -> None:
     big = Configurations(("a",) * 6, np.zeros((20000, 6)))
     big.write(tmp_path / "a.h5")
