@@ -8,7 +8,7 @@ interrupted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 LONGEST = 20_000  # characters of an exception that are shown; lists of mistakes in a file are shorter
@@ -97,3 +97,12 @@ def class_of(error: BaseException) -> str:
         return str(type(error).__name__)
     except BaseException:
         return "an exception whose class cannot be named"
+
+
+def with_contexts(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an exception and those that were being handled when it was raised, each once: they may go in circles."""
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
+        yield error
+        seen.add(id(error))
+        error = error.__context__

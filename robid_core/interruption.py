@@ -22,6 +22,8 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
 
+from robid_core.errors import with_contexts
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 REMIND_S = 0.5  # how often the main thread is reminded of a request that has not come out
 
@@ -33,6 +35,7 @@ class _Latch:
         self.requested = False
         self.listening = self.held = self.at_safe_points = 0
         self.over = threading.Event()  # nobody has to be reminded any more
+        self.reminder: threading.Thread | None = None
 
 
 _latch = _Latch()
@@ -57,6 +60,9 @@ def signals_as_interrupt() -> Iterator[None]:
         yield
     finally:
         _latch.over.set()
+        if _latch.reminder is not None:
+            _latch.reminder.join()  # a thread that wakes while Python ends may crash it
+        _latch.reminder = None
         _latch.listening = 0
         if sys.unraisablehook is silent:
             sys.unraisablehook = show
@@ -89,7 +95,10 @@ def _hear(number: int, frame: FrameType | None) -> None:
         first, _latch.requested = not _latch.requested, True
         if first:
             arguments = (number, threading.get_ident(), _latch.over)
-            threading.Thread(target=_remind, args=arguments, name="robid reminder", daemon=True).start()
+            _latch.reminder = threading.Thread(
+                target=_remind, args=arguments, name="robid reminder", daemon=True
+            )
+            _latch.reminder.start()
     if not (_latch.held or _latch.at_safe_points or _latch.over.is_set() or _being_handled()):
         raise KeyboardInterrupt
 
@@ -103,12 +112,7 @@ def _remind(number: int, main: int, over: threading.Event) -> None:
 
 def _being_handled() -> bool:
     """Tell whether the main thread is cleaning up after a KeyboardInterrupt, or after what that became."""
-    error = sys.exc_info()[1]
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return True
-        error = error.__context__
-    return False
+    return any(isinstance(error, KeyboardInterrupt) for error in with_contexts(sys.exc_info()[1]))
 
 
 def settled() -> None:

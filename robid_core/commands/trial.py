@@ -71,6 +71,8 @@ def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) 
         os.close(crash)
     if kind == "nothing":
         raise PluginError(_how_it_ended(os.waitstatus_to_exitcode(status), plugins, doing, last))
+    if kind == "streams":
+        raise PluginError(_blamed("closed or replaced a standard stream (file 0, 1 or 2)", plugins, doing))
     if kind == "error":
         if isinstance(value, Exception) or (isinstance(value, KeyboardInterrupt) and may_be_requested()):
             raise value
@@ -83,10 +85,13 @@ def in_a_copy(action: Callable[[], R], plugins: Collection[Plugin], doing: str) 
 def _work(action: Callable[[], object], there: Connection, crash: int) -> None:
     """Do it in the copy, tell, and end without what the original still has to do."""
     faulthandler.enable(crash, all_threads=False)
+    streams = _standard_files()
     try:
         message = "result", action()
     except BaseException as error:
         message = "error", surviving(error)
+    if _standard_files() != streams:  # the command would go on without a word
+        message = "streams", None
     try:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -94,6 +99,19 @@ def _work(action: Callable[[], object], there: Connection, crash: int) -> None:
     except Exception:  # nobody listens any more, or the plugin took streams that are not its own
         os._exit(1)
     os._exit(0)
+
+
+def _standard_files() -> list[tuple[int, int] | None]:
+    """Return device and inode of each of the three standard files, None for one that is closed."""
+    found: list[tuple[int, int] | None] = []
+    for number in range(3):
+        try:
+            status = os.fstat(number)
+        except OSError:
+            found.append(None)
+        else:
+            found.append((status.st_dev, status.st_ino))
+    return found
 
 
 def loaded_apart(plugin: Plugin, action: Callable[[Any], R]) -> R:

@@ -29,7 +29,7 @@ from pydantic import Field
 
 from robid_core.errors import ConfigurationError, PluginError
 from robid_core.executors.task import check_task, surviving, task_name
-from robid_core.interruption import heed
+from robid_core.interruption import heed, held
 
 LOG = logging.getLogger("robid.executors")
 LOOK_S = 0.5  # how often a wait looks whether the run was told to stop
@@ -143,7 +143,8 @@ class ProcessMap:
     def _give_out(self, function: Callable[..., Any], tasks: Iterable[_Given]) -> None:
         for given in tasks:
             given.future = None
-            given.future = self._workers().submit(_call, function, given.argument)
+            with held():  # a worker that is started and never told what for ends with a traceback
+                given.future = self._workers().submit(_call, function, given.argument)
 
     def _workers(self) -> concurrent.futures.ProcessPoolExecutor:
         if self._pool is None:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from robid_core.artifacts import Diagnosis, Doubt, Fit
 from robid_core.artifacts.doubts import NOT_CONVERGED
-from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError, said_by
+from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError, said_by, with_contexts
 from robid_core.executors import one_thread
 from robid_core.interruption import heed, signals_as_interrupt
 from robid_core.pipeline import Pipeline, StageNode
@@ -326,6 +326,5 @@ class _Run:
 
 def _let_go(error: BaseException | None) -> None:
     """Let go what the functions that an error went through hold, open files above all."""
-    while error is not None:
-        traceback.clear_frames(error.__traceback__)
-        error = error.__cause__
+    for each in with_contexts(error):
+        traceback.clear_frames(each.__traceback__)

@@ -16,6 +16,7 @@ import pytest
 from faults.fault import fault
 
 from robid_core import interruption
+from robid_core.errors import with_contexts
 from robid_core.interruption import at_safe_points, heed, held, requested, signals_as_interrupt
 
 INTERRUPTION = "robid_core/interruption.py"
@@ -263,3 +264,9 @@ def test_the_command_line_listens_before_it_loads_anything(
     command = [sys.executable, "-c", LOADING, module, str(int(number)), how]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+def test_exceptions_that_go_in_circles_end_no_search() -> None:
+    first, second = ValueError("first"), KeyError("second")
+    first.__context__, second.__context__ = second, first
+    assert list(with_contexts(first)) == [first, second]

@@ -50,7 +50,11 @@ UNTIL_NONE_IS_LEFT = """\
 @fault(
     "R04",
     sees="exit 7, and a manifest that says failed, where a stage has opened all files that it may",
-    mutant=("robid_core/run/runner.py", "        traceback.clear_frames(error.__traceback__)\n", ""),
+    mutant=(
+        "robid_core/run/runner.py",
+        "        traceback.clear_frames(each.__traceback__)\n",
+        "        pass\n",
+    ),
 )
 @pytest.mark.parametrize("trust", [True, False])
 def test_R04_the_files_that_a_failed_stage_has_open_are_let_go(world: Any, trust: bool) -> None:

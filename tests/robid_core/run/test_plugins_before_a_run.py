@@ -114,6 +114,23 @@ def test_R09_a_plugin_that_takes_the_streams_away_is_told(world: Any) -> None:
 
 @fault(
     "R09",
+    sees="exit 8 of validate and run, one sentence: a plugin closed standard streams; a run went on unseen",
+    mutant=(TRIAL, "    if _standard_files() != streams:", "    if False:"),
+)
+@pytest.mark.parametrize("command", ["validate", "run"])
+@pytest.mark.parametrize(
+    "code", ["os.closerange(0, 3)", "os.dup2(os.open(os.devnull, os.O_RDWR), 2)"], ids=["closed", "replaced"]
+)
+def test_R09_a_plugin_that_closes_standard_streams_is_told(world: Any, command: str, code: str) -> None:
+    at_import(world, f"import os; {code}")
+    done = run([*ROBID, command, str(world.file)], env=world.environment)
+    assert (done.returncode, done.stdout) == (8, "")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "robid_strange_stages 1.0 closed or replaced a standard stream (file 0, 1 or 2)" in done.stderr
+
+
+@fault(
+    "R09",
     sees="exit 8 of validate, one sentence: a plugin's settings closed every file there is",
     mutant=(TRIAL, "        os._exit(1)\n", "        raise\n"),
 )
