@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
@@ -164,15 +164,33 @@ class Registry:
 def _name_and_version(distribution: metadata.Distribution | None) -> tuple[str, str]:
     if distribution is None:
         return UNKNOWN, "0"
-    found = distribution.metadata
-    return found["Name"], found["Version"]
+    try:
+        found = distribution.metadata
+        return found["Name"] or UNKNOWN, found["Version"] or "0"
+    except (KeyError, UnicodeDecodeError):  # an installation or a removal was interrupted
+        return UNKNOWN, "0"
 
 
 @functools.cache
 def registry() -> Registry:
     """Return the registry of everything installed in this environment."""
-    found = metadata.entry_points()  # once: each call reads every distribution
+    try:
+        found = metadata.entry_points()  # once: each call reads every distribution
+    except Exception as error:  # whatever Python's parser meets in a damaged list
+        damaged = ", ".join(_without_a_list()) or UNKNOWN
+        raise PluginError(
+            f"the list of plugins (entry_points.txt) of a package cannot be read: {damaged}; install it again"
+        ) from error
     return Registry(point for group in GROUPS for point in found.select(group=group))
+
+
+def _without_a_list() -> Iterator[str]:
+    """Yield the distributions whose list of entry points cannot be read."""
+    for distribution in metadata.distributions():
+        try:
+            _ = distribution.entry_points
+        except Exception:  # as above
+            yield _name_and_version(distribution)[0]
 
 
 def record_readers() -> dict[str, str]:

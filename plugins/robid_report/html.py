@@ -73,8 +73,8 @@ def versions() -> list[tuple[str, str, str]]:
     """Python, every distribution that brings stages, and the libraries below: (name, version, what it brings)."""
     brought: dict[str, list[str]] = {}
     for point in metadata.entry_points(group="robid.stages"):
-        if point.dist is not None:
-            brought.setdefault(point.dist.metadata["Name"], []).append(point.name)
+        if point.dist is not None and (name := point.dist.metadata["Name"]):
+            brought.setdefault(name, []).append(point.name)
     result = [("Python", ".".join(str(part) for part in sys.version_info[:3]), "")]
     for name in sorted(brought):
         result.append((name, metadata.version(name), ", ".join(sorted(set(brought[name])))))

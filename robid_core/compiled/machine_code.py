@@ -36,13 +36,7 @@ VERSIONS = 4
 @functools.cache
 def cache_folder(what: str) -> Path:
     """Folder for compiled `kernels` or `laws`: below numba's cache folder where one is set, else the user's."""
-    home = (
-        os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    )
-    for folder in (
-        Path(home) / "robid" / what,
-        Path(tempfile.gettempdir()) / f"robid-{what}-{os.getuid()}",
-    ):
+    for folder in _possible_folders(what):
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         except OSError:
@@ -50,6 +44,15 @@ def cache_folder(what: str) -> Path:
         if os.access(folder, os.W_OK) and folder.stat().st_uid == os.getuid():
             return folder
     return Path(tempfile.mkdtemp(prefix=f"robid-{what}-"))
+
+
+def _possible_folders(what: str) -> Iterator[Path]:
+    if caches := os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME"):
+        yield Path(caches) / "robid" / what
+    else:
+        with contextlib.suppress(RuntimeError):  # a user without a home, as in a container
+            yield Path.home() / ".cache" / "robid" / what
+    yield Path(tempfile.gettempdir()) / f"robid-{what}-{os.getuid()}"
 
 
 def kept_by_content(compiled: Any) -> None:

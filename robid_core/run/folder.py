@@ -77,7 +77,7 @@ class RunFolder:
             return ()
         with failures_named("read", beside):
             folders = sorted(path for path in beside.iterdir() if path != self.path)
-        return tuple(path for path in folders if (path / "store" / "index").is_dir())
+        return tuple(path for path in folders if _has_results(path))
 
     @property
     def manifest(self) -> Path:
@@ -133,3 +133,10 @@ class RunFolder:
             descriptor = os.open(self.lock, os.O_RDWR | os.O_CREAT, 0o644)
         with contextlib.suppress(OSError):
             os.close(descriptor)
+
+
+def _has_results(path: Path) -> bool:
+    try:
+        return (path / "store" / "index").is_dir()
+    except PermissionError:  # another user's, who keeps it closed
+        return False

@@ -44,7 +44,8 @@ def _folder() -> str:
 
 def _put_folder(path: str) -> None:
     if path:
-        os.chdir(path)
+        with contextlib.suppress(FileNotFoundError):  # somebody moved or removed it: no stage's doing
+            os.chdir(path)
 
 
 def _put_environment(variables: Mapping[str, str]) -> None:

@@ -65,12 +65,13 @@ def run_pipeline(
     title = f"run of {pipeline.path} by process {os.getpid()}"
     with (
         signals_as_interrupt(),
-        run_lock(folder.lock, options.wait, listener.waiting),
+        run_lock(folder.lock, options.wait, listener.waiting) as require_held,
         one_thread(),
         log_file(folder.log, title),
         executor(pipeline, options) as tasks,
     ):
-        return _Run(pipeline, options, listener, Store(folder.path, files, folder.others()), tasks).execute()
+        store = Store(folder.path, files, folder.others(), require_held)
+        return _Run(pipeline, options, listener, store, tasks).execute()
 
 
 def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:

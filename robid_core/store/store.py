@@ -19,7 +19,7 @@ import itertools
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,12 +58,20 @@ class Lookup:
 class Store:
     """Artifacts of one run folder; writers hold the run's lock, readers need none.
 
-    `others` are the folders of the runs beside it, whose artifacts are found here too.
+    `others` are the folders of the runs beside it, whose artifacts are found here too; `require_held` raises StoreError
+    where the lock is held no more, and is called before anything is written or taken away.
     """
 
-    def __init__(self, folder: Path, files: Files | None = None, others: Sequence[Path] = ()) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        files: Files | None = None,
+        others: Sequence[Path] = (),
+        require_held: Callable[[], None] = lambda: None,
+    ) -> None:
         self.folder = folder
         self.others = tuple(others)
+        self._require_held = require_held
         self.files = files or Files()
         self.artifacts = folder / "artifacts"
         self.home = folder / "store"
@@ -243,6 +251,7 @@ class Store:
 
     def withdraw(self, stage: str) -> None:
         """Take away the name of a stage's earlier artifact; its bytes stay in the store."""
+        self._require_held()
         with failures_named("remove", self.artifacts / _safe(stage)):
             for name in self.files.names(self.artifacts):
                 if Path(name).stem == stage:
@@ -250,6 +259,7 @@ class Store:
 
     def set_aside(self, key: str, entry: Entry | None) -> Path | None:
         """Move what is damaged to the quarantine folder; return where the artifact went."""
+        self._require_held()
         index = self.index / f"{key}.json"
         with failures_named("set aside", index):
             place = None
@@ -310,6 +320,7 @@ class Store:
             return
 
     def _draft(self, suffix: str) -> Path:
+        self._require_held()
         return self.temporary / f"{os.getpid()}-{next(self._count)}{suffix}"
 
     def _free_name(self, name: str) -> Path:

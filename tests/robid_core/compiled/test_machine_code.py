@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from faults.fault import fault
 from oracles.quick_start import QuickProcess
 
-from robid_core.compiled.machine_code import VERSIONS
+from robid_core.compiled.machine_code import VERSIONS, cache_folder
 
 KERNEL = "from robid_core.compiled.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + {number}\n"
 # Ends the process at once after so many files of the cache are written: index and machine code of one function.
@@ -182,3 +184,25 @@ def test_an_index_that_names_a_type_which_is_no_more_is_made_anew(tmp_path: Path
     assert [said(run(call.format("before"))) for _ in range(2)] == ["3.0 0", "3.0 1"]
     (tmp_path / "before.py").rename(tmp_path / "after.py")
     assert [said(run(call.format("after"))) for _ in range(2)] == ["3.0 0", "3.0 1"]
+
+
+@fault(
+    "R04",
+    sees="a user without a home, as in a container: kernels are kept in the folder for temporary files",
+    mutant=(
+        "robid_core/compiled/machine_code.py",
+        "contextlib.suppress(RuntimeError):  # a user",
+        "contextlib.suppress(KeyError):  # a user",
+    ),
+)
+def test_R04_a_user_without_a_home_has_a_folder_for_kernels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unknown() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", unknown)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert cache_folder.__wrapped__("kernels").parent == tmp_path

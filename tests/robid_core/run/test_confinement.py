@@ -278,6 +278,26 @@ def test_R16_state_is_taken_back_also_after_a_failure(
 
 
 @fault(
+    "R16",
+    sees="no stage is blamed where somebody moves the working folder while it runs",
+    mutant=(
+        "robid_core/run/process_state.py",
+        "        with contextlib.suppress(FileNotFoundError):",
+        "        with contextlib.nullcontext():",
+    ),
+)
+def test_R16_a_working_folder_that_is_gone_is_no_fault_of_a_stage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    with state_taken_back(logging.getLogger("robid.test")):
+        here.rename(tmp_path / "there")
+    assert Path.cwd() == tmp_path / "there"
+
+
+@fault(
     "R09",
     sees="exit 8 at once: its code ended its process, though a process that it has left goes on",
     mutant=(

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from faults.fault import fault
 
 from robid_core.errors import MotionRefused, StoreError
 from robid_core.run import Action, RunOptions, preview_run
+from robid_core.run.folder import RunFolder
 from robid_core.store import canonical_json, text_hash
 
 OTHER = ("name=other", "stages.fit.with.rows=3")
@@ -28,6 +30,27 @@ def other(world: Any) -> Path:
 
 def blobs(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_ino for path in (folder / "store" / "blobs").iterdir()}
+
+
+@fault(
+    "R04",
+    sees="a run beside this one that only another user may read takes no part",
+    mutant=("robid_core/run/folder.py", "    except PermissionError:", "    except FileExistsError:"),
+)
+def test_R04_a_run_beside_that_may_not_be_read_is_passed_over(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed, is_dir = other(world) / "store" / "index", Path.is_dir
+
+    def refused(path: Path) -> bool:
+        if path == closed:
+            raise PermissionError(13, "Permission denied", str(path))
+        return is_dir(path)
+
+    closed.mkdir(parents=True)
+    assert RunFolder(world.folder).others() == (other(world),)
+    monkeypatch.setattr(Path, "is_dir", refused)
+    assert RunFolder(world.folder).others() == ()
 
 
 def test_another_fit_under_another_name_does_not_measure_again(world: Any) -> None:

@@ -16,6 +16,7 @@ from robid_core.commands import main
 from robid_core.registry import registry
 
 TRIAL = "robid_core/commands/trial.py"
+REGISTRY = "robid_core/registry.py"
 ENDED = "        except EOFError:\n"
 COUNT = "class Where(CandidateDesign):\n"
 SETTINGS = COUNT + "    def problems_with(self, robot):\n        {}\n\n"
@@ -164,6 +165,42 @@ def test_R14_a_plugin_that_is_a_script_is_told(world: Any, capsys: Any) -> None:
     code, _, err = told(world, capsys, "run")
     assert code == 2
     assert "cannot be imported: SystemExit: 0" in err
+
+
+@fault(
+    "R14",
+    sees="a plugin whose package lost its METADATA is one of an unknown package, known by its content; the run goes on",
+    mutant=(REGISTRY, """found["Name"] or UNKNOWN""", """found["Name"]"""),
+)
+@fault(
+    "R14",
+    sees="the same where METADATA is no text",
+    mutant=(REGISTRY, "(KeyError, UnicodeDecodeError)", "KeyError"),
+)
+def test_R14_a_plugin_of_a_package_with_damaged_metadata_runs(world: Any) -> None:
+    (metadata,) = world.site.glob("*.dist-info/METADATA")
+    for damage in (b"", b"\xff\xfe Name: robid_strange_stages\n"):
+        metadata.write_bytes(damage)
+        plugin = world.registry().find("robid.stages", "strange.where")
+        assert (plugin.distribution, plugin.version) == ("unknown", "0")
+        assert world.run(last="where").exit_code == 0
+
+
+@fault(
+    "R14",
+    sees="exit 8 of every command: the package whose list of plugins cannot be read; install it again",
+    mutant=(
+        REGISTRY,
+        "    except Exception as error:  # whatever",
+        "    except OSError as error:  # whatever",
+    ),
+)
+def test_R14_a_damaged_list_of_plugins_is_told_with_its_package(world: Any, capsys: Any) -> None:
+    (points,) = world.site.glob("*.dist-info/entry_points.txt")
+    points.write_bytes(b"[robid.stages]\n\xff")
+    code, _, err = told(world, capsys, "validate")
+    assert code == 8
+    assert "entry_points.txt) of a package cannot be read: robid_strange_stages; install it" in err
 
 
 def test_a_plugin_whose_error_at_import_has_no_text_is_told(world: Any, capsys: Any) -> None:

@@ -13,12 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from faults.fault import fault
 from oracles.quick_start import QuickProcess
 
 from robid_core.errors import StoreError
 from robid_core.interruption import held, signals_as_interrupt
+from robid_core.run import ALL
 from robid_core.run.lock import run_lock
+from robid_core.run.progress import Silence
 
+LOCK = "robid_core/run/lock.py"
 ORDER = ["where", "acquire", "frf", "fit", "choose", "page"]
 
 
@@ -58,6 +62,52 @@ def test_a_killed_holder_leaves_no_lock(world: Any) -> None:
     first.communicate()
     world.say("hold: 60.0", "hold: 0.0")
     assert world.run(wait=False).exit_code == 0
+
+
+@fault(
+    "R05",
+    sees="exit 7: the run's folder was deleted, moved or replaced; what another run makes there stays as it is",
+    mutant=(
+        LOCK,
+        "        if not _stands_at(path, descriptor):\n            raise",
+        "        if False:\n            raise",
+    ),
+)
+def test_R05_a_run_whose_folder_was_replaced_writes_nothing_into_the_new_one(world: Any) -> None:
+    old = world.folder.with_name("old")
+
+    class Mover(Silence):
+        def begin(self, stage: str, index: int, count: int, reasons: tuple[str, ...]) -> None:
+            if stage == "fit":
+                world.folder.rename(old)
+                assert world.run().exit_code == 0
+
+    with pytest.raises(StoreError, match="was deleted, moved or replaced while this run was in it"):
+        world.run(listener=Mover(), force=(ALL,))
+    hashes = world.hashes()
+    world.ran()
+    assert world.run().exit_code == 0
+    assert world.ran() == []
+    assert world.hashes() == hashes
+
+
+@fault(
+    "R05",
+    sees="a run that waited for a folder which was replaced meanwhile waits for the new one",
+    mutant=(LOCK, "    while not _stands_at(path, descriptor):", "    while False:"),
+)
+def test_R05_a_lock_whose_file_is_gone_is_no_lock(tmp_path: Path) -> None:
+    path = tmp_path / "run" / "lock"
+    path.parent.mkdir()
+    with path.open("w") as first:
+        fcntl.flock(first, fcntl.LOCK_EX)
+
+        def replaced(holder: str) -> None:
+            path.unlink()
+            first.close()
+
+        with run_lock(path, wait=True, waiting=replaced), path.open() as file, pytest.raises(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def test_waiting_says_once_for_whom(tmp_path: Path) -> None:
