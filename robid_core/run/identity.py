@@ -82,10 +82,7 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Sur
         "stage": plugin_identity(node.plugin, versioned=not hardware),
         "settings": stage.model_dump(mode="json", by_alias=True),
         "inputs": dict(inputs),
-        "files": {
-            **{f"{f.setting}: {f.written}": file_hash(f.path) for f in node.files},
-            **_data_hashes(node, shared.pipeline.data_root),
-        },
+        "files": file_hashes(node, shared.pipeline.data_root),
     }
     if not hardware:
         found["core"] = {"version": __version__, "sources": core_hash()}
@@ -108,6 +105,12 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Sur
             "plugins": {p.name: plugin_identity(p, versioned=not hardware) for p in _used(choice.settings)},
         }
     return found
+
+
+def file_hashes(node: StageNode, root: Path) -> dict[str, str]:
+    """Return the sha256 of every file that a stage reads, by what names it."""
+    named = {f"{f.setting}: {f.written}": file_hash(f.path) for f in node.files}
+    return {**named, **_data_hashes(node, root)}
 
 
 def _data_hashes(node: StageNode, root: Path) -> dict[str, str]:

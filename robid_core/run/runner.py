@@ -13,7 +13,15 @@ from dataclasses import replace
 
 from robid_core.artifacts import Diagnosis, Doubt, Fit
 from robid_core.artifacts.doubts import NOT_CONVERGED
-from robid_core.errors import MotionRefused, NotTrustworthy, PluginError, StoreError, said_by, with_contexts
+from robid_core.errors import (
+    DataRejected,
+    MotionRefused,
+    NotTrustworthy,
+    PluginError,
+    StoreError,
+    said_by,
+    with_contexts,
+)
 from robid_core.executors import one_thread
 from robid_core.interruption import heed, signals_as_interrupt
 from robid_core.pipeline import Pipeline, StageNode
@@ -22,7 +30,7 @@ from robid_core.run.beginning import executor, hold_to, new_manifest
 from robid_core.run.calling import Caller
 from robid_core.run.folder import RunFolder
 from robid_core.run.guard import named_errors
-from robid_core.run.identity import Surroundings
+from robid_core.run.identity import Surroundings, file_hashes
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file
 from robid_core.run.manifest import StageRecord, ending_told, readable_manifest, refuse_damaged_manifest
@@ -211,6 +219,7 @@ class _Run:
 
     def _compute(self, node: StageNode, decision: Decision) -> Entry:
         artifact = self.caller.call(node, self.entries)
+        self._refuse_changed_files(node, decision)
         before = decision.entry
         entry = self.store.put(decision.key, node.name, artifact, decision.ingredients, recording=False)
         if self.options.check and self.store.digest_of(self.caller.call(node, self.entries)) != entry.sha256:
@@ -224,6 +233,15 @@ class _Run:
                 "run with --check to see whether it is deterministic"
             )
         return entry
+
+    def _refuse_changed_files(self, node: StageNode, decision: Decision) -> None:
+        """Raise where nobody knows which content of a file a stage has read."""
+        before, now = decision.ingredients["files"], file_hashes(node, self.pipeline.data_root)
+        if changed := sorted({name for name, _ in before.items() ^ now.items()}):
+            raise DataRejected(
+                f"stage {node.name}: A13: changed while the stage ran: {', '.join(changed)}; nothing was stored; "
+                "run again once nobody writes there"
+            )
 
     def _move(self, node: StageNode, decision: Decision) -> Entry:
         """Record on hardware: begun is on the disk before anything moves, done after the data are."""

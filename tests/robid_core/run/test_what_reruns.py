@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from faults.fault import fault
 
+from robid_core.errors import DataRejected
 from robid_core.pipeline import Pipeline
 from robid_core.run import sources
 from robid_core.run.identity import Surroundings, ingredients_of
@@ -179,3 +181,24 @@ def test_another_version_of_robid_reruns_everything(world: Any, monkeypatch: pyt
     monkeypatch.setattr("robid_core.run.identity.__version__", "9.9.9")
     world.run()
     assert world.ran() == ORDER
+
+
+@fault(
+    "A13",
+    sees="exit 5: the file that changed while a stage ran; what was made of it is not kept as the result of another",
+    mutant=("robid_core/run/runner.py", "        self._refuse_changed_files(node, decision)\n", ""),
+)
+def test_A13_a_file_that_changes_under_a_stage_gives_no_result(
+    world: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBID_DATA", str(world.project))
+    data = world.project / "angles.txt"
+    data.write_text("0.1\n0.2\n")
+    world.say("{use: strange.where}", "{use: strange.file, with: {path: angles.txt}}")
+    reads = "        values = np.loadtxt("
+    world.edit(reads, f"        (context.data_root / self.path).write_text('9')\n{reads}")
+    with pytest.raises(
+        DataRejected, match=r"A13: changed while the stage ran: .*angles\.txt; nothing was stored"
+    ):
+        world.run(last="where")
+    assert not (world.folder / "artifacts" / "where.h5").exists()
