@@ -49,8 +49,9 @@ _HOME = {
     "robid_core.gate": ("Clearance", "MotionLimits", "clear_motion"),
     "robid_core.interruption": ("at_safe_points", "heed"),
     "robid_core.errors": (
-        "ConfigurationError", "DataRejected", "MotionAborted", "MotionRefused", "NotIdentifiable",
-        "NotTrustworthy", "PluginError", "PoorExcitation", "RobidError", "StopNotConfirmed", "StoreError",
+        "ConfigurationError", "DataRejected", "ExtraMissing", "MotionAborted", "MotionRefused",
+        "NotIdentifiable", "NotTrustworthy", "PluginError", "PoorExcitation", "RobidError",
+        "StopNotConfirmed", "StoreError",
     ),
 }  # fmt: skip
 PLOT = "plot"  # the one module among the names: `robid.plot.response(frf, fit)`
@@ -131,6 +132,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     from robid_core.errors import (
         ConfigurationError as ConfigurationError,
         DataRejected as DataRejected,
+        ExtraMissing as ExtraMissing,
         MotionAborted as MotionAborted,
         MotionRefused as MotionRefused,
         NotIdentifiable as NotIdentifiable,

@@ -21,7 +21,7 @@ from robid_acquisition.data_file import reader_name
 from robid_acquisition.file_pattern import checked_pattern, find_recordings
 from robid_acquisition.index_table import read_index
 from robid_acquisition.recording import Recording
-from robid_core import Acquisition, ConfigurationError, DataPath, record_readers
+from robid_core import Acquisition, ConfigurationError, DataPath, ExtraMissing, load_plugin, record_readers
 
 
 class Sources(Acquisition):
@@ -92,7 +92,7 @@ class Sources(Acquisition):
         """Return the readers that will be loaded, so that an edited reader is a changed input."""
         names = {reader_name(self.source_name, self.format)}
         if self.index and not self.format:  # what the table lists is known where the data are
-            names = set(record_readers().values())
+            names = {name for name in record_readers().values() if _is_installed(name)}
         return [("robid.records", name) for name in sorted(names) if name]
 
     def recordings(self, root: Path) -> list[Recording]:
@@ -128,3 +128,12 @@ class Sources(Acquisition):
             Recording(path, c + 1, b + 1, e + 1, start, start + self.duration_s)
             for (c, b, e), start in zip(places, self.starts_s, strict=True)
         ]
+
+
+def _is_installed(reader: str) -> bool:
+    """Tell whether what a reader needs is installed; what lacks is told where a file needs it."""
+    try:
+        load_plugin("robid.records", reader)
+    except ExtraMissing:
+        return False
+    return True

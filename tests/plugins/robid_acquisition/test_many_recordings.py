@@ -6,6 +6,7 @@ import hashlib
 import itertools
 import json
 import logging
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 from pydantic import ValidationError
 
 from robid_acquisition.recorded import RecordedAcquisition
-from robid_core import ConfigurationError, Context, DataRejected, Frf, Record, Robot
+from robid_core import ConfigurationError, Context, DataRejected, ExtraMissing, Frf, Record, Robot
 from robid_core.pipeline import Pipeline
 from robid_core.run import RunOptions, run_pipeline
 from robid_core.stage import map_in_process
@@ -588,6 +589,22 @@ def test_the_files_of_a_table_are_part_of_the_key(table: Path, tmp_path: Path) -
     stage = RecordedAcquisition(index="lab/index.csv", sample_time_s=0.1, channels=CHANNELS)
     assert stage.external_files(tmp_path) == [table, table.parent / "long.npz", table.parent / "other.npz"]
     assert ("robid.records", "npz") in stage.uses()
+
+
+def test_a_table_needs_the_extra_of_those_files_only_that_it_lists(
+    table: Path, read: Read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = RecordedAcquisition(index="lab/index.csv", sample_time_s=0.1, channels=CHANNELS)
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("pyarrow", "robid_parquet")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert ("robid.records", "parquet") not in stage.uses()
+    assert len(read(index="lab/index.csv").angle) == 2
+    text = table.read_text(encoding="utf-8-sig")
+    table.write_text(text.replace("other.npz", "other.parquet"), encoding="utf-8-sig")
+    (table.parent / "other.parquet").write_bytes(b"")
+    with pytest.raises(ExtraMissing, match=r"run: pip install \"robid\[formats\]\""):
+        read(index="lab/index.csv")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ INTERRUPTED = """
 import math, os, signal
 from multiprocessing import util
 from robid_core.executors.process import process_executor, start_resource_tracker
-from robid_core.interruption import settled, signals_as_interrupt
+from robid_core.interruption import heed, settled, signals_as_interrupt
 
 start_resource_tracker()
 start = util.spawnv_passfds
@@ -25,6 +25,7 @@ util.spawnv_passfds = started_and_interrupted
 with signals_as_interrupt(), process_executor(2) as tasks:
     try:
         tasks(math.sqrt, [(1.0,), (4.0,)])
+        heed()
     except KeyboardInterrupt:
         settled()
         print("interrupted")
