@@ -167,7 +167,7 @@ def _name_and_version(distribution: metadata.Distribution | None) -> tuple[str, 
     try:
         found = distribution.metadata
         return found["Name"] or UNKNOWN, found["Version"] or "0"
-    except (KeyError, UnicodeDecodeError):  # an installation or a removal was interrupted
+    except (KeyError, FileNotFoundError, UnicodeDecodeError):  # an installation or a removal was interrupted
         return UNKNOWN, "0"
 
 

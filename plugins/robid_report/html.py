@@ -73,7 +73,7 @@ def versions() -> list[tuple[str, str, str]]:
     """Python, every distribution that brings stages, and the libraries below: (name, version, what it brings)."""
     brought: dict[str, list[str]] = {}
     for point in metadata.entry_points(group="robid.stages"):
-        if point.dist is not None and (name := point.dist.metadata["Name"]):
+        if point.dist is not None and (name := _name_of(point.dist)):
             brought.setdefault(name, []).append(point.name)
     result = [("Python", ".".join(str(part) for part in sys.version_info[:3]), "")]
     for name in sorted(brought):
@@ -84,6 +84,14 @@ def versions() -> list[tuple[str, str, str]]:
         except metadata.PackageNotFoundError:
             continue
     return result
+
+
+def _name_of(distribution: metadata.Distribution) -> str:
+    """Return the name of a package, empty where its metadata are damaged."""
+    try:
+        return distribution.metadata["Name"] or ""
+    except (KeyError, FileNotFoundError, UnicodeDecodeError):
+        return ""
 
 
 def angles_as_text(robot: Robot, angle: FloatArray) -> list[list[str]]:

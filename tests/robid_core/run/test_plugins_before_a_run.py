@@ -175,7 +175,7 @@ def test_R14_a_plugin_that_is_a_script_is_told(world: Any, capsys: Any) -> None:
 @fault(
     "R14",
     sees="the same where METADATA is no text",
-    mutant=(REGISTRY, "(KeyError, UnicodeDecodeError)", "KeyError"),
+    mutant=(REGISTRY, "(KeyError, FileNotFoundError, UnicodeDecodeError)", "(KeyError, FileNotFoundError)"),
 )
 def test_R14_a_plugin_of_a_package_with_damaged_metadata_runs(world: Any) -> None:
     (metadata,) = world.site.glob("*.dist-info/METADATA")
