@@ -1,6 +1,6 @@
 """What no result may be, whoever computed it: something else than its class declares, values at infinity, nothing but
-NaN, axes that run backwards, negative errors, covariances that no scatter has, clocks that stand still, one name for
-two things, names for nothing.
+NaN, axes that run backwards, negative errors, covariances that no scatter has, clocks that stand still, fits without a
+misfit, one name for two things, names for nothing.
 
 Asked before a result is stored, of whole artifacts, since they may be built from parts that are checked elsewhere. A
 field says in its declaration what it is: its type (`declared.py`), `array(..., rising=True)`,
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from robid_core.artifacts.artifact import Artifact
 from robid_core.artifacts.declared import declarations, other_than
 from robid_core.artifacts.dense_run import DenseRun
+from robid_core.artifacts.fit import Fit
 from robid_core.artifacts.record import HOLDS, Record
 from robid_core.artifacts.units import symbols_of
 from robid_core.errors import DataRejected
@@ -45,6 +46,7 @@ def unsound(artifact: Artifact, place: str = "") -> Iterator[str]:
     yield from _wrong_lengths(artifact, place)
     yield from _wrong_measurement(artifact, place)
     yield from _wrong_clock(artifact, place)
+    yield from _wrong_evidence(artifact, place)
     for item in dataclasses.fields(artifact):
         value, where = getattr(artifact, item.name), f"{place}.{item.name}"
         if isinstance(value, np.ndarray) and "axes" in item.metadata:
@@ -140,6 +142,18 @@ def _wrong_clock(artifact: Artifact, place: str) -> Iterator[str]:
     highest = 0.5 / step_s
     if frequency is not None and frequency.size and frequency.max() > highest * (1 + ROUNDING):
         yield f"{place}.frequency_hz: {frequency.max():g} Hz, beyond half the sampling rate, {highest:g} Hz"
+
+
+def _wrong_evidence(artifact: Artifact, place: str) -> Iterator[str]:
+    """Yield what no evidence for a fit is: less than nothing, more starts that agree than there were."""
+    if not isinstance(artifact, Fit):
+        return
+    if artifact.misfit < 0 or (artifact.converged and not np.isfinite(artifact.misfit)):
+        yield f"{place}.misfit: {artifact.misfit:g}; a mean square that a fit has reached is a number, 0 or more"
+    if artifact.model_error is not None and not 0 <= artifact.model_error < np.inf:
+        yield f"{place}.model_error: {artifact.model_error:g}; a relative error is a number, 0 or more"
+    if not 0 <= artifact.n_agree <= artifact.n_starts:
+        yield f"{place}.n_agree: {artifact.n_agree} of {artifact.n_starts} starts"
 
 
 def no_covariance(matrices: npt.NDArray[Any]) -> str:

@@ -130,11 +130,17 @@ def _current(pipeline: Pipeline, result: RunResult) -> list[str]:
 
 
 def true_parameters(pipeline: Pipeline) -> dict[str, float]:
-    """Return the parameters of the plant by name, where it is simulated."""
+    """Return the parameters of the plant by name, where it is simulated and its files are still there."""
     from robid_core.drives import Drives
+    from robid_core.errors import RobidError
 
     drives = pipeline.drives.settings if pipeline.drives else None
-    truth = drives.truth(pipeline.robot.load()) if isinstance(drives, Drives) else None
+    if not isinstance(drives, Drives):
+        return {}
+    try:
+        truth = drives.truth(pipeline.robot.load())
+    except RobidError:  # a file that was changed or removed meanwhile; the run itself has ended well
+        return {}
     return truth.as_mapping() if truth else {}
 
 

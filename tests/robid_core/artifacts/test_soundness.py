@@ -337,3 +337,26 @@ def test_an_array_that_denies_what_it_holds_is_taken_for_its_numbers() -> None:
 
     with pytest.raises(DataRejected, match="1 values are NaN"):
         Configurations(("a",), np.full((1, 1), np.nan).view(Liar))
+
+
+@fault("R12", sees=SEES, mutant=(FILE, "    if artifact.misfit < 0 or (", "    if False and ("))
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"misfit": -1.0}, "Fit.misfit: -1; "),
+        ({"misfit": float("nan")}, "Fit.misfit: nan; "),
+        ({"misfit": float("inf")}, "Fit.misfit: inf; "),
+        ({"misfit": -1.0, "converged": False}, "Fit.misfit: -1; "),
+        ({"model_error": -0.1}, "Fit.model_error: -0.1; "),
+        ({"model_error": float("nan")}, "Fit.model_error: nan; "),
+        ({"n_agree": 2}, "Fit.n_agree: 2 of 1 starts"),
+        ({"n_agree": -1}, "Fit.n_agree: -1 of 1 starts"),
+    ],
+)
+def test_evidence_that_no_fit_has_is_told(changes: dict[str, Any], words: str) -> None:
+    (problem,) = problems(solved(**changes))
+    assert problem.startswith(words)
+
+
+def test_a_fit_that_did_not_converge_may_have_no_misfit() -> None:
+    assert problems(solved(misfit=float("nan"), converged=False)) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import io
 import json
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from faults.fault import fault
 
 from robid_core import Fit, MisfitTable, ParameterTable
 from robid_core.commands.app import command_line
@@ -84,6 +86,27 @@ def test_the_last_screen_has_the_table_the_page_and_the_way_to_run_it_again(worl
     assert lines[-1] == "run again  robid run pipeline.yaml"
     assert "[2/6] acquire: never made" in said.err
     assert re.search(r"acquire: made in \d+\.\d s", said.err)
+
+
+@fault(
+    "R07",
+    sees="exit 0: the last screen without the true parameters; everything that was made is there",
+    mutant=(
+        "robid_core/commands/last_screen.py",
+        "    except RobidError:  # a file that was changed or removed meanwhile; the run itself has ended well",
+        "    except KeyError:",
+    ),
+)
+def test_a_robot_file_that_was_removed_meanwhile_does_not_spoil_the_last_screen(world: Any) -> None:
+    from robid_core.commands.last_screen import last_screen
+
+    result = world.run()
+    pipeline = world.pipeline()
+    gone = dataclasses.replace(pipeline, robot=dataclasses.replace(pipeline.robot, source="gone.yaml"))
+    with_truth, without = (last_screen(one, result, "robid run") for one in (pipeline, gone))
+    assert with_truth[2].split() == ["parameter", "unit", "true", "start", "estimate", "std", "error"]
+    assert without[2].split() == ["parameter", "unit", "start", "estimate", "std", "error"]
+    assert without[-1] == "run again  robid run"
 
 
 def test_nothing_to_do_is_said(robid: Robid) -> None:
