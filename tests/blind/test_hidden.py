@@ -33,11 +33,8 @@ ESTIMATED = (
 RARE = 0.01  # probability of a count as low, were the claim true
 
 
-@pytest.mark.parametrize(
-    "wanted",
-    [pytest.param(SAMPLE[0], marks=pytest.mark.full), SAMPLE[1]],
-    ids=["nothing", "load_dependent"],
-)
+@pytest.mark.full
+@pytest.mark.parametrize("wanted", SAMPLE, ids=["nothing", "load_dependent"])
 def test_a_hidden_law_is_named_first_and_none_where_there_is_none(wanted: Wanted) -> None:
     """The law is as strong as was asked for; no other one is named beside it, and the delay is found."""
     row = judged(wanted, "test")

@@ -49,7 +49,7 @@ HIDDEN: dict[str, tuple[str, Values, str]] = {
     "case",
     [
         "load-dependent",
-        "gear",
+        pytest.param("gear", marks=pytest.mark.full),
         pytest.param("lag", marks=pytest.mark.full),
         pytest.param("pedestal", marks=pytest.mark.full),
     ],
@@ -84,6 +84,7 @@ def test_a_hidden_effect_is_named_and_sized(
     assert [entry.use for entry in extended.description.effects.values()] == [use]
 
 
+@pytest.mark.full
 def test_a_limit_that_one_configuration_reaches_is_named_and_said_to_be_seen_there(
     told: Robot, plant_of: Plants, measured: Measured
 ) -> None:
@@ -118,7 +119,8 @@ def test_what_only_one_configuration_shows_though_all_move_is_no_cause(
     assert any("differs between configurations" in reason for reason in diagnosis.search.failed)
 
 
-@pytest.mark.parametrize("only", [("drive.torque_ripple",), pytest.param((), marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("only", [("drive.torque_ripple",), ()])
 def test_several_waves_of_one_kind_are_named_at_one_axis(
     told: Robot, plant_of: Plants, measured: Measured, only: tuple[str, ...]
 ) -> None:

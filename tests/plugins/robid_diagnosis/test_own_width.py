@@ -35,7 +35,7 @@ def diagnosed(told: Robot, record: Record, only: tuple[str, ...]) -> Diagnosis:
     [
         (UNEVEN, "coulomb_forwards", 0.2, 61, 0.3, 1.25),
         pytest.param(UNEVEN, "coulomb_forwards", 0.2, 61, 3.0, 1.1, marks=pytest.mark.full),
-        (FALLING, "breakaway", 0.4, 71, 0.3, 1.2),
+        pytest.param(FALLING, "breakaway", 0.4, 71, 0.3, 1.2, marks=pytest.mark.full),
     ],
 )
 def test_a_law_has_a_zero_speed_width_of_its_own(

@@ -106,7 +106,9 @@ def test_a_law_that_acts_under_both_payloads_is_found_once(told: Robot, loaded_f
     )
 
 
-@pytest.mark.parametrize(("true_kg", "wrong"), [(14.0, True), (10.1, False)])
+@pytest.mark.parametrize(
+    ("true_kg", "wrong"), [(14.0, True), pytest.param(10.1, False, marks=pytest.mark.full)]
+)
 def test_a_load_that_is_told_wrong_is_a_value_of_its_variant(
     told: Robot, loaded_file: str, true_kg: float, wrong: bool
 ) -> None:

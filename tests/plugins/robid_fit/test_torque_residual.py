@@ -155,6 +155,7 @@ def test_a_hidden_effect_is_found_where_the_file_frees_it(tmp_path: Path) -> Non
     assert spring == pytest.approx(robot(true, "hidden").parameter("gear_stiffness.axis_1"), rel=1e-3)
 
 
+@pytest.mark.full
 def test_a_cut_that_does_not_repeat_is_fitted_as_well(plant: Robot, nominal: Robot, six: Record) -> None:
     """2.7 s from the middle of each experiment, told without lines: what swung at its start is unknown."""
     run = six.run
