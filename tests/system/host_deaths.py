@@ -40,7 +40,7 @@ from stops import append_row, install, read_table
 
 LOOK_S = 1e-3
 ROOM_S = 2e-3  # beside watchdog and ramp: a cycle of the drive and the time between two looks
-HELD_UP_S = 0.2  # from here on the computer was too busy for the drive, and the death is tried again
+HELD_UP_S = 0.2  # a drive without time for so long: the computer was too busy, and the death is tried again
 MOST_ATTEMPTS = 10
 LONGEST_S = 30.0  # who takes longer hangs
 GONE_S = 1.0  # within which processes of a dead host are cleared away
@@ -120,6 +120,11 @@ class Seen:
     runs: int = 0
     held_up_s: float = 0.0  # that this process got no time to serve the drive
     looks: list[tuple[float, float, bool]] = field(default_factory=list)  # when, speed, whether powered
+
+    @property
+    def too_busy(self) -> bool:
+        """Whether the computer had no time for the drive, or for a host that nobody disturbed."""
+        return self.missed or self.held_up_s >= HELD_UP_S
 
 
 class Drives:
@@ -292,7 +297,7 @@ class Drill:
             self.drives.begin(away_rad=0.0)
             began = time.monotonic()
             host = self.follow(self.copy(f"undisturbed-{attempt}"), 5 * LONGEST_S)
-            if self.drives.seen.held_up_s < HELD_UP_S:
+            if not self.drives.seen.too_busy:
                 break
         assert host.code == 0, host.words.read_text()
         assert self.drives.seen.runs == 1
@@ -316,13 +321,13 @@ class Drill:
     def perform(self, case: Case) -> Outcome:
         """Perform a death on a computer that has time for the drive."""
         for _ in range(MOST_ATTEMPTS):
-            outcome, held_up_s = self.attempt(case)
-            if held_up_s < HELD_UP_S:
+            outcome, too_busy = self.attempt(case)
+            if not too_busy:
                 break
         return outcome
 
-    def attempt(self, case: Case) -> tuple[Outcome, float]:
-        """Let the host die and the drive settle, run again, judge; return how long the drive was held up, too."""
+    def attempt(self, case: Case) -> tuple[Outcome, bool]:
+        """Let the host die and the drive settle, run again, judge; tell whether the computer was too busy, too."""
         drives, folder = self.drives, self.copy(f"death-{case.death}")
         drives.begin(case.away_rad)
         at = case.share * self.whole[case.trigger]
@@ -348,7 +353,7 @@ class Drill:
         second = self.follow(folder, LONGEST_S)
         outcome = judge(case, at, (host, seen), (second, drives.seen), drives)
         shutil.rmtree(folder)
-        return outcome, max(seen.held_up_s, drives.seen.held_up_s)
+        return outcome, seen.held_up_s >= HELD_UP_S or drives.seen.too_busy
 
 
 def judge(

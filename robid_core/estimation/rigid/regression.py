@@ -8,6 +8,7 @@ differences, decimate every column of the regressor and the torque by one and th
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,12 +70,18 @@ def decimate(values: FloatArray, factor: int) -> FloatArray:
         return values
     _ask_length(values, 3 * DECIMATION_ORDER, "decimate")
     n_sample = values.shape[0]
-    sections = scipy.signal.cheby1(
-        DECIMATION_ORDER, DECIMATION_RIPPLE_DB, DECIMATION_EDGE / factor, output="sos"
-    )
-    filtered = scipy.signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=3 * DECIMATION_ORDER)
+    sections, padding = _low_pass(factor), 3 * DECIMATION_ORDER
+    filtered = scipy.signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=padding)
     result: FloatArray = filtered[decimated_index(n_sample, factor)]
     return result
+
+
+@functools.cache
+def _low_pass(factor: int) -> FloatArray:
+    """Sections of the filter of `decimate`: a fit that moves its torques in time asks for them hundreds of times."""
+    edge = DECIMATION_EDGE / factor
+    sections: FloatArray = scipy.signal.cheby1(DECIMATION_ORDER, DECIMATION_RIPPLE_DB, edge, output="sos")
+    return sections
 
 
 def decimated_index(n_sample: int, factor: int) -> IntArray:

@@ -152,5 +152,6 @@ def test_what_cannot_be_predicted_is_refused(tmp_path: Path) -> None:
         Prediction().run((measured,), robot, context, fit_of(robot, TRUE, converged=False))
 
 
-def test_the_stage_keeps_the_contract() -> None:
-    check_stage(Prediction, skip_s=0.1)
+@pytest.mark.parametrize("for_axes", [(1, 2), pytest.param((6,), marks=pytest.mark.full)])
+def test_the_stage_keeps_the_contract(for_axes: tuple[int, ...]) -> None:
+    check_stage(Prediction, for_axes=for_axes, skip_s=0.1)

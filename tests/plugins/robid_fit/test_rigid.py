@@ -214,9 +214,11 @@ def test_the_same_record_gives_the_same_bytes(tmp_path: Path) -> None:
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
 
-def test_the_stage_keeps_the_contract() -> None:
+@pytest.mark.parametrize("for_axes", [(1, 2), pytest.param((6,), marks=pytest.mark.full)])
+def test_the_stage_keeps_the_contract(for_axes: tuple[int, ...]) -> None:
     # The example record moves too little to tell all inertias of six axes apart; friction it shows.
-    check_stage(RigidBodyFit, recovery=False, unknowns=("viscous", "coulomb"), cutoff_hz=80.0, decimation=5)
+    settings: dict[str, Any] = {"unknowns": ("viscous", "coulomb"), "cutoff_hz": 80.0, "decimation": 5}
+    check_stage(RigidBodyFit, for_axes=for_axes, recovery=False, **settings)
 
 
 def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: Path) -> None:
