@@ -7,6 +7,7 @@ is the help. Here stand the one-line summaries, so that `robid --help` imports n
 from __future__ import annotations
 
 import os
+import resource
 from collections.abc import Callable
 from importlib import import_module
 from typing import Annotated, Any
@@ -15,6 +16,7 @@ import typer
 
 from robid_core import __version__
 from robid_core.commands.failures import guarded
+from robid_core.errors import StoreError
 
 COMMANDS = {
     "run": "Run a pipeline: what is up to date is kept, the rest is made.",
@@ -31,6 +33,8 @@ COMMANDS = {
     "doctor": "Check the installation, or look for implausible numbers in a robot.",
     "schema": "Print the JSON schema of pipeline files, or of robot files, for editors.",
 }
+LEAST_MEMORY = 2**30
+"""Bytes of address space that the libraries take before there are any data, and some more."""
 _HELP = (
     "Find what a robot's simulation gets wrong: from excitation to frequency responses, stiffness and report."
 )
@@ -55,8 +59,25 @@ def command_line(arguments: list[str]) -> None:
     # A shell that completes gives the line in the environment and runs without arguments.
     line = os.environ.get("_TYPER_COMPLETE_ARGS", "") + " " + os.environ.get("COMP_WORDS", "")
     words = arguments + line.split()
+    guarded(ask_room, debug)()
     load = guarded(build, debug)
     load(words, debug)(args=arguments, prog_name="robid")
+
+
+def ask_room() -> None:
+    """Refuse a limit of memory with which libraries end Python, or ask for ever for what they do not get.
+
+    Raises
+    ------
+    StoreError
+        That says how much there is and how much it takes.
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        raise StoreError(
+            f"memory is limited to {limit / 2**20:.0f} MB (ulimit -v), and robid with its libraries takes "
+            f"{LEAST_MEMORY / 2**20:.0f} MB; raise the limit and run again"
+        )
 
 
 def _unused() -> None:
