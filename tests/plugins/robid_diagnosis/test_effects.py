@@ -84,7 +84,6 @@ def test_a_hidden_effect_is_named_and_sized(
     assert [entry.use for entry in extended.description.effects.values()] == [use]
 
 
-@pytest.mark.full
 def test_a_limit_that_one_configuration_reaches_is_named_and_said_to_be_seen_there(
     told: Robot, plant_of: Plants, measured: Measured
 ) -> None:

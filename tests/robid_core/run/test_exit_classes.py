@@ -27,20 +27,20 @@ FIT = '        called("fit")\n'
 
 @fault(
     "R04",
-    sees="exit 7: memory is limited to so many MB (ulimit -v), which libraries need; they waited without end",
+    sees="exit 7: memory is limited to so many MB (ulimit -v), which libraries need; runs hung",
     mutant=("robid_core/commands/app.py", "    guarded(ask_room, debug)()\n", ""),
 )
 @pytest.mark.parametrize("limit_mb", [200, 450, 550])
 def test_R04_a_limit_of_memory_that_the_libraries_exceed_is_told_at_once(limit_mb: int) -> None:
-    """OpenBLAS waits for memory in C, where no signal is heard; below, Python's own modules could not be loaded."""
+    """With 450 or 550 MB a run hung, and no SIGTERM ended it; with less, libraries could not be loaded (exit 70)."""
     main = "from robid_core.commands import main; main(['stages'])"
     command = f'ulimit -v {1024 * limit_mb}; exec "$@"'
     words = ["bash", "-c", command, "limited", sys.executable, "-c", main]
     done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
     assert done.returncode == StoreError.exit_code
     assert done.stderr == (
-        f"memory is limited to {limit_mb} MB (ulimit -v), and robid with its libraries takes 1024 MB; "
-        "raise the limit and run again\n"
+        f"memory is limited to {limit_mb} MB (ulimit -v), and robid asks for at least 1024 MB, "
+        "most of it for libraries; raise the limit and run again\n"
     )
 
 
