@@ -1,10 +1,7 @@
 "use strict";
-// Draws the figures of a comparison from #page-data.
-(() => {
-  const figures = JSON.parse(document.getElementById("page-data").textContent);
-  const options = {responsive: true, displaylogo: false};
-  for (const target of document.querySelectorAll("[data-figure]")) {
-    const figure = figures[Number(target.dataset.figure)];
-    Plotly.react(target, figure.data, figure.layout, options);
-  }
+// Draws the figures of a comparison from #page-data (`figuresIn` stands in figures.js).
+(async () => {
+  const {figures, dark} = JSON.parse(document.getElementById("page-data").textContent);
+  const show = await figuresIn(dark);
+  if (show) figures.forEach((figure, index) => show("figure-" + index, figure.data, {1: figure.layout}));
 })();

@@ -1,4 +1,4 @@
-"""Responses of several runs in one figure for each axis: magnitude over frequency, a line for each run."""
+"""Responses of several runs in one figure for each axis: a line for each run, the first broadest, below the others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ import numpy as np
 from robid_core import Frf
 from robid_core.plot import bode_layout
 
-COLOURS = ("#24476b", "#c8501e", "#4f7f6a", "#8a5a9e", "#a8861b", "#5b6875")
+COLOURS = {
+    "#24476b": "#8dbcec",
+    "#c8501e": "#ff9364",
+    "#4f7f6a": "#7fc4a4",
+    "#8a5a9e": "#c79be0",
+    "#a8861b": "#e0c25a",
+    "#5b6875": "#a9b5c1",
+}
+"""Colours of runs, and what stands for each on a dark ground."""
+WIDTHS = (1.2, 1.6)  # pixels: of the last line, and what each that lies below it is wider
 FIRST_PHASE = 101  # number of the first phase axis of `bode_layout`
 HEIGHT = 440
 SAME_ANGLE = 1e-6  # rad
@@ -45,6 +54,7 @@ def overlaid(frfs: Mapping[str, Frf]) -> list[dict[str, Any]]:
     Figures with `heading`, `data` and `layout`, plain values for JSON.
     """
     labels, responses = list(frfs), list(frfs.values())
+    colours, last = list(COLOURS), len(labels) - 1
     figures = []
     for place, numbers in enumerate(shared_configurations(responses)):
         for axis, name in enumerate(responses[0].axis_names):
@@ -52,13 +62,14 @@ def overlaid(frfs: Mapping[str, Frf]) -> list[dict[str, Any]]:
             for run, (label, frf, number) in enumerate(zip(labels, responses, numbers, strict=True)):
                 valid = frf.valid_lines[number]
                 value = frf.response[number, valid, axis, axis]
+                colour, width = colours[run % len(colours)], WIDTHS[0] + WIDTHS[1] * (last - run)
                 common = {
                     "x": [round(f, 6) for f in frf.frequency_hz[valid].tolist()],
                     "name": label,
                     "type": "scatter",
                     "mode": "lines+markers",
-                    "line": {"color": COLOURS[run % len(COLOURS)], "width": 1.2},
-                    "marker": {"color": COLOURS[run % len(COLOURS)], "size": 3.4},
+                    "line": {"color": colour, "width": round(width, 1)},
+                    "marker": {"color": colour, "size": round(width + 2.2, 1)},
                 }
                 decibel = 20 * np.log10(np.maximum(np.abs(value), np.finfo(float).tiny))
                 for y, shown in (("y", decibel), (f"y{FIRST_PHASE}", np.degrees(np.angle(value)))):

@@ -6,15 +6,17 @@
 
 from __future__ import annotations
 
+import itertools
 from importlib import resources
 from typing import Any
 
 from markupsafe import Markup
 
 from robid_core import ConfigurationError, Fit, Frf, Report, ReportStage
+from robid_core.plot import DARK
 from robid_report.comparison_figures import COLOURS, overlaid
 from robid_report.comparison_rows import compared_rows
-from robid_report.html import json_for_script, script_hash
+from robid_report.html import json_for_script, packed_library, script_hash
 from robid_report.numbers import significant
 
 
@@ -53,7 +55,7 @@ class ComparisonPage(ReportStage):
                 for label, fit in named.items()
             ],
             "figures": figures,
-            "keys": [(label, COLOURS[i % len(COLOURS)]) for i, label in enumerate(measured)],
+            "keys": [(label, *colours) for label, colours in zip(measured, itertools.cycle(COLOURS.items()))],
             "remark": "The runs share no configuration, so that their responses are not of the same pose."
             if measured
             else "",
@@ -68,22 +70,23 @@ def render(content: dict[str, Any]) -> str:
     files = resources.files("robid_report")
     read = {
         name: (files / name).read_text(encoding="utf-8")
-        for name in ("comparison.html.j2", "comparison.js", "page.css")
+        for name in ("comparison.html.j2", "comparison.js", "figures.js", "page.css")
     }
-    scripts: list[str] = []
-    if content["figures"]:
-        from plotly.offline import get_plotlyjs
-
-        scripts = [str(get_plotlyjs()).replace("\r\n", "\n"), read["comparison.js"]]
+    scripts = [read["figures.js"], read["comparison.js"]] if content["figures"] else []
+    allowed, library = [script_hash(script) for script in scripts], ""
+    if scripts:
+        library, own = packed_library()
+        allowed.append(own)
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     page: str = environment.from_string(read["comparison.html.j2"]).render(
         **content,
-        data=json_for_script(content["figures"]),
+        data=json_for_script({"figures": content["figures"], "dark": {**DARK, **COLOURS}}),
         style=Markup(read["page.css"]),
+        library=Markup(library),
         scripts=[Markup(script) for script in scripts],
-        policy=" ".join(f"'{script_hash(script)}'" for script in scripts) or "'none'",
+        policy=Markup(" ".join(f"'{one}'" for one in allowed) or "'none'"),
     )
     return page
 

@@ -229,9 +229,9 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
 
     text = {
         name: (files / name).read_text(encoding="utf-8")
-        for name in ("page.html.j2", "page.css", "page.js", "body.js")
+        for name in ("page.html.j2", "page.css", "figures.js", "page.js", "body.js")
     }
-    scripts = [text["page.js"], *([text["body.js"]] if content["body"] else [])]
+    scripts = [text["figures.js"], text["page.js"], *([text["body.js"]] if content["body"] else [])]
     allowed, library = [script_hash(script) for script in scripts], ""
     if data["response"] or data["time"]:
         library, own = packed_library()

@@ -1,9 +1,7 @@
 "use strict";
-// Draws the page's figures, which robid made, from #page-data. Text from there is only ever written as text.
+// Draws the page's figures, which robid made, from #page-data (`figuresIn` stands in figures.js). Text from there is only ever written as text.
 (async () => {
   const {pool, value} = JSON.parse(document.getElementById("page-data").textContent);
-  const OPTIONS = {responsive: true, displaylogo: false, displayModeBar: "hover",
-    modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
   const press = (buttons, chosen) => buttons.forEach((b) => b.setAttribute("aria-pressed", String(b === chosen)));
 
   // What stands in several figures is written once: {"$": 3} is entry 3 of the pool; lists of numbers are shared.
@@ -14,44 +12,6 @@
     return Object.fromEntries(Object.entries(part).map(([key, entry]) => [key, whole(entry)]));
   }
   const data = whole(value);
-
-  // Plotly stands in the page compressed; the page's policy names what comes out of it by its hash.
-  async function unpackLibrary() {
-    const packed = document.getElementById("library");
-    if (!packed) return true;
-    if (!("DecompressionStream" in window)) return false;
-    const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
-    const script = document.createElement("script");
-    script.textContent = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
-    document.head.append(script);
-    return "Plotly" in window;
-  }
-
-  const prefersDark = matchMedia("(prefers-color-scheme: dark)"), PAPER = 700;
-  const drawn = new Map();
-  let printing = false;
-  function coloured(part, key) {
-    if (Array.isArray(part)) return typeof part[0] === "object" ? part.map((entry) => coloured(entry, key)) : part;
-    if (part && typeof part === "object")
-      return Object.fromEntries(Object.entries(part).map(([name, entry]) => [name, coloured(entry, name)]));
-    return prefersDark.matches && !printing && /color$/.test(key) && part in data.dark ? data.dark[part] : part;
-  }
-  // `layouts`: by number of columns, the widest that fits is taken. Plotly writes into what it is given: copies.
-  function show(target, traces, layouts) {
-    drawn.set(target, [traces, layouts]);
-    const room = printing ? PAPER : document.getElementById(target).clientWidth;
-    const columns = room < 480 ? 1 : room < 680 ? 2 : 3;
-    const fitting = Object.keys(layouts).map(Number).filter((n) => n <= columns);
-    const layout = structuredClone(coloured(layouts[Math.max(...fitting)], ""));
-    if (printing) layout.width = PAPER;
-    Plotly.react(target, coloured(traces, ""), layout, OPTIONS);
-  }
-  const showAgain = () => { for (const [target, [traces, layouts]] of drawn) show(target, traces, layouts); };
-  prefersDark.addEventListener("change", showAgain);
-  addEventListener("beforeprint", () => { printing = true; showAgain(); });
-  addEventListener("afterprint", () => { printing = false; showAgain(); });
-  let width = innerWidth;
-  addEventListener("resize", () => { if (innerWidth !== width && !printing) { width = innerWidth; showAgain(); } });
 
   const SVG = "http://www.w3.org/2000/svg";
   function element(name, attributes, parent) {
@@ -102,10 +62,8 @@
     target.replaceChildren(svg);
   }
 
-  if (!await unpackLibrary()) {
-    document.getElementById("outdated").hidden = false;
-    return;
-  }
+  const show = await figuresIn(data.dark);
+  if (!show) return;
 
   if (data.response) {
     const axes = data.response.axes, buttons = Array.from(document.querySelectorAll("[data-configuration]"));

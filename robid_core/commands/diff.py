@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def command(
     runs: Annotated[
         list[Path],
-        typer.Argument(metavar="RUN RUN [RUN...]", help="Folders of runs, or their pipeline files."),
+        typer.Argument(metavar="RUN RUN [RUN...]", help="Names or folders of runs, or their pipeline files."),
     ],
     page: Annotated[
         Path | None,

@@ -1,7 +1,7 @@
 """Small calls, one for each group of kernels, after which their machine code is on disk.
 
-All are made of a pendulum behind one motor. A group shares what it compiles with others as little as can be, so that
-each may be compiled by a process of its own.
+All are made of a pendulum behind one motor. Who compiles them in processes side by side decides which share one: two
+groups on lanes have much in common, and so have the two on numbers.
 """
 
 from __future__ import annotations
@@ -67,4 +67,4 @@ WARM_UP: dict[str, Callable[[], None]] = {
     "linear models": _linearise,
     "torque of a prescribed motion": _prescribe,
 }
-"""What is compiled, the dearest first, and the call that compiles it."""
+"""What is compiled, and the call that compiles it."""

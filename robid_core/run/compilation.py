@@ -16,10 +16,16 @@ from robid_core.executors import ProcessMap, process_executor
 from robid_core.mechanics import WARM_UP
 from robid_core.mechanics.closed_loop import run_blocks
 
-_PARTS: dict[str, Callable[[], object]] = {
-    **WARM_UP,
-    "eigenvectors": lambda: eigen(np.eye(2, dtype=np.complex128)[None], 1e6),
-}
+_CHAINS: tuple[tuple[Callable[[], object], ...], ...] = (
+    (WARM_UP["simulation of eight experiments at once"], WARM_UP["torque of a prescribed motion"]),
+    (WARM_UP["linear models"], WARM_UP["simulation of one experiment"]),
+    (lambda: eigen(np.eye(2, dtype=np.complex128)[None], 1e6),),
+)
+"""Groups of kernels, each compiled by one process, one call after the other: a call finds what those before compiled.
+
+Eight experiments at once and prescribed motions share their recursions on lanes, linear models and one experiment
+theirs on numbers; across the chains only small functions are compiled twice.
+"""
 _WIDTHS = 2
 """Codes that the simulator's outermost loop has: for one experiment and for eight at once."""
 
@@ -36,17 +42,18 @@ def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int
     """
     if kept_codes(run_blocks) >= _WIDTHS:
         return
-    names = list(_PARTS)
+    total = len(_CHAINS)
     tell = note if note is not None else _say_nothing
     with process_executor(jobs) as tasks:
-        text = f"compiling kernels, once, on {_processors(tasks, len(names))}"
-        tell(0, len(names), text)
-        for done, _ in enumerate(tasks.stream(_compile, [(name,) for name in names]), start=1):
-            tell(done, len(names), text)
+        text = f"compiling kernels, once, on {_processors(tasks, total)}"
+        tell(0, total, text)
+        for done, _ in enumerate(tasks.stream(_compile, [(chain,) for chain in range(total)]), start=1):
+            tell(done, total, text)
 
 
-def _compile(name: str) -> None:
-    _PARTS[name]()
+def _compile(chain: int) -> None:
+    for call in _CHAINS[chain]:
+        call()
 
 
 def _processors(tasks: ProcessMap, most: int) -> str:

@@ -55,7 +55,9 @@ class RunFolder:
 
     @classmethod
     def find(cls, where: Path) -> RunFolder:
-        """Return the run that a person means by a run folder, a file in it, or a pipeline file."""
+        """Return the run that a person means by a run folder, a file in it, a pipeline file, or a name in `runs`."""
+        if not where.exists() and len(where.parts) == 1 and (RUNS / where).is_dir():
+            where = RUNS / where
         if (
             where.suffix in (".yaml", ".yml")
             and where.is_file()

@@ -78,7 +78,7 @@ def test_the_page_holds_names_as_text_and_figures_as_data() -> None:
     found = re.search(r'id="page-data">(.*?)</script>', page, re.DOTALL)
     assert found is not None
     data = json.loads(found[1])
-    assert [trace["name"] for trace in data[0]["data"]] == ["a", "a", evil, evil]
+    assert [trace["name"] for trace in data["figures"][0]["data"]] == ["a", "a", evil, evil]
     assert page == ComparisonPage(labels=("a", evil)).run(fits, (response, response)).html
 
 

@@ -202,7 +202,7 @@ def test_any_part_makes_a_page(robot: Robot, chosen: tuple[str, ...]) -> None:
     page = Page(page_of(robot, **{name: artifacts[name] for name in chosen}))
     assert robot.name in page.words
     # Nothing to plot, no plotting library.
-    assert len(page.scripts) == (3 if {"frf", "fit", "diagnosis"} & set(chosen) else 2)
+    assert len(page.scripts) == (4 if {"frf", "fit", "diagnosis"} & set(chosen) else 3)
 
 
 def test_equal_inputs_give_equal_bytes(robot: Robot, full: str) -> None:

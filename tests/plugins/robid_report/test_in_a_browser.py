@@ -18,6 +18,7 @@ import pytest
 
 from robid_core import LinkMesh, Robot, TimeComparison
 from robid_core.testing import example_design, example_fit, example_frf
+from robid_report.comparison_page import ComparisonPage
 from robid_report.html import HtmlReport
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -231,3 +232,22 @@ def test_paper_is_a4(tmp_path: Path) -> None:
     for width, height in boxes:
         assert float(width) == pytest.approx(595.3, abs=1)
         assert float(height) == pytest.approx(841.9, abs=1)
+
+
+@pytest.mark.parametrize("scheme", [0, 1], ids=["dark", "light"])
+def test_a_comparison_is_drawn_on_phone_and_screen_dark_and_light(scheme: int, tmp_path: Path) -> None:
+    robot = Robot.load("six_axis")
+    fits, responses = (example_fit(robot),) * 2, (example_frf(robot),) * 2
+    page = ComparisonPage(labels=("before", "after")).run(fits, responses).html
+    assert len(page) < 3_000_000  # bytes; Plotly alone has 4.8 MB where it is not compressed
+    views = {"phone": 390, "screen": 1400}
+    for width, found in seen(
+        tmp_path, page, views, f"--blink-settings=preferredColorScheme={scheme}"
+    ).items():
+        assert found["errors"] == []
+        assert found["drawn"] == found["plots"] >= 6  # a figure for each axis
+        assert found["wide"] <= width, found["beyond"]
+        assert found["faint"] == []
+        assert found["words"] == []
+        dark = sum(int(part) for part in re.findall(r"\d+", found["ground"])) < 150
+        assert dark == (scheme == 0)

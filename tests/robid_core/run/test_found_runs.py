@@ -22,3 +22,11 @@ def test_a_file_that_is_no_pipeline_is_told_as_such(tmp_path: Path) -> None:
     (tmp_path / "notes.yaml").write_text("- just\n- a list\n")
     with pytest.raises(ConfigurationError, match=r"notes\.yaml:1"):
         RunFolder.find(tmp_path / "notes.yaml")
+
+
+def test_a_run_is_found_by_its_name(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    world.run()
+    monkeypatch.chdir(world.file.parent)
+    assert RunFolder.find(Path(world.folder.name)).path.resolve() == world.folder.resolve()
+    with pytest.raises(ConfigurationError, match="other: not a run, there is no such file or folder"):
+        RunFolder.find(Path("other"))
