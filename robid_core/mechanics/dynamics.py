@@ -13,7 +13,7 @@ from robid_core.compiled.lanes import LANES
 from robid_core.compiled.views import lanes_of
 from robid_core.mechanics.chain import Chain
 from robid_core.mechanics.chain_arrays import ChainArrays, chain_arrays, chain_work
-from robid_core.mechanics.recursion import chain_views, evaluate, work_views
+from robid_core.mechanics.recursion import chain_views, evaluate, project_gravity, work_views
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,8 @@ def dynamics_rows(chain, work, position, speed, masses, biases, stiffnesses):  #
             for lane in range(LANES):
                 row = min(first + lane, n_row - 1)
                 q[i, lane], v[i, lane] = position[row, i], speed[row, i]
-        evaluate(views, memory, lanes_of(q), lanes_of(v), True)
+        evaluate(views, memory, lanes_of(q), lanes_of(v))
+        project_gravity(views, memory.screw, memory.momentum, memory.gravity_stiffness)
         for lane in range(min(LANES, n_row - first)):
             row = first + lane
             for i in range(n):

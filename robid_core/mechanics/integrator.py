@@ -265,7 +265,7 @@ def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-unty
             chain_work.record, chain_work.screw, chain_work.momentum, system, right, chain_work.gravity_stiffness,
             chain_work.sine, chain_work.cosine,
         )  # fmt: skip
-        evaluate(chain, memory, work.middle, work.middle_speed, False)
+        evaluate(chain, memory, work.middle, work.middle_speed)
         for i in range(n_joint):
             right[i] = stage[i] - right[i]
         add_constant(plant, system)
@@ -278,7 +278,7 @@ def assemble_arm(chain, plant, chain_work, work, stage):  # type: ignore[no-unty
             q = q + plant.joint_value[j, e] * work.middle[plant.joint_column[j, e]]
             v = v + plant.joint_value[j, e] * work.middle_speed[plant.joint_column[j, e]]
         work.joint[j], work.joint_speed[j] = q, v
-    evaluate(chain, chain_work, work.joint, work.joint_speed, False)
+    evaluate(chain, chain_work, work.joint, work.joint_speed)
     for i in range(n):
         right[i] = stage[i]
     for i in range(motor):

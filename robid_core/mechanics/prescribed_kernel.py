@@ -142,7 +142,9 @@ def run_prescribed(  # type: ignore[no-untyped-def]
         first_lane = block * width
         position, speed = state.position[block], state.speed[block]
         views = state_views(state, block, single)
-        command[:] = state.holding_torque[block]
+        for a in range(n_axis):  # an assignment of arrays would compile a message about their shapes: seconds
+            for lane in range(width):
+                command[a, lane] = state.holding_torque[block, a, lane]
         for sample in range(outputs.torque.shape[1]):
             scatter(outputs.position, position[motors:], first_lane, sample)
             scatter(outputs.coordinates, position, first_lane, sample)

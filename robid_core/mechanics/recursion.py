@@ -177,8 +177,8 @@ def bend(chain, record, momentum, j, deflection, rate):  # type: ignore[no-untyp
 
 
 @fused_kernel
-def evaluate(chain, work, position, speed, stiff):  # type: ignore[no-untyped-def]
-    """Fill the lower triangle of mass, bias, and where `stiff` the lower triangle of gravity_stiffness.
+def evaluate(chain, work, position, speed):  # type: ignore[no-untyped-def]
+    """Fill the lower triangle of mass, and bias; `project_gravity` fills that of gravity_stiffness after it.
 
     `chain` and `work` are `ChainArrays` and `ChainWork` of views; position and speed hold the n joints first.
     """
@@ -377,5 +377,3 @@ def evaluate(chain, work, position, speed, stiff):  # type: ignore[no-untyped-de
             record[parent, 36], record[parent, 37] = record[parent, 36] + c12, record[parent, 37] + c13
             record[parent, 38], record[parent, 39] = record[parent, 38] + c14, record[parent, 39] + c15
     project(chain, screw, momentum, work.mass)
-    if stiff:
-        project_gravity(chain, screw, momentum, work.gravity_stiffness)

@@ -1,7 +1,7 @@
 """Small calls, one for each group of kernels, after which their machine code is on disk.
 
-All are made of a pendulum behind one motor. Who compiles them in processes side by side decides which share one: two
-groups on lanes have much in common, and so have the two on numbers.
+All are made of a pendulum behind one motor. Positions at rest are a part of all others: compiled first, they are found
+on disk.
 """
 
 from __future__ import annotations
@@ -44,6 +44,10 @@ _PENDULUM = Mechanism(
 _SPRING, _DAMPER = _ONE * 1e3, _ONE
 
 
+def _rest() -> None:
+    solve_equilibrium(_PENDULUM, _SPRING, np.zeros((1, 1)))
+
+
 def _linearise() -> None:
     rest = solve_equilibrium(_PENDULUM, _SPRING, np.zeros((1, 1)))
     response(second_order_model(_PENDULUM, _SPRING, _DAMPER, rest.position), _ONE * 10.0)
@@ -64,6 +68,7 @@ def _prescribe() -> None:
 WARM_UP: dict[str, Callable[[], None]] = {
     "simulation of one experiment": lambda: _simulate(1),
     "simulation of eight experiments at once": lambda: _simulate(LANES),
+    "positions at rest": _rest,
     "linear models": _linearise,
     "torque of a prescribed motion": _prescribe,
 }

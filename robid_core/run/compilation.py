@@ -6,6 +6,7 @@ What a simulation does not need is compiled when it is called.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 
 import numpy as np
@@ -16,15 +17,18 @@ from robid_core.executors import ProcessMap, process_executor
 from robid_core.mechanics import WARM_UP
 from robid_core.mechanics.closed_loop import run_blocks
 
-_CHAINS: tuple[tuple[Callable[[], object], ...], ...] = (
-    (WARM_UP["simulation of eight experiments at once"], WARM_UP["torque of a prescribed motion"]),
-    (WARM_UP["linear models"], WARM_UP["simulation of one experiment"]),
-    (lambda: eigen(np.eye(2, dtype=np.complex128)[None], 1e6),),
+_Chain = tuple[Callable[[], object], ...]
+_WAVES: tuple[tuple[_Chain, ...], ...] = (
+    ((WARM_UP["positions at rest"],), (lambda: eigen(np.eye(2, dtype=np.complex128)[None], 1e6),)),
+    (
+        (WARM_UP["simulation of eight experiments at once"], WARM_UP["torque of a prescribed motion"]),
+        (WARM_UP["simulation of one experiment"], WARM_UP["linear models"]),
+    ),
 )
-"""Groups of kernels, each compiled by one process, one call after the other: a call finds what those before compiled.
+"""Groups of kernels: chains of a wave beside one another, each in one process, its calls one after the other.
 
-Eight experiments at once and prescribed motions share their recursions on lanes, linear models and one experiment
-theirs on numbers; across the chains only small functions are compiled twice.
+What the second wave has in common is compiled in the first, and eight experiments at once share their recursion with
+prescribed motions: across chains only small functions are compiled twice.
 """
 _WIDTHS = 2
 """Codes that the simulator's outermost loop has: for one experiment and for eight at once."""
@@ -42,18 +46,25 @@ def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int
     """
     if kept_codes(run_blocks) >= _WIDTHS:
         return
-    total = len(_CHAINS)
+    total, done = sum(map(len, _WAVES)), 0
     tell = note if note is not None else _say_nothing
     with process_executor(jobs) as tasks:
-        text = f"compiling kernels, once, on {_processors(tasks, total)}"
-        tell(0, total, text)
-        for done, _ in enumerate(tasks.stream(_compile, [(chain,) for chain in range(total)]), start=1):
-            tell(done, total, text)
+        text = f"compiling kernels, once, on {_processors(tasks, max(map(len, _WAVES)))}"
+        tell(done, total, text)
+        for wave, chains in enumerate(_WAVES):
+            for _ in tasks.stream(_compile, [(wave, chain) for chain in range(len(chains))]):
+                done += 1
+                tell(done, total, text)
 
 
-def _compile(chain: int) -> None:
-    for call in _CHAINS[chain]:
-        call()
+def _compile(wave: int, chain: int) -> None:
+    """Compile without looking for garbage in between, an eighth of the time: the process ends soon."""
+    gc.disable()
+    try:
+        for call in _WAVES[wave][chain]:
+            call()
+    finally:
+        gc.enable()
 
 
 def _processors(tasks: ProcessMap, most: int) -> str:

@@ -15,7 +15,7 @@ import robid_core.run.compilation as c
 def part():
     import small
     small.plus(1.0)
-c._CHAINS = ((part,),)
+c._WAVES = (((part,),),)
 if __name__ == "__main__":
     c.compile_ahead(lambda done, total, text: print(done, total, text))
 """
