@@ -41,6 +41,7 @@ from robid_core import (
     frozen,
     simulate_portions,
 )
+from robid_core.residual.inertial_units import channels_of
 
 
 def reference_numbers(n_config: int, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
@@ -59,7 +60,7 @@ def record_of(
     excitation: Excitation,
     position: FloatArray,
     torque: FloatArray,
-    behind: Mapping[ArmSide, FloatArray] | None = None,
+    behind: Mapping[str, FloatArray] | None = None,
 ) -> Record:
     """Record of every sample, position and torque (n_config, n_block, n_exp, n_period, n_sample, n_axis).
 
@@ -76,7 +77,8 @@ def record_of(
         "speed_reference": Channel("motor", "rad/s", reference),
     }
     for name, values in (behind or {}).items():
-        channels[name] = Channel("joint", UNITS[name], frozen(values))
+        unit = next(unit for kind, unit in UNITS.items() if name.startswith(kind))
+        channels[name] = Channel("joint", unit, frozen(values))
     time_s = np.arange(excitation.n_sample, dtype=float) * excitation.sample_time_s
     run = DenseRun(excitation.sample_time_s, channels, time_s, np.ones(position.shape[:-1], dtype=bool))
     angle, line = configurations.angle, excitation.line if len(excitation.line) else None
@@ -109,7 +111,8 @@ class SimulatedAcquisition(Acquisition):
     """Drift of a motor angle from period to period above which data with lines are rejected, rad at the motor."""
     arm_side: tuple[ArmSide, ...] = ()
     """Channels behind the gears that are measured, too: encoders at the links (`joint_position`), torque sensors in the
-    joints (`joint_torque`), with the noise that the plant's file states; `fit.torque_residual` has the same setting."""
+    joints (`joint_torque`), accelerometers and gyroscopes on the links (`link_acceleration`, `link_turn_rate`, three
+    channels each), with place and noise that the plant's file states; `fit.torque_residual` has the same setting."""
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the plugins whose code the result depends on: the plant's effects."""
@@ -169,7 +172,7 @@ class SimulatedAcquisition(Acquisition):
             keep_coordinates=bool(self.arm_side),
         )
         position, torque = (np.empty((len(experiments), self.periods, n_sample, n_axis)) for _ in range(2))
-        behind = {name: np.empty_like(position) for name in self.arm_side}
+        behind = {name: np.empty_like(position) for name in channels_of(self.arm_side)}
         level = saturation_level(plant)
         for portion in simulate_portions(context.map, [batch], context.progress):
             if portion.failed is not None:
@@ -177,12 +180,13 @@ class SimulatedAcquisition(Acquisition):
             for lane in range(portion.first, portion.last):
                 position[lane] = portion.position[lane - portion.first].reshape(position.shape[1:])
                 torque[lane] = portion.torque[lane - portion.first].reshape(torque.shape[1:])
-                for name, values in behind.items():
+                for kind in self.arm_side:
                     assert portion.coordinates is not None
                     own = shown(
-                        plant, name, portion.coordinates[lane - portion.first], experiments[lane].seed
+                        plant, kind, portion.coordinates[lane - portion.first], experiments[lane].seed
                     )
-                    values[lane] = own.reshape(values.shape[1:])
+                    for name, values in own.items():
+                        behind[name][lane] = values.reshape(position.shape[1:])
                 saturated = (np.abs(torque[lane]) >= level).mean(axis=(0, 1))
                 label = experiments[lane].label
                 notes = reject_saturated(label, saturated, robot.axis_names, self.saturation_limit)

@@ -20,6 +20,7 @@ from robid_acquisition.time_stamps import SECONDS, TimeStamps
 from robid_core import BoolArray, Context, DataRejected, FloatArray, Robot, Settings
 
 CUT = "cut the recording before it or repair it"
+ON_LINK = "link_"  # begins the names of channels of inertial units
 
 
 class LowPass(Settings):
@@ -144,6 +145,8 @@ class ReadFiles(Sources):
         return found
 
     def _at_its_side(self, values: FloatArray, name: str, robot: Robot) -> FloatArray:
+        if name.startswith(ON_LINK):  # in the sensor's own axes, whatever the axis' gear is
+            return values
         side = "motor" if self.channels[name].voltage is not None else self.channels[name].side
         return to_side(values, name, side, side_of(name), robot.drives.gear)
 
@@ -231,7 +234,7 @@ class ReadFiles(Sources):
 
 def side_of(name: str) -> str:
     """Side of the gear on which a record keeps a channel."""
-    return "joint" if name.startswith("joint_") else "motor"
+    return "joint" if name.startswith(("joint_", ON_LINK)) else "motor"
 
 
 def _without(values: dict[str, FloatArray], holes: list[Hole]) -> dict[str, FloatArray]:

@@ -1,9 +1,10 @@
 """Recordings made elsewhere as one record: files that a `robid.records` reader knows, and a channel map.
 
 The files lie below the data root (`ROBID_DATA` or `--data`), are never written, and count by their SHA-256. Channels
-come out in SI units with the sign of the robot's axes: `joint_...` on the joint side, everything else at the motor
-shaft, whatever side of the gear the files state. One file holds one experiment; a pattern of names, a table, or the
-times at which experiments begin in a long file say which experiments many are.
+come out in SI units with the sign of the robot's axes: `joint_...` on the joint side, `link_...` in the axes of a
+sensor on the link, everything else at the motor shaft, whatever side of the gear the files state. One file holds one
+experiment; a pattern of names, a table, or the times at which experiments begin in a long file say which experiments
+many are.
 """
 
 from __future__ import annotations

@@ -84,13 +84,20 @@ class TorqueResidualFit(Estimator):
     """Relative error of the model's torque per bin and axis, beside the noise."""
     delays: Literal["common", "each"] = "common"
     """Whether the measured torques of all axes have one delay, or each its own."""
-    arm_side: tuple[Literal["joint_position", "joint_torque"], ...] = ()
+    arm_side: tuple[
+        Literal["joint_position", "joint_torque", "link_acceleration", "link_turn_rate"], ...
+    ] = ()
     """Channels of sensors behind the gears that are fitted beside the torques, of the axes that have them: encoders at
-    the links, torque sensors in the joints. Their zeros do not count; gain and delay of each are unknowns. For
-    motions that do not repeat the robot file has to state their noise, `sensors: {joint_position_noise: ...,
-    joint_torque_noise: ...}` of each axis."""
+    the links, torque sensors in the joints, accelerometers and gyroscopes on the links (`link_acceleration_x`, `_y` and
+    `_z`, likewise `link_turn_rate`; the robot file says where they are, `sensors: {inertial: ...}` of the axis that
+    moves the link). Their zeros do not count; gain and delay of each are unknowns. For motions that do not repeat the
+    robot file has to state their noise, `sensors: {joint_position_noise: ..., joint_torque_noise: ...}` of each
+    axis; accelerometers and gyroscopes need motions that repeat."""
     arm_side_gain: PositiveFloat = 0.01
     """Standard deviation of the gains of these sensors, relative."""
+    arm_side_mounting_rad: PositiveFloat = 0.02
+    """Standard deviation of the angles by which accelerometers and gyroscopes are turned on their links beside what the
+    robot file says, rad; they are unknowns."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
@@ -169,6 +176,7 @@ class TorqueResidualFit(Estimator):
             each_delay=self.delays == "each",
             arm_side=self.arm_side,
             gain_prior=self.arm_side_gain,
+            mounting_prior=self.arm_side_mounting_rad,
         )
 
     # What is stated
@@ -187,8 +195,10 @@ class TorqueResidualFit(Estimator):
             (np.abs(point[:n]) >= free.upper * (1 - 1e-9), np.zeros(len(nuisances), dtype=bool))
         )
         n_sensor = len(problem.sensors)
-        n_friction = len(nuisances) - problem.n_delay - 2 * n_sensor
-        units = ["N m"] * n_friction + ["1"] * n_sensor + ["s"] * (n_sensor + problem.n_delay)
+        n_turned = len(problem.mounted)
+        n_friction = len(nuisances) - problem.n_delay - 2 * n_sensor - n_turned
+        units = ["N m"] * n_friction + ["1"] * n_sensor + ["s"] * n_sensor
+        units += ["rad"] * n_turned + ["s"] * problem.n_delay
         table = ParameterTable(
             names=free.names + nuisances,
             units=tuple(robot.parameter_unit(name) for name in free.names) + tuple(units),

@@ -14,7 +14,9 @@ class Channel(Artifact):
     """One measured quantity of every axis, with the sign of the URDF axis, on a stated side of the gear.
 
     `side` is "motor" or "joint". Names in use: motor_position, motor_speed, motor_torque, speed_reference,
-    position_reference, joint_position, temperature, drive_enabled (1 where a drive is on, 0 where its motor coasts).
+    position_reference, joint_position, joint_torque, link_acceleration_x (and _y, _z; of an accelerometer on the link
+    that the axis moves, in its own axes), link_turn_rate_x (likewise), temperature, drive_enabled (1 where a drive is
+    on, 0 where its motor coasts).
     """
 
     side: str

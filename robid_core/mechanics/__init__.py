@@ -24,6 +24,7 @@ from robid_core.mechanics.friction import (
     friction_terms,
     friction_torque,
 )
+from robid_core.mechanics.inertial_sensor import InertialSensor
 from robid_core.mechanics.linearize import LinearModel, SecondOrderModel, linear_model, second_order_model
 from robid_core.mechanics.mechanical_model import MechanicalModel
 from robid_core.mechanics.mechanism import Mechanism
@@ -67,6 +68,7 @@ __all__ = [
     "Dynamics",
     "Equilibrium",
     "ForceTerm",
+    "InertialSensor",
     "LinearModel",
     "MechanicalModel",
     "Mechanism",

@@ -1,17 +1,20 @@
-"""Sensors behind the gears as further rows of the residual: encoders at the links, torque sensors in the joints.
+"""Sensors behind the gears as further rows of the residual: encoders, torque sensors, inertial units on links.
 
 Motor motion Q is measured, and what is behind the motors follows it: ``x = X X_m^-1 Q`` of the linear model, and what a
 prescribed motion adds. An encoder shows the joint's coordinate, a torque sensor its spring and damper,
-``(k + i w d) e^T x``. Noise of the motors' angles is in these rows as it is in those of the torques. Means are left
-out: zeros of such sensors are not known.
+``(k + i w d) e^T x``, an inertial unit acceleration and rate of turn of its link (`mechanics.inertial_sensor`). Noise
+of the motors' angles is in these rows as it is in those of the torques. Means are left out: zeros of such sensors are
+not known. Nor is how an inertial unit is turned on its link: by a small rotation R it shows ``R^T v``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.artifacts import DenseRun
@@ -20,17 +23,34 @@ from robid_core.estimation.torque.periodic import drift_of
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.mechanics import output_slopes
 from robid_core.residual.columns import LinearSlopes, passive_motion
+from robid_core.residual.inertial_units import INERTIAL, channels_of, inertial_of, shown_by_inertial
 from robid_core.robot import Robot
 
-POSITION, TORQUE = CHANNELS = ("joint_position", "joint_torque")
+POSITION, TORQUE = "joint_position", "joint_torque"
+TURN = 1e-6  # rad: rotations are differentiated by it, to 1e-10
 
 
 @dataclass(frozen=True)
 class ArmSensor:
-    """One sensor behind one gear."""
+    """One sensor behind one gear, or one component of an inertial unit on its link."""
 
     channel: str
     axis: int
+
+    @property
+    def kind(self) -> str:
+        """The channel's name without a component."""
+        return self.channel[:-2] if self.is_inertial else self.channel
+
+    @property
+    def is_inertial(self) -> bool:
+        """Whether it is on a link."""
+        return self.channel.startswith(INERTIAL)
+
+    @property
+    def component(self) -> int:
+        """Which of the six components of an inertial unit it is, accelerations first."""
+        return 3 * INERTIAL.index(self.kind) + "xyz".index(self.channel[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +70,39 @@ class ArmSpectra:
     def residual(self, predicted: ComplexArray, sensing: FloatArray, omega: FloatArray) -> ComplexArray:
         """Measured less predicted spectra, (n_config, n_exp, n_bin, n_sensor).
 
-        `sensing` holds errors of the gains and delays, s, shape (2, n_sensor).
+        `sensing` holds errors of the gains, delays, s, and angles of the mounting, rad, shape (3, n_sensor).
         """
         turn = np.exp(1j * omega[:, None] * sensing[1])
+        predicted = predicted @ self.mounting(sensing[2]).T
         difference: ComplexArray = turn * self.spectrum - (1 + sensing[0]) * predicted
         return difference
+
+    @cached_property
+    def units(self) -> tuple[list[int], ...]:
+        """Numbers of the three sensors of each kind on each link, x, y and z."""
+        place = {(one.channel, one.axis): k for k, one in enumerate(self.sensors)}
+        of = dict.fromkeys((one.kind, one.axis) for one in self.sensors if one.is_inertial)
+        return tuple([place[name, axis] for name in channels_of([kind])] for kind, axis in of)
+
+    def mounting(self, angle: FloatArray) -> FloatArray:
+        """What sensors show of what they would show were they turned as told, (n_sensor, n_sensor).
+
+        `angle` holds for each component of an inertial unit that of the rotation vector by which the unit is turned,
+        rad, (n_sensor,).
+        """
+        found = np.eye(len(self.sensors))
+        for three in self.units:
+            found[np.ix_(three, three)] = Rotation.from_rotvec(angle[three]).as_matrix().T
+        return found
+
+    def mounting_slopes(self, angle: FloatArray) -> list[FloatArray]:
+        """Derivatives of `mounting`, central differences, by each angle of inertial units in the order of sensors."""
+        found = []
+        for k in (k for k, one in enumerate(self.sensors) if one.is_inertial):
+            step = np.zeros(len(self.sensors))
+            step[k] = TURN
+            found.append((self.mounting(angle + step) - self.mounting(angle - step)) / (2 * TURN))
+        return found
 
     def advancing(self, shown: ComplexArray, omega: FloatArray) -> ComplexArray:
         """Derivative, by the time by which samples come earlier, of spectra like the measured ones, their shape."""
@@ -68,7 +116,7 @@ class ArmSpectra:
 
         `angle` are the poses, rad, (n_config, n_axis), `swing` the spectra, (n_config, ..., n_bin, n_axis).
         """
-        outputs, follow = self.outputs(robot, omega[1:]), passive_motion(robot, angle, omega[1:])
+        outputs, follow = self.outputs(robot, angle, omega[1:]), passive_motion(robot, angle, omega[1:])
         shown = np.matmul(outputs, follow)
         found = np.zeros((*swing.shape[:-1], len(self.sensors)), dtype=np.complex128)
         found[..., 1:, :] = np.einsum("cfsa,c...fa->c...fs", shown, swing[..., 1:, :])
@@ -77,31 +125,62 @@ class ArmSpectra:
     def simulated(self, robot: Robot, motion: MotionSpectra, coordinates: FloatArray) -> ComplexArray:
         """Spectra of a prescribed motion's coordinates, (n_config * n_exp, n_time, n_coordinate)."""
         lanes = coordinates.reshape(*motion.angle.shape[:3], -1)
-        outputs = self.outputs(robot, motion.omega)
+        outputs = self.outputs(robot, None, motion.omega)[0]
         found: ComplexArray = np.einsum("fsn,cxfn->cxfs", outputs, motion.spectrum_of(lanes))
+        for axis in sorted({one.axis for one in self.sensors if one.is_inertial}):
+            shown = shown_by_inertial(robot, axis, np.moveaxis(lanes, 2, 0), periodic=True)
+            spectra = motion.spectrum_of(np.moveaxis(shown, 0, 2))
+            for k, sensor in enumerate(self.sensors):
+                if sensor.is_inertial and sensor.axis == axis:
+                    found[..., k] = spectra[..., sensor.component]
         found[:, :, 0] = 0.0
         return found
 
-    def outputs(self, robot: Robot, omega: FloatArray) -> ComplexArray:
-        """What each sensor shows of the coordinates, (n_bin, n_sensor, n_coordinate)."""
+    def outputs(self, robot: Robot, angle: FloatArray | None, omega: FloatArray) -> ComplexArray:
+        """What each sensor shows of the coordinates, (n_config, n_bin, n_sensor, n_coordinate).
+
+        `angle` are the poses, rad, (n_config, n_axis): inertial units see their links turn in them. Without poses
+        there is one configuration, and nothing in the rows of such units.
+        """
         mechanism, (stiffness, damping) = robot.mechanism, robot.spring_arrays()
-        found = np.empty((len(omega), len(self.sensors), mechanism.n_coordinate), dtype=np.complex128)
+        n_config = 1 if angle is None else len(angle)
+        found = np.zeros(
+            (n_config, len(omega), len(self.sensors), mechanism.n_coordinate), dtype=np.complex128
+        )
+        inertial = {} if angle is None else self._inertial_outputs(robot, angle, omega)
         for k, sensor in enumerate(self.sensors):
-            if sensor.channel == POSITION:
-                found[:, k] = mechanism.constraint_map[mechanism.arm[sensor.axis]]
+            if sensor.is_inertial:
+                if inertial:
+                    found[:, :, k] = inertial[sensor.axis][:, :, sensor.component]
+            elif sensor.channel == POSITION:
+                found[:, :, k] = mechanism.constraint_map[mechanism.arm[sensor.axis]]
             else:
                 s = gear_spring(robot, sensor.axis)
-                found[:, k] = np.outer(stiffness[s] + 1j * omega * damping[s], mechanism.spring_directions[s])
+                found[:, :, k] = np.outer(
+                    stiffness[s] + 1j * omega * damping[s], mechanism.spring_directions[s]
+                )
         return found
 
+    def _inertial_outputs(
+        self, robot: Robot, angle: FloatArray, omega: FloatArray
+    ) -> dict[int, ComplexArray]:
+        """By the axis of an inertial unit what it shows of the coordinates, (n_config, n_bin, 6, n_coordinate)."""
+        axes = sorted({sensor.axis for sensor in self.sensors if sensor.is_inertial})
+        if not axes:
+            return {}
+        joints = robot.mechanism.constraint_map
+        rest = robot.equilibrium(angle).position @ joints.T
+        return {axis: inertial_of(robot, axis).linear(robot.chain, rest, omega) @ joints for axis in axes}
+
     def slopes(
-        self, robot: Robot, omega: FloatArray, swing: ComplexArray, linear: LinearSlopes
+        self, robot: Robot, angle: FloatArray, omega: FloatArray, swing: ComplexArray, linear: LinearSlopes
     ) -> ComplexArray:
         """Derivatives of one configuration, (n_bin, n_exp, n_sensor, n_change), bins above zero.
 
-        Spectra of the motor angles, `swing`, have shape (n_bin, n_exp, n_axis).
+        Its pose, `angle`, has shape (n_axis,), spectra of the motor angles, `swing`, (n_bin, n_exp, n_axis). That an
+        inertial unit is turned where the arm sags more is left out.
         """
-        outputs, change = self.outputs(robot, omega), linear.slopes.change
+        (outputs,), change = self.outputs(robot, angle[None], omega), linear.slopes.change
         found, moving = output_slopes(linear.model, linear.slopes, omega, swing, outputs)
         for k, sensor in enumerate(self.sensors):
             if sensor.channel == TORQUE:
@@ -121,7 +200,7 @@ def arm_spectra_of(run: DenseRun, discard: int, n_bin: int, channels: Sequence[s
         Where a channel is not there, or knows an axis in some of its samples only.
     """
     sensors, columns = [], []
-    for name in channels:
+    for name in channels_of(channels):
         values = run.values(name)[:, :, :, discard:]
         n_config, _, _, n_period, n_sample, _ = values.shape
         known = np.isfinite(values)
@@ -135,10 +214,23 @@ def arm_spectra_of(run: DenseRun, discard: int, n_bin: int, channels: Sequence[s
             columns.append(np.fft.rfft(rows[..., 0], axis=3)[..., :n_bin] / n_sample)
     if not sensors:
         raise DataRejected(f"arm_side: no axis has a sample of {', '.join(channels)}")
+    check_components(sensors)
     spectra = np.stack(columns, axis=-1)
     spectra[..., 0, :] = 0.0
     mean = spectra.mean(axis=2)
     return ArmSpectra(tuple(sensors), mean, spectra - mean[:, :, None])
+
+
+def check_components(sensors: Sequence[ArmSensor]) -> None:
+    """Refuse inertial units of which a component is missing; DataRejected."""
+    have = {(sensor.channel, sensor.axis) for sensor in sensors}
+    for sensor in sensors:
+        lacking = [name for name in channels_of([sensor.kind]) if (name, sensor.axis) not in have]
+        if lacking:
+            raise DataRejected(
+                f"arm_side: {sensor.kind} of one axis has no {' and no '.join(lacking)}: units are turned a little on "
+                "their links, and each component shows a part of the others; map all three"
+            )
 
 
 def check_sensors(robot: Robot, sensors: Sequence[ArmSensor]) -> None:
@@ -154,6 +246,8 @@ def check_sensors(robot: Robot, sensors: Sequence[ArmSensor]) -> None:
             "predicted; leave arm_side out"
         )
     for sensor in sensors:
+        if sensor.is_inertial:
+            inertial_of(robot, sensor.axis)
         if sensor.channel == TORQUE and not robot.mechanism.elastic_gear[sensor.axis]:
             raise ConfigurationError(
                 f"arm_side: joint_torque of {robot.axis_names[sensor.axis]}: its gear is rigid, and only a spring's "

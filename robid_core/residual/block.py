@@ -247,8 +247,8 @@ class TorqueBlock(ABC, Generic[M]):
     ) -> ComplexArray:
         """Measured spectra, delays taken off, less predicted ones, (n_config, n_exp, n_bin, n_row).
 
-        `delay` of the torques has shape (1,), or (n_axis,); `sensing` holds errors of the gains and delays of sensors
-        behind the gears, (2, n_sensor).
+        `delay` of the torques has shape (1,), or (n_axis,); `sensing` holds errors of the gains, delays and mounting
+        angles of sensors behind the gears, (3, n_sensor).
         """
         n_axis = self.robot.n_axis
         difference: ComplexArray = self.motion.advanced_torque(delay) - predicted[..., :n_axis]
@@ -256,7 +256,7 @@ class TorqueBlock(ABC, Generic[M]):
             difference *= self.reported
         if self.arm is None:
             return difference
-        sensing = np.zeros((2, len(self.arm.sensors))) if sensing is None else sensing
+        sensing = np.zeros((3, len(self.arm.sensors))) if sensing is None else sensing
         behind = self.arm.residual(predicted[..., n_axis:], sensing, self.motion.omega)
         return np.concatenate((difference, behind), axis=-1)
 

@@ -47,6 +47,7 @@ def torque_problem(
     each_delay: bool = False,
     arm_side: Sequence[str] = (),
     gain_prior: float = 0.01,
+    mounting_prior: float = 0.02,
 ) -> TorqueProblem:
     """Prepare what is minimised.
 
@@ -74,6 +75,8 @@ def torque_problem(
         Channels of sensors behind the gears that count, too.
     gain_prior
         Standard deviation of their gains, relative.
+    mounting_prior
+        Standard deviation of the angles by which inertial units are turned on their links, rad.
 
     Raises
     ------
@@ -105,7 +108,9 @@ def torque_problem(
     blocks: tuple[Any, ...] = tuple(
         block_of(motion, under, laws, arm) for (motion, under), arm in zip(parts, arms, strict=True)
     )
-    return TorqueProblem(free, blocks, laws.names, each_delay=each_delay, gain_prior=gain_prior)
+    return TorqueProblem(
+        free, blocks, laws.names, each_delay=each_delay, gain_prior=gain_prior, mounting_prior=mounting_prior
+    )
 
 
 def _bare(robot: Robot) -> Robot:

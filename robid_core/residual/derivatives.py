@@ -26,8 +26,8 @@ def derivatives(
     """Derivatives of the predicted rows: of one configuration after another, a few bins at a time.
 
     Shape (n_bin, n_exp, n_row, n_unknown) each; unknowns are the free parameters, the size of each function of
-    speed at each axis, gains and delays of sensors behind the gears, the delay (of each axis). Whole they would
-    fill the memory.
+    speed at each axis, gains, delays and mounting angles of sensors behind the gears, the delay (of each axis). Whole
+    they would fill the memory.
     """
     robot, motion, n_free = block.robot_at(free, coordinates), block.motion, len(free.names)
     n_law, n_config, n_exp, n_bin, n_axis = block.friction.shape
@@ -36,8 +36,12 @@ def derivatives(
     late = -motion.advancing(predicted[..., : robot.n_axis])
     n_sensor = 0 if block.arm is None else len(block.arm.sensors)
     shown = predicted[..., robot.n_axis :]
-    earlier = shown if block.arm is None else block.arm.advancing(shown, motion.omega)
-    gain = np.ones(n_sensor) if sensing is None else 1 + sensing[0]
+    sensing = np.zeros((3, n_sensor)) if sensing is None else sensing
+    turned = [] if block.arm is None else block.arm.mounting_slopes(sensing[2])
+    mounting = np.eye(n_sensor) if block.arm is None else block.arm.mounting(sensing[2])
+    as_mounted = shown @ mounting.T if turned else shown
+    earlier = as_mounted if block.arm is None else block.arm.advancing(as_mounted, motion.omega)
+    gain = 1 + sensing[0]
 
     def of_configuration(c: int) -> Iterator[ComplexArray]:
         swing, here = motion.angle_spectrum[c].transpose(1, 0, 2), linear.at(c)
@@ -46,12 +50,12 @@ def derivatives(
             omega = motion.omega[bins]
             n_delay = n_axis if each_delay else 1
             n_friction = n_free + n_law * n_axis
-            shape = (len(omega), n_exp, n_axis + n_sensor, n_friction + 2 * n_sensor + n_delay)
+            shape = (len(omega), n_exp, n_axis + n_sensor, n_friction + 2 * n_sensor + len(turned) + n_delay)
             found = np.zeros(shape, dtype=np.complex128)
             parameter_columns(robot, motion, bins, swing[bins], here, found[:, :, :n_axis, :n_free])
             if block.arm is not None and len(here.index):
                 above = slice(np.count_nonzero(omega <= 0), None)
-                bent = block.arm.slopes(robot, omega[above], swing[bins][above], here)
+                bent = block.arm.slopes(robot, block.angle[c], omega[above], swing[bins][above], here)
                 found[above, :, n_axis:, here.index] = bent
             for column in block.simulated:
                 slope = (column.remainder[c][:, bins] + column.linear[c][:, bins]).transpose(1, 0, 2)
@@ -71,10 +75,16 @@ def derivatives(
                 found[:, :, :n_axis, -1] = later
             if block.reported is not None:
                 found[:, :, :n_axis] *= block.reported[bins, None, :, None]
+            behind = found[:, :, n_axis:]
+            if turned:
+                behind[..., :n_friction] = np.einsum("ks,fxsp->fxkp", mounting, behind[..., :n_friction])
+                here_shown = shown[c, :, bins].transpose(1, 0, 2)
+                for j, slope in enumerate(turned, start=n_friction + 2 * n_sensor):
+                    behind[..., j] = here_shown @ slope.T
             for k in range(n_sensor):
-                row = found[:, :, n_axis + k]
+                row = behind[:, :, k]
                 row *= gain[k]
-                row[..., n_friction + k] = shown[c, :, bins, k].T
+                row[..., n_friction + k] = as_mounted[c, :, bins, k].T
                 row[..., n_friction + n_sensor + k] = -gain[k] * earlier[c, :, bins, k].T
             yield found
 

@@ -1,8 +1,8 @@
 """The torque residual as a least-squares problem: blocks of records that share parameters, and priors.
 
 Unknowns, in this order: coordinates of the free parameters (natural scales, zero at the start); sizes of the friction
-functions, of each axis; errors of the gains of sensors behind the gears, and their delays; delays of the measured
-torques, one in common or one of each axis.
+functions, of each axis; errors of the gains of sensors behind the gears, their delays, and angles by which inertial
+units are turned; delays of the measured torques, one in common or one of each axis.
 """
 
 from __future__ import annotations
@@ -55,6 +55,8 @@ class TorqueProblem:
     each_delay: bool = False
     gain_prior: float = 0.01
     """Standard deviation of the gains of sensors behind the gears, relative."""
+    mounting_prior: float = 0.02
+    """Standard deviation of the angles by which inertial units are turned on their links, rad."""
     doubt: float = 1.0
     """Misfit by which weights are too large, where that is known: functions of speed are believed as much less."""
     """Whether each axis has a delay of its own."""
@@ -69,7 +71,7 @@ class TorqueProblem:
     @property
     def n_unknown(self) -> int:
         """Number of all unknowns."""
-        return self._n_robot + 2 * len(self.sensors) + self.n_delay
+        return self._n_robot + 2 * len(self.sensors) + len(self.mounted) + self.n_delay
 
     @property
     def _n_robot(self) -> int:
@@ -83,6 +85,11 @@ class TorqueProblem:
         return () if arm is None else arm.sensors
 
     @property
+    def mounted(self) -> tuple[int, ...]:
+        """Numbers of the sensors that are components of inertial units: about each of them its unit may be turned."""
+        return tuple(k for k, one in enumerate(self.sensors) if one.is_inertial)
+
+    @property
     def n_delay(self) -> int:
         """Number of delays."""
         return self.free.robot.n_axis if self.each_delay else 1
@@ -94,8 +101,10 @@ class TorqueProblem:
         limit = FRICTION_PRIOR * limit / np.sqrt(self.doubt)
         n_sensor = len(self.sensors)
         gain = np.full(n_sensor, self.gain_prior)
-        delay = np.full(n_sensor + self.n_delay, self.blocks[0].motion.sample_time_s)
-        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), gain, delay))
+        late = np.full(n_sensor + self.n_delay, self.blocks[0].motion.sample_time_s)
+        turned = np.full(len(self.mounted), self.mounting_prior)
+        sensed = gain, late[:n_sensor], turned, late[n_sensor:]
+        return np.concatenate((self.free.prior, np.tile(limit, len(self.friction_names)), *sensed))
 
     @functools.cached_property
     def largest_torque(self) -> FloatArray:
@@ -114,6 +123,7 @@ class TorqueProblem:
                 for kind in ("gain_error", "delay")
                 for one in self.sensors
             ),
+            *(f"mounting.{one.channel}.{axes[one.axis]}" for one in self.sensors if one.is_inertial),
             *((f"torque_delay.{a}" for a in axes) if self.each_delay else ("torque_delay",)),
         )
 
@@ -142,8 +152,11 @@ class TorqueProblem:
         return point[self.n_free : self._n_robot].reshape(len(self.friction_names), -1)
 
     def sensing(self, point: FloatArray) -> FloatArray:
-        """Errors of the gains and delays, s, of sensors behind the gears, shape (2, n_sensor)."""
-        return point[self._n_robot : -self.n_delay].reshape(2, -1)
+        """Errors of gains, delays, s, and mounting angles, rad, of sensors behind the gears, shape (3, n_sensor)."""
+        found, told = np.zeros((3, len(self.sensors))), point[self._n_robot : -self.n_delay]
+        found[:2] = told[: found[:2].size].reshape(2, -1)
+        found[2, list(self.mounted)] = told[found[:2].size :]
+        return found
 
     def delay(self, point: FloatArray) -> FloatArray:
         """Delays of the measured torques, s, shape (1,) or (n_axis,)."""

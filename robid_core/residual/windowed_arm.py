@@ -20,6 +20,7 @@ from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.residual.arm_sensors import POSITION, ArmSensor, ArmSpectra, gear_spring
 from robid_core.residual.columns import passive_motion
+from robid_core.residual.inertial_units import INERTIAL
 from robid_core.robot import Robot
 
 SLOW = 100.0  # times slower than the first bin: there deflections and links follow quasi-statically
@@ -41,6 +42,12 @@ class WindowedArm(ArmSpectra):
         """
         sensors, columns = [], []
         shape = motion.angle.shape[:2]
+        inertial = [kind for kind in channels if kind in INERTIAL]
+        if inertial:
+            raise DataRejected(
+                f"arm_side: {' and '.join(inertial)} can be fitted where motions repeat with known lines, not in a cut "
+                "of a motion: what rings there from before the cut is not predicted for them; leave them out"
+            )
         for name in channels:
             values = run.values(name)
             lanes = values.reshape(*shape, -1, values.shape[-1])[:, :, : motion.n_sample]
@@ -75,7 +82,9 @@ class WindowedArm(ArmSpectra):
 
     def residual(self, predicted: ComplexArray, sensing: FloatArray, omega: FloatArray) -> ComplexArray:
         """Likewise, less what a zero of each experiment explains where every bin counts alike."""
-        difference: ComplexArray = self._earlier(sensing[1]) - (1 + sensing[0]) * predicted
+        difference: ComplexArray = (
+            self._earlier(sensing[1]) - (1 + sensing[0]) * predicted
+        )  # nothing is mounted on links
         constant = self.motion.constant
         share = np.einsum("f,cxfs->cxs", constant.conj(), difference).real / np.vdot(constant, constant).real
         difference -= constant[:, None] * share[:, :, None]
@@ -116,7 +125,9 @@ class WindowedArm(ArmSpectra):
 
     def follow(self, robot: Robot, angle: FloatArray, omega: FloatArray) -> ComplexArray:
         """What sensors show per motor angle, (n_config, n_omega, n_sensor, n_axis)."""
-        shown: ComplexArray = np.matmul(self.outputs(robot, omega), passive_motion(robot, angle, omega))
+        shown: ComplexArray = np.matmul(
+            self.outputs(robot, angle, omega), passive_motion(robot, angle, omega)
+        )
         return shown
 
     def linear(self, robot: Robot, angle: FloatArray, omega: FloatArray, swing: ComplexArray) -> ComplexArray:

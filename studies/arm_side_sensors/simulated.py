@@ -1,8 +1,8 @@
 """The same sensors in simulated measurements, as robid fits them: `python -m studies.arm_side_sensors.simulated`.
 
 The whole robot this time: friction, gravity, a control loop, a slow sine that keeps motors from sticking. One record
-holds all channels; the fit takes motors alone, and encoders, torque sensors or both beside them. `simulated.csv` has
-a line for each spring and set; a set that stands there is not fitted again.
+holds all channels; the fit takes motors alone, and encoders, torque sensors, both, or an inertial unit on the last link
+beside them. `simulated.csv` has a line for each spring and set; a set that stands there is not fitted again.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import logging
 import os
+from dataclasses import replace
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # before numpy is imported
@@ -17,6 +18,8 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 import robid_core as robid  # noqa: E402
+from robid_acquisition.arm_side import UNITS  # noqa: E402
+from robid_core.robot.file.axis import InertialSensorEntry  # noqa: E402
 from studies.arm_side_sensors.run import HERE, ROBOT  # noqa: E402
 from studies.arm_side_sensors.sensors import ADDED, MOTOR  # noqa: E402
 
@@ -29,7 +32,10 @@ SETS: dict[str, tuple[str, ...]] = {
     "link encoders": ("joint_position",),
     "joint torque sensors": ("joint_torque",),
     "link encoders and joint torque sensors": ("joint_position", "joint_torque"),
+    "accelerometer on the link of axis_6": ("link_acceleration",),
+    "accelerometer and gyroscope on the link of axis_6": ("link_acceleration", "link_turn_rate"),
 }
+TURN_RATE_NOISE = 1e-3  # rad/s, micromechanical
 HEAD = ["sensors", "spring", "relative_error", "error_to_motor_side", "deviation_in_stated_errors", "misfit"]
 
 
@@ -41,6 +47,13 @@ def with_noise(robot: robid.Robot) -> robid.Robot:
         "joint_position_noise": np.full(robot.n_axis, ADDED["link encoders"].noise),
         "joint_torque_noise": np.full(robot.n_axis, ADDED["joint torque sensors"].noise),
     }
+    unit = InertialSensorEntry(
+        acceleration_noise=ADDED["accelerometer at axis_6"].noise, turn_rate_noise=TURN_RATE_NOISE
+    )
+    axes, last = robot.description.axes, robot.axis_names[-1]
+    sensors = axes[last].sensors.model_copy(update={"inertial": unit})
+    axes = {**axes, last: axes[last].model_copy(update={"sensors": sensors})}
+    robot = replace(robot, description=robot.description.model_copy(update={"axes": axes}))
     return robot.with_parameters(
         {
             f"sensors.{axis}.{name}": float(size)
@@ -57,7 +70,7 @@ def record_of(plant: robid.Robot) -> robid.Record:
         "excitation.multisine",
         band_hz=(4, 80), lines=40, period_s=8, blocks=1, slow_sine_rad_s=9, torque_share=TORQUE_SHARE,
     )  # fmt: skip
-    acquire = robid.use("acquisition.simulated", periods=2, arm_side=["joint_position", "joint_torque"])
+    acquire = robid.use("acquisition.simulated", periods=2, arm_side=list(UNITS))
     record: robid.Record = acquire(where, excite(where, plant), plant)
     return record
 

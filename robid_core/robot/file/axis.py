@@ -15,7 +15,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from robid_core.robot.file.part import LARGEST, NonNegative, Number, Part, Positive, refusal
+from robid_core.robot.file.part import LARGEST, NonNegative, Number, Part, Positive, Vector, refusal
+from robid_core.robot.file.rotation import IDENTITY, Rotation
 
 _LARGEST_RATIO = 1e9  # a screw of 1 um on a prismatic axis turns 6e6 rad/m
 
@@ -56,6 +57,19 @@ class Friction(Part):
     """Speed scale v_s of tanh(v / v_s), rad/s: below it friction is not resolved."""
 
 
+class InertialSensorEntry(Part):
+    """An accelerometer and a gyroscope on the link that an axis moves."""
+
+    translation: Vector = (0.0, 0.0, 0.0)
+    """Where it sits, in the joint's frame, m."""
+    rotation: Rotation = IDENTITY
+    """Rows of the rotation matrix from the sensor's frame to the joint's."""
+    acceleration_noise: NonNegative = 0.0
+    """Standard deviation of each acceleration, m/s^2."""
+    turn_rate_noise: NonNegative = 0.0
+    """Standard deviation of each rate of turn, rad/s."""
+
+
 class Sensors(Part):
     """What the drive measures, and how badly."""
 
@@ -69,6 +83,8 @@ class Sensors(Part):
     """Of an encoder behind the gear, rad at the joint."""
     joint_torque_noise: NonNegative = 0.0
     """Of a torque sensor behind the gear, N m at the joint."""
+    inertial: InertialSensorEntry | None = None
+    """An inertial measurement unit on the link that this axis moves; null: none."""
 
 
 class ControllerEntry(Part):

@@ -10,36 +10,22 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from robid_core.robot.file.axis import Spring
 from robid_core.robot.file.part import NonNegative, Number, Part, Positive, Vector, refusal
-
-Matrix = tuple[Vector, Vector, Vector]
-IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+from robid_core.robot.file.rotation import IDENTITY, UNIT_TOLERANCE, Matrix, Rotation
 
 CLOSED_LOOP = (
     "a closed loop, which robid does not model: bodies form a chain or a tree, every joint has one parent. Cut each "
     "loop at one joint and describe the tree that is left; where light rods only carry a motor's turn to a far "
     "joint (parallelogram), write that as coupling between the axes"
 )
-# As in mechanics.chain_check: what a text with seven digits leaves of lengths and rotations; of the largest moment.
-_UNIT_TOLERANCE = 1e-6
-_INERTIA_TOLERANCE = 1e-6
+_INERTIA_TOLERANCE = 1e-6  # of the largest moment, as in mechanics.chain_check
 
 
 def _of_unit_length(direction: Vector) -> Vector:
     length = math.hypot(*direction)
-    if abs(length - 1) > _UNIT_TOLERANCE:
+    if abs(length - 1) > UNIT_TOLERANCE:
         unit = "" if length == 0 else f", such as {[round(x / length, 9) + 0.0 for x in direction]}"
         raise refusal(f"the direction {list(direction)} has length {length:.6g}; give a unit vector{unit}")
     return direction
-
-
-def _a_rotation(rows: Matrix) -> Matrix:
-    rotation = np.clip(rows, -2.0, 2.0)  # what is beyond is no rotation, and must not overflow
-    deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if deviation > _UNIT_TOLERANCE:
-        raise refusal(f"the rows are not orthonormal (off by {deviation:.3g}); give a rotation matrix")
-    if np.linalg.det(rotation) < 0:
-        raise refusal("the matrix mirrors (its determinant is -1); give a right-handed rotation matrix")
-    return rows
 
 
 def _one_parent(parent: Any) -> Any:
@@ -69,7 +55,6 @@ def rigid_inertia(rows: Matrix) -> Matrix:
 
 
 Direction = Annotated[Vector, AfterValidator(_of_unit_length)]
-Rotation = Annotated[Matrix, AfterValidator(_a_rotation)]
 Inertia = Annotated[Matrix, AfterValidator(rigid_inertia)]
 
 

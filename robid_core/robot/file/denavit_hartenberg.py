@@ -30,9 +30,10 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from robid_core.arrays import FloatArray
-from robid_core.robot.file.body import IDENTITY, Inertia, Rotation, rigid_inertia
+from robid_core.robot.file.body import Inertia, rigid_inertia
 from robid_core.robot.file.document import Document
 from robid_core.robot.file.part import NonNegative, Number, Part, Vector, refusal
+from robid_core.robot.file.rotation import IDENTITY, Rotation
 from robid_core.robot.file.wording import checked
 from robid_core.yaml_file.problems import KeyPath
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from dataclasses import replace
 from pathlib import Path
@@ -9,15 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robid_acquisition.batch import SimulatedAcquisition
-from robid_core import ConfigurationError, Configurations, Context, Fit, Record, Robot
+from robid_core import ConfigurationError, Configurations, Context, DataRejected, Fit, Record, Robot
 from robid_core.mechanics.feedforward import derivative, joint_torque
 from robid_core.stage import map_in_process
 from robid_excitation.multisine import Multisine
 from robid_fit.torque_residual import TorqueResidualFit
 
 BOTH = ("joint_position", "joint_torque")
+INERTIAL = ("link_acceleration", "link_turn_rate")
 POSES = np.array([[0.2, -0.6], [0.7, 0.4], [-0.5, 1.1]])
 TWO_AXES = """\
 robid_robot: 1
@@ -117,6 +120,72 @@ def test_a_fit_finds_springs_by_them_with_a_smaller_error(tmp_path: Path) -> Non
         assert abs(beside.parameters.estimate[row] - plant.parameter(name)) < 4 * error
         assert error < 0.9 * alone.parameters.standard_error[alone.parameters.names.index(name)]
     assert beside.misfit == pytest.approx(1.0, abs=0.05)
+
+
+def with_unit(file: Path, turned: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Path:
+    """The same plant with an inertial unit on the forearm, turned by small angles."""
+    rotation = Rotation.from_rotvec(turned).as_matrix().tolist()
+    unit = {"translation": [0.05, 0.02, 0.4], "rotation": rotation}
+    unit |= {"acceleration_noise": 0.02, "turn_rate_noise": 2e-3}
+    text = file.read_text()
+    at = text.rindex("sensors: {") + len("sensors: {")
+    target = file.with_stem(f"{file.stem}_unit_{turned[0]}")
+    target.write_text(text[:at] + f"inertial: {json.dumps(unit)}, " + text[at:])
+    return target
+
+
+def test_an_inertial_unit_makes_springs_surer_and_is_found_turned(tmp_path: Path) -> None:
+    """With gravity, friction, a control loop and a slow sine; it is turned by 1 to 2 degrees, unknown to the fit."""
+    turned = (0.02, -0.03, 0.015)
+    file = with_unit(plant_file(tmp_path, "loud", NOISE), turned)
+    plant, record = Robot.load(file), measured(file, arm_side=INERTIAL)
+    assert record.run.channel("link_acceleration_x").unit_symbol == "m/s^2"
+    assert np.isnan(record.run.values("link_turn_rate_z")[..., 0]).all()
+    straight = Robot.load(with_unit(plant_file(tmp_path, "told", NOISE)))
+    start = straight.with_parameters({"gear_stiffness.shoulder": 1.3e5, "gear_stiffness.elbow": 4.8e4})
+    alone, beside = (fitted(record, start, arm_side=arm_side) for arm_side in ((), INERTIAL))
+    error_of = {name: beside.parameters.standard_error[i] for i, name in enumerate(beside.parameters.names)}
+    for name, most in (("gear_stiffness.shoulder", 0.9), ("gear_stiffness.elbow", 0.5)):
+        assert abs(beside.parameters.value(name) - plant.parameter(name)) < 4 * error_of[name]
+        assert error_of[name] < most * alone.parameters.standard_error[alone.parameters.names.index(name)]
+    seen = 0
+    for kind in INERTIAL:
+        for direction, angle in zip("xyz", turned, strict=True):
+            name = f"mounting.{kind}_{direction}.elbow"
+            assert abs(beside.parameters.value(name) - angle) < 4 * error_of[name], name
+            seen += error_of[name] < 0.001
+    assert (
+        seen == 5
+    )  # the arm turns in a plane: a gyroscope does not show by how much it is turned about that axis
+    assert beside.misfit == pytest.approx(1.0, abs=0.05)
+
+
+def test_units_that_nobody_stated_and_missing_components_are_refused(tmp_path: Path) -> None:
+    file = plant_file(tmp_path, "loud", NOISE)
+    stage = SimulatedAcquisition(plant=str(file), arm_side=INERTIAL)
+    (problem,) = stage.problems_with(Robot.load(file)).values()
+    assert problem.startswith(
+        "link_acceleration: no axis of loud has an inertial unit on its link; give one sensors:"
+    )
+    mounted = with_unit(file)
+    record = measured(mounted, arm_side=INERTIAL[:1])
+    with pytest.raises(ConfigurationError, match="does not say where the inertial unit on the link of elbow"):
+        fitted(record, Robot.load(file), arm_side=INERTIAL[:1])
+    (run,) = record.runs
+    channels = {name: one for name, one in run.channels.items() if name != "link_acceleration_y"}
+    with pytest.raises(DataRejected, match="no channel link_acceleration_y"):
+        fitted(
+            record.replace(runs=(run.replace(channels=channels),)), Robot.load(mounted), arm_side=INERTIAL[:1]
+        )
+    half = run.channels["link_acceleration_y"]
+    none = half.replace(values=np.full_like(half.values, np.nan))
+    channels = {**run.channels, "link_acceleration_y": none}
+    with pytest.raises(DataRejected, match="has no link_acceleration_y: units are turned"):
+        fitted(
+            record.replace(runs=(run.replace(channels=channels),)), Robot.load(mounted), arm_side=INERTIAL[:1]
+        )
+    with pytest.raises(DataRejected, match="can be fitted where motions repeat"):
+        fitted(record.replace(line=None), Robot.load(mounted), arm_side=INERTIAL[:1])
 
 
 def test_what_no_spring_passes_on_is_not_shown(tmp_path: Path) -> None:

@@ -116,6 +116,21 @@ def test_joint_side_values_come_to_the_motor_through_the_gear(tmp_path: Path, on
     assert record.run.channel("motor_torque").side == "motor"
 
 
+def test_what_a_sensor_on_a_link_shows_does_not_go_through_the_gear(tmp_path: Path, one: Robot) -> None:
+    wave = np.linspace(-1, 1, 20)
+    channels: dict[str, Any] = {
+        "motor_position": {"column": "q", "unit": "rad"},
+        "link_acceleration_x": {"column": "a", "unit": "g"},
+        "link_turn_rate_z": {"column": "w", "unit": "deg/s", "side": "joint"},
+    }
+    record = read(
+        tmp_path, one, path=saved(tmp_path, q=wave, a=wave, w=wave), sample_time_s=0.01, channels=channels
+    )
+    for name, factor in (("link_acceleration_x", 9.80665), ("link_turn_rate_z", np.pi / 180)):
+        assert record.run.channel(name).side == "joint"
+        np.testing.assert_allclose(record.run.values(name).ravel(), factor * wave)
+
+
 def test_a_coupled_gear_conserves_power() -> None:
     # Joint angle = r_g motor angle; torques follow from tau_joint . v_joint = tau_motor . v_motor.
     draw = np.random.default_rng(0)
