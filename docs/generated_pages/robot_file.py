@@ -36,6 +36,7 @@ PARTS: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ),
     ("``axes.NAME.friction``", "", axis.Friction),
     ("``axes.NAME.sensors``", "", axis.Sensors),
+    ("``axes.NAME.sensors.inertial``", "", axis.InertialSensorEntry),
     ("``axes.NAME.controller``", "", axis.ControllerEntry),
     ("``axes.NAME.servo``", "In place of a controller.", axis.VoltageServo),
     ("``bearings``", "By name.", description.Bearing),
