@@ -55,7 +55,7 @@ class ArmSensor:
 
 @dataclass(frozen=True, eq=False)
 class ArmSpectra:
-    """What sensors behind the gears show, rad and N m, zero in the mean."""
+    """What sensors behind the gears show, rad, N m, m/s^2 and rad/s, zero in the mean."""
 
     sensors: tuple[ArmSensor, ...]
     spectrum: ComplexArray
