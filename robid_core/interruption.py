@@ -1,4 +1,5 @@
-"""Being told to stop: Ctrl-C, SIGTERM and a closed terminal all end a run the same way (fault D18).
+"""Being told to stop: Ctrl-C, SIGTERM, a closed terminal and a used-up limit of processor time (`ulimit -St`) all end
+a run the same way (fault D18).
 
 A signal raises KeyboardInterrupt in the main thread, and leaves a latch behind. Python drops an exception that is
 raised inside a `__del__` or a weakref callback, and a stage may swallow one. So the main thread is reminded every half
@@ -24,7 +25,7 @@ from typing import Any
 
 from robid_core.errors import with_contexts
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGXCPU)
 REMIND_S = 0.5  # how often the main thread is reminded of a request that has not come out
 
 
@@ -33,6 +34,7 @@ class _Latch:
 
     def __init__(self) -> None:
         self.requested = False
+        self.first = 0  # number of the signal that asked
         self.listening = self.held = self.at_safe_points = 0
         self.over = threading.Event()  # nobody has to be reminded any more
         self.reminder: threading.Thread | None = None
@@ -43,7 +45,7 @@ _latch = _Latch()
 
 @contextlib.contextmanager
 def signals_as_interrupt() -> Iterator[None]:
-    """Listen to SIGINT, SIGTERM and SIGHUP (only the main thread can; one that is ignored stays so, as by nohup).
+    """Listen to `SIGNALS` (only the main thread can; one that is ignored stays so, as by nohup).
 
     The outermost listener begins and ends without a request; inner ones change nothing.
     """
@@ -94,6 +96,7 @@ def _hear(number: int, frame: FrameType | None) -> None:
     with held():  # one that comes now would raise before there is who reminds of it
         first, _latch.requested = not _latch.requested, True
         if first:
+            _latch.first = number
             arguments = (number, threading.get_ident(), _latch.over)
             _latch.reminder = threading.Thread(
                 target=_remind, args=arguments, name="robid reminder", daemon=True
@@ -129,6 +132,18 @@ def no_longer() -> None:
 def requested() -> bool:
     """Tell whether a signal has asked to stop."""
     return _latch.requested
+
+
+def out_of_processor_time() -> str:
+    """Say so where a limit of processor time was what asked to stop; empty where it was not."""
+    if not (_latch.requested and _latch.first == signal.SIGXCPU):
+        return ""
+    return "the processor time that a limit allows each process is used up (ulimit -t)"
+
+
+def interrupted_told() -> str:
+    """Return the word for what ends with KeyboardInterrupt, and its reason where no person asked for it."""
+    return ": ".join(filter(None, ("interrupted", out_of_processor_time())))
 
 
 def may_be_requested() -> bool:

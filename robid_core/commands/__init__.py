@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from robid_core.interruption import no_longer, requested, settled, signals_as_interrupt
+from robid_core.interruption import interrupted_told, no_longer, requested, settled, signals_as_interrupt
 from robid_core.standard_streams import lost_on_the_way, never_failing, open_closed_streams
 
 INTERRUPTED = 130
@@ -59,6 +59,6 @@ def _exit_code(arguments: Sequence[str] | None) -> str | int | None:
         if not requested():  # an import that is interrupted fails in many ways
             raise
     if requested() and code not in (INTERRUPTED, MOTION_ABORTED):
-        sys.stderr.write("interrupted\n")
+        sys.stderr.write(f"{interrupted_told()}\n")
         code = INTERRUPTED
     return code

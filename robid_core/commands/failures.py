@@ -24,6 +24,7 @@ from robid_core.errors import (
     StoreError,
     said_by,
 )
+from robid_core.interruption import interrupted_told
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -50,7 +51,7 @@ def guarded(function: Callable[P, R], debug: bool) -> Callable[P, R]:
         except KeyboardInterrupt as error:
             if debug:
                 traceback.print_exc()
-            _say("interrupted")
+            _say(interrupted_told())
             raise SystemExit(INTERRUPTED) from error
         except MemoryError as error:
             if debug:

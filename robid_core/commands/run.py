@@ -17,6 +17,7 @@ from robid_core.commands.arguments import (
     load_pipeline,
 )
 from robid_core.errors import ConfigurationError
+from robid_core.interruption import interrupted_told
 
 if TYPE_CHECKING:
     from robid_core.pipeline import Pipeline
@@ -123,7 +124,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)
     except KeyboardInterrupt as interrupt:
-        told = ["interrupted", *getattr(interrupt, "__notes__", ()), "finished stages are kept"]
+        told = [interrupted_told(), *getattr(interrupt, "__notes__", ()), "finished stages are kept"]
         typer.echo(f"{'; '.join(told)}, and the same command goes on from there", err=True)
         raise typer.Exit(INTERRUPTED) from None
     if quiet:

@@ -126,7 +126,8 @@ class ProcessMap:
                     if deaths > DEATHS:
                         raise PluginError(
                             f"a worker process died while it ran {task_name(function)}, {deaths} times: the system "
-                            "killed it (out of memory?) or its code crashed; run again with --jobs 1"
+                            "killed it (out of memory, or of processor time, ulimit -t?) or its code crashed; run "
+                            "again with --jobs 1"
                         ) from error
                     LOG.warning("a worker process died; what it ran of %s begins again", task_name(function))
                     with contextlib.suppress(BrokenProcessPool):  # told when its result is asked for

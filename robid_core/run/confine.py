@@ -130,7 +130,7 @@ class _Confined:
             advice = "a plugin starts programs beside itself and closes only its own files; tell its author"
         elif code == -signal.SIGKILL:
             how = f"R11: its process was killed{limit}, as the system does where memory runs out"
-            advice = "give it less work or a larger --memory"
+            advice = "give it less work or a larger --memory, or more processor time where that is limited (ulimit -t)"
         elif code < 0:
             name = signal.Signals(-code).name
             how = f"R09: its code crashed with {name}{last_frame(crash_file(self._job))}{limit}"

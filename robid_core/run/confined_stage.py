@@ -24,9 +24,17 @@ from typing import Any
 import numpy as np
 
 from robid_core.artifacts import Artifact
+from robid_core.errors import PluginError
 from robid_core.executors import one_thread
 from robid_core.executors.task import surviving
-from robid_core.interruption import SIGNALS, heed, held, settled, signals_as_interrupt
+from robid_core.interruption import (
+    SIGNALS,
+    heed,
+    held,
+    out_of_processor_time,
+    settled,
+    signals_as_interrupt,
+)
 from robid_core.run.arguments import arguments_of
 from robid_core.run.guard import checked_result
 from robid_core.run.log import NAME
@@ -118,11 +126,18 @@ def run_job(
             message: tuple[Any, ...] = ("done",)
         except BaseException as error:
             settled()
-            message = _told(error)
+            why = out_of_processor_time() if isinstance(error, KeyboardInterrupt) else ""
+            message = _told(_out_of_time(job, why) if why else error)
         try:
             line.send(*message)
         except OSError:  # nobody listens any more, or the stage's code closed the pipe and all other files
             os._exit(1)
+
+
+def _out_of_time(job: Job, why: str) -> PluginError:
+    return PluginError(
+        f"stage {job.name}: {job.plugin}: R11: {why}; nothing was stored; raise the limit, or give it less work"
+    )
 
 
 def _told(error: BaseException) -> tuple[Any, ...]:

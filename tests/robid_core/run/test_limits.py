@@ -6,16 +6,27 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 import time
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import pytest
+from faults.fault import fault
 
 from robid_core.errors import MotionAborted, NotTrustworthy, PluginError
 from robid_core.interruption import SIGNALS
 from robid_core.run import confine
+
+FIT = '        called("fit")\n'
+SPINNING = """\
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (1, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+        while True:
+            pass
+"""
 
 
 def test_limits_that_are_kept_change_no_byte(world: Any) -> None:
@@ -40,6 +51,43 @@ def test_a_stage_that_takes_too_much_memory_is_ended(world: Any) -> None:
     with pytest.raises(PluginError, match=r"stage fit: .* failed: .*not enough memory") as caught:
         world.run("stages.fit.with.outcome=memory", memory_mb=1000, last="fit")
     assert "np.ones(10**9)" in str(caught.value)
+
+
+@fault(
+    "R11",
+    sees="exit 8: the stage, and that a limit of processor time is used up, not a mistake in compiled code",
+    mutant=("robid_core/run/confined_stage.py", "_out_of_time(job, why) if why else error", "error"),
+)
+def test_R11_a_stage_that_uses_up_its_processor_time_is_told_as_that(world: Any) -> None:
+    world.run(last="frf")
+    world.edit(FIT, FIT + SPINNING)
+    with pytest.raises(PluginError) as caught:
+        world.run(last="fit", trust_plugins=False)
+    assert str(caught.value) == (
+        "stage fit: 'strange.estimate' (robid_strange_stages 1.0): R11: the processor time that a limit allows each "
+        "process is used up (ulimit -t); nothing was stored; raise the limit, or give it less work"
+    )
+
+
+@fault(
+    "D18",
+    sees="exit 130: interrupted, and that a limit of processor time is used up; commands ended without a word (152)",
+    mutant=("robid_core/interruption.py", ", signal.SIGXCPU)", ")"),
+)
+def test_D18_a_command_that_uses_up_its_processor_time_says_so() -> None:
+    command = (
+        "import resource, time\n"
+        "from robid_core.commands import main\n"
+        "_, most = resource.getrlimit(resource.RLIMIT_CPU)\n"
+        "resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1, most))\n"
+        "while True:\n"
+        "    main(['stages'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 130
+    told = "interrupted: the processor time that a limit allows each process is used up (ulimit -t)\n"
+    assert done.stderr.endswith(told)
+    assert "Traceback" not in done.stderr
 
 
 def test_errors_come_out_as_they_went_in(world: Any) -> None:
