@@ -14,7 +14,7 @@ import numpy as np
 
 from robid_core import FloatArray, Robot
 from robid_core.mechanics.feedforward import derivative
-from robid_core.residual.inertial_units import INERTIAL, channels_of, shown_by_inertial
+from robid_core.residual.inertial_units import INERTIAL, channels_of, inertial_noise, shown_by_inertial
 
 ArmSide = Literal["joint_position", "joint_torque", "link_acceleration", "link_turn_rate"]
 
@@ -75,7 +75,7 @@ def shown(robot: Robot, channel: ArmSide, coordinates: FloatArray, seed: int) ->
             if told.sensors.inertial is not None:
                 first = 3 * INERTIAL.index(channel)
                 six = shown_by_inertial(robot, axis, coordinates, periodic=False)
-                size = getattr(told.sensors.inertial, channel.removeprefix("link_") + "_noise")
+                size = inertial_noise(robot, axis)[channel]
                 found[..., axis] = six[:, first : first + 3].T + noise[..., axis] * size
         return dict(zip(names, found, strict=True))
     elastic, (stiffness, damping) = mechanism.elastic_gear, robot.spring_arrays()

@@ -91,8 +91,8 @@ class TorqueResidualFit(Estimator):
     the links, torque sensors in the joints, accelerometers and gyroscopes on the links (`link_acceleration_x`, `_y` and
     `_z`, likewise `link_turn_rate`; the robot file says where they are, `sensors: {inertial: ...}` of the axis that
     moves the link). Their zeros do not count; gain and delay of each are unknowns. For motions that do not repeat the
-    robot file has to state their noise, `sensors: {joint_position_noise: ..., joint_torque_noise: ...}` of each
-    axis; accelerometers and gyroscopes need motions that repeat."""
+    robot file has to state their noise, `sensors: {joint_position_noise: ..., joint_torque_noise: ..., inertial:
+    {acceleration_noise: ..., turn_rate_noise: ...}}` of each axis that has them."""
     arm_side_gain: PositiveFloat = 0.01
     """Standard deviation of the gains of these sensors, relative."""
     arm_side_mounting_rad: PositiveFloat = 0.02

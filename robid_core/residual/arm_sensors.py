@@ -23,7 +23,13 @@ from robid_core.estimation.torque.periodic import drift_of
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.mechanics import output_slopes
 from robid_core.residual.columns import LinearSlopes, passive_motion
-from robid_core.residual.inertial_units import INERTIAL, channels_of, inertial_of, shown_by_inertial
+from robid_core.residual.inertial_units import (
+    INERTIAL,
+    TURN_RATE,
+    channels_of,
+    inertial_of,
+    shown_by_inertial,
+)
 from robid_core.robot import Robot
 
 POSITION, TORQUE = "joint_position", "joint_torque"
@@ -46,6 +52,11 @@ class ArmSensor:
     def is_inertial(self) -> bool:
         """Whether it is on a link."""
         return self.channel.startswith(INERTIAL)
+
+    @property
+    def is_rate(self) -> bool:
+        """Whether it shows how fast a link turns."""
+        return self.kind == TURN_RATE
 
     @property
     def component(self) -> int:

@@ -45,7 +45,9 @@ def vibration_about(
     shown = (motion.spectrum_of(wave.real) + 1j * motion.spectrum_of(wave.imag))[:, 0]
     modes = (torque @ vector)[:, None] * (shown / motion.hold[:, None])[:, :, None]
     if arm is not None:
-        modes = np.concatenate((modes, (arm.of_state(robot) @ vector)[:, None] * shown[:, :, None]), axis=2)
+        modes = np.concatenate(
+            (modes, (arm.of_state(robot, angle, acceleration) @ vector)[:, None] * shown[:, :, None]), axis=2
+        )
     torques: ComplexArray = modes @ np.linalg.inv(vector)[:, None]
     return torques
 

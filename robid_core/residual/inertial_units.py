@@ -13,7 +13,8 @@ from robid_core.mechanics.feedforward import derivative
 from robid_core.robot import Robot
 
 RATE_BAND = 0.45  # of the sampling rate: at a sixth of it a rate errs by 1e-5 where samples are no period
-INERTIAL = ("link_acceleration", "link_turn_rate")
+ACCELERATION, TURN_RATE = "link_acceleration", "link_turn_rate"
+INERTIAL = (ACCELERATION, TURN_RATE)
 """What inertial units show, each in three channels, `link_acceleration_x` to `link_turn_rate_z`."""
 
 
@@ -37,6 +38,15 @@ def inertial_of(robot: Robot, axis: int) -> InertialSensor:
         )
     body = robot.chain.names[int(robot.mechanism.arm[axis])]
     return InertialSensor(body, np.array(told.translation), np.array(told.rotation))
+
+
+def inertial_noise(robot: Robot, axis: int) -> dict[str, float]:
+    """Standard deviation of what the unit on the link of an axis shows, m/s^2 and rad/s; zeros where it has none."""
+    told = robot.description.axes[robot.axis_names[axis]].sensors.inertial
+    return {
+        ACCELERATION: 0.0 if told is None else told.acceleration_noise,
+        TURN_RATE: 0.0 if told is None else told.turn_rate_noise,
+    }
 
 
 def shown_by_inertial(robot: Robot, axis: int, coordinates: FloatArray, periodic: bool) -> FloatArray:

@@ -1,9 +1,9 @@
 """Sensors behind the gears in a cut of a motion, under the window that torques and accelerations have.
 
 What a cut adds to `arm_sensors`: a sensor's zero leaks into the lowest bins, and is an unknown of each experiment; what
-rings from before the first sample is in these rows as it is in the torques; links follow the motors' angles, which a
-window does not let integrate from accelerations, and only what they bend by is taken from those. A delay moves the
-samples, and not the window.
+rings from before the first sample is in these rows as it is in the torques; links follow the motors' angles and speeds,
+which a window does not let integrate from accelerations, and only what they bend by is taken from those. A delay moves
+the samples, and not the window.
 """
 
 from __future__ import annotations
@@ -18,9 +18,15 @@ from robid_core.artifacts import DenseRun
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.windowed import WindowedMotion
-from robid_core.residual.arm_sensors import POSITION, ArmSensor, ArmSpectra, gear_spring
+from robid_core.residual.arm_sensors import (
+    POSITION,
+    ArmSensor,
+    ArmSpectra,
+    check_components,
+    gear_spring,
+)
 from robid_core.residual.columns import passive_motion
-from robid_core.residual.inertial_units import INERTIAL
+from robid_core.residual.inertial_units import channels_of, shown_by_inertial
 from robid_core.robot import Robot
 
 SLOW = 100.0  # times slower than the first bin: there deflections and links follow quasi-statically
@@ -28,7 +34,7 @@ SLOW = 100.0  # times slower than the first bin: there deflections and links fol
 
 @dataclass(frozen=True, eq=False)
 class WindowedArm(ArmSpectra):
-    """What sensors behind the gears show of cuts, rad and N m, less the mean over each cut."""
+    """What sensors behind the gears show of cuts, rad, N m, m/s^2 and rad/s, less the mean over each cut."""
 
     values: FloatArray
     """At the samples, (n_config, n_exp, n_time, n_sensor)."""
@@ -42,13 +48,7 @@ class WindowedArm(ArmSpectra):
         """
         sensors, columns = [], []
         shape = motion.angle.shape[:2]
-        inertial = [kind for kind in channels if kind in INERTIAL]
-        if inertial:
-            raise DataRejected(
-                f"arm_side: {' and '.join(inertial)} can be fitted where motions repeat with known lines, not in a cut "
-                "of a motion: what rings there from before the cut is not predicted for them; leave them out"
-            )
-        for name in channels:
+        for name in channels_of(channels):
             values = run.values(name)
             lanes = values.reshape(*shape, -1, values.shape[-1])[:, :, : motion.n_sample]
             known = np.isfinite(lanes)
@@ -59,6 +59,7 @@ class WindowedArm(ArmSpectra):
                 columns.append(lanes[..., axis])
         if not sensors:
             raise DataRejected(f"arm_side: no axis has a sample of {', '.join(channels)}")
+        check_components(sensors)
         shown = np.stack(columns, axis=-1)
         shown = shown - shown.mean(axis=2, keepdims=True)
         spectrum = motion.spectrum_of(shown)
@@ -82,9 +83,8 @@ class WindowedArm(ArmSpectra):
 
     def residual(self, predicted: ComplexArray, sensing: FloatArray, omega: FloatArray) -> ComplexArray:
         """Likewise, less what a zero of each experiment explains where every bin counts alike."""
-        difference: ComplexArray = (
-            self._earlier(sensing[1]) - (1 + sensing[0]) * predicted
-        )  # nothing is mounted on links
+        predicted = predicted @ self.mounting(sensing[2]).T
+        difference: ComplexArray = self._earlier(sensing[1]) - (1 + sensing[0]) * predicted
         constant = self.motion.constant
         share = np.einsum("f,cxfs->cxs", constant.conj(), difference).real / np.vdot(constant, constant).real
         difference -= constant[:, None] * share[:, :, None]
@@ -113,6 +113,11 @@ class WindowedArm(ArmSpectra):
         """Spectra of the motor angles under the window, rad, (n_config, n_exp, n_bin, n_axis)."""
         return self.motion.spectrum_of(self.motion.angle)
 
+    @cached_property
+    def _speed(self) -> ComplexArray:
+        """Likewise of the motor speeds, rad/s."""
+        return self.motion.spectrum_of(self.motion.rate(1))
+
     def bending(self, robot: Robot) -> ComplexArray:
         """Measured spectra less what rigid gears show: what a model of springs has to say."""
         found, mechanism = self.spectrum.copy(), robot.mechanism
@@ -132,9 +137,14 @@ class WindowedArm(ArmSpectra):
 
     def linear(self, robot: Robot, angle: FloatArray, omega: FloatArray, swing: ComplexArray) -> ComplexArray:
         """Spectra of the linear model, (n_config, n_exp, n_bin, n_sensor): links follow the angles and bend beside."""
-        still = self.follow(robot, angle, omega[1:2] / SLOW)[:, 0]
+        slow = omega[1] / SLOW
+        still = self.follow(robot, angle, np.array([slow]))[:, 0]
         found = super().linear(robot, angle, omega, swing)
         found += np.einsum("csa,cxfa->cxfs", still, self._angle - swing)
+        rates = [k for k, sensor in enumerate(self.sensors) if sensor.is_rate]
+        if rates:
+            beside = self._speed - 1j * omega[:, None] * swing
+            found[..., rates] += np.einsum("csa,cxfa->cxfs", still[:, rates] / (1j * slow), beside)
         return found
 
     def simulated(self, robot: Robot, motion: MotionSpectra, coordinates: FloatArray) -> ComplexArray:
@@ -142,7 +152,14 @@ class WindowedArm(ArmSpectra):
         mechanism, (stiffness, damping) = robot.mechanism, robot.spring_arrays()
         lanes = coordinates.reshape(*motion.angle.shape[:3], -1)
         shown = np.empty((*lanes.shape[:3], len(self.sensors)))
+        units = {
+            axis: np.moveaxis(shown_by_inertial(robot, axis, np.moveaxis(lanes, 2, 0), periodic=False), 0, 2)
+            for axis in sorted({sensor.axis for sensor in self.sensors if sensor.is_inertial})
+        }
         for k, sensor in enumerate(self.sensors):
+            if sensor.is_inertial:
+                shown[..., k] = units[sensor.axis][..., sensor.component]
+                continue
             if sensor.channel == POSITION:
                 shown[..., k] = lanes @ mechanism.constraint_map[mechanism.arm[sensor.axis]]
                 continue
@@ -152,18 +169,30 @@ class WindowedArm(ArmSpectra):
             shown[..., k] = (stiffness[s] * bent + damping[s] * rate)[..., 0]
         return motion.spectrum_of(shown)
 
-    def of_state(self, robot: Robot) -> FloatArray:
-        """What sensors show of angles and rates behind the motors, (n_sensor, 2 n_behind)."""
+    def of_state(self, robot: Robot, angle: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """What sensors show of angles and rates behind motors that stand, (n_pose, n_sensor, 2 n_behind).
+
+        `angle` are the poses, joint-side, rad, (n_pose, n_axis), `acceleration` is that of each state of the linear
+        model, (n_pose, n_behind, 2 n_behind).
+        """
         n, mechanism, (stiffness, damping) = robot.n_axis, robot.mechanism, robot.spring_arrays()
-        found = np.zeros((len(self.sensors), 2, mechanism.n_coordinate - n))
+        found = np.zeros((len(angle), len(self.sensors), 2, mechanism.n_coordinate - n))
+        shaken = np.zeros((len(angle), len(self.sensors), mechanism.n_coordinate - n))
+        at_0_and_1 = self.outputs(robot, angle, np.array([0.0, 1.0]))[..., n:]
         for k, sensor in enumerate(self.sensors):
-            if sensor.channel == POSITION:
-                found[k, 0] = mechanism.constraint_map[mechanism.arm[sensor.axis], n:]
-                continue
-            s = gear_spring(robot, sensor.axis)
-            direction = mechanism.spring_directions[s, n:]
-            found[k] = stiffness[s] * direction, damping[s] * direction
-        return found.reshape(len(self.sensors), -1)
+            if sensor.is_rate:
+                found[:, k, 1] = at_0_and_1[:, 1, k].imag
+            elif sensor.is_inertial:
+                found[:, k, 0] = at_0_and_1[:, 0, k].real
+                shaken[:, k] = (at_0_and_1[:, 0, k] - at_0_and_1[:, 1, k]).real
+            elif sensor.channel == POSITION:
+                found[:, k, 0] = mechanism.constraint_map[mechanism.arm[sensor.axis], n:]
+            else:
+                s = gear_spring(robot, sensor.axis)
+                direction = mechanism.spring_directions[s, n:]
+                found[:, k] = stiffness[s] * direction, damping[s] * direction
+        of_states: FloatArray = found.reshape(*found.shape[:2], -1) + shaken @ acceleration
+        return of_states
 
     def zeros(self) -> ComplexArray:
         """Spectra of a sensor's zero in all rows behind the gears, (n_bin, n_sensor, n_sensor)."""

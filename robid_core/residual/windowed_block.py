@@ -25,6 +25,7 @@ from robid_core.residual.block import TorqueBlock
 from robid_core.residual.cut_response import CutResponse
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
 from robid_core.residual.impedance import impedance
+from robid_core.residual.inertial_units import inertial_noise
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.robot import Robot
@@ -224,19 +225,25 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
 
 
 def _noise_behind(robot: Robot, arm: WindowedArm) -> FloatArray:
-    """Rms of each sensor's noise, rad and N m, (n_sensor,)."""
+    """Rms of each sensor's noise, rad, N m, m/s^2 and rad/s, (n_sensor,)."""
     drives = robot.drives
     told = {POSITION: drives.joint_position_noise, TORQUE: drives.joint_torque_noise}
-    return np.array([told[one.channel][one.axis] for one in arm.sensors])
+    return np.array(
+        [
+            inertial_noise(robot, one.axis)[one.kind] if one.is_inertial else told[one.channel][one.axis]
+            for one in arm.sensors
+        ]
+    )
 
 
 def _check_noise(robot: Robot, arm: WindowedArm) -> None:
     for sensor, noise in zip(arm.sensors, _noise_behind(robot, arm), strict=True):
         if not noise > 0:
+            word = f"{sensor.kind.removeprefix('link_')}_noise: ..."
+            entry = f"inertial: {{{word}}}" if sensor.is_inertial else word
             raise DataRejected(
                 f"{robot.name}: a motion that does not repeat shows no noise, and the robot file has none of "
-                f"{sensor.channel}; give {robot.axis_names[sensor.axis]} sensors: "
-                f"{{{sensor.channel}_noise: ...}}, its rms at standstill"
+                f"{sensor.kind}; give {robot.axis_names[sensor.axis]} sensors: {{{entry}}}, its rms at standstill"
             )
 
 
