@@ -11,6 +11,11 @@ from xml.sax.saxutils import escape
 import typer
 
 TEMPLATES = Path(__file__).with_name("templates")
+FIRST = """
+First replace every `fill_in` of `robot.yaml` (`robid validate` lists them) and the proposed springs by what data sheets
+say; `robid doctor robot.yaml` looks for implausible values. `plant.yaml` is the simulated machine: the same robot with
+springs a quarter softer.
+"""
 
 
 def command(
@@ -102,7 +107,7 @@ def files_of_urdf(
 
     name = project_name(folder)
     draft = draft_of(urdf, name, lock)
-    files = _filled(folder, "robot.yaml", "plant.yaml")
+    files = _filled(folder, "robot.yaml", "plant.yaml", FIRST)
     files |= {
         "robot.yaml": draft.robot,
         "plant.yaml": draft.plant,
@@ -124,8 +129,8 @@ def with_mesh_places(urdf: str, meshes: Mapping[str, Path], folder: Path) -> str
     return urdf
 
 
-def _filled(folder: Path, robot: str, plant: str) -> dict[str, str]:
-    values = {"NAME": project_name(folder), "ROBOT": robot, "PLANT": plant}
+def _filled(folder: Path, robot: str, plant: str, first: str = "") -> dict[str, str]:
+    values = {"NAME": project_name(folder), "ROBOT": robot, "PLANT": plant, "FIRST": first}
     return {
         target: fill((TEMPLATES / source).read_text(encoding="utf-8"), values)
         for target, source in (("pipeline.yaml", "pipeline.template"), ("README.md", "readme.template"))

@@ -23,6 +23,7 @@ from robid_core.robot.file.proposal import (
     HIGHEST_HZ,
     INTEGRAL_RATE,
     SPEED_RATE,
+    TORQUE_NOISE,
     ProposedSpring,
     bearing_directions,
     carried_inertia,
@@ -148,21 +149,21 @@ def _texts(
         )
         lines += [_line(f"  {key_text(joint)}: 0", why) for joint, why in locked.items()]
     lines.append("axes:")
-    springs: dict[str, float] = {}
     bearings: list[str] = []
-    told = []
-    for body in bodies:
-        if body.elastic is not None:
-            told.append(f"joint '{body.joint}' is elastic in the URDF already, and stays so")
-            continue
+    own = [body.joint for body in bodies if body.elastic is not None]
+    told = [f"joint '{joint}' is elastic in the URDF already, and stays so" for joint in own]
+    told += ["no further springs are proposed"] if own else []
+    gears = False
+    for body in (body for body in bodies if body.elastic is None):
         limits = model.limits.get(body.joint, JointLimits())
-        gear = proposed_gear(bodies, body.joint, limits.effort)
-        lines += _axis(body, limits, gear, carried_inertia(bodies, body.joint))
-        if gear.frequency_hz <= HIGHEST_HZ:
-            springs[f"gear_stiffness.{body.joint}"] = gear.stiffness
-        else:
+        carried = carried_inertia(model.chain, body.joint)
+        gear = None if own else proposed_gear(carried, body.type == "prismatic", limits.effort)
+        if gear is not None and gear.frequency_hz > HIGHEST_HZ:
             told.append(f"gear of '{body.joint}': rigid, it would swing at {gear.frequency_hz:.0f} Hz")
-        if body.type == "prismatic":
+        elastic = gear is not None and gear.frequency_hz <= HIGHEST_HZ
+        gears |= elastic
+        lines += _axis(body, limits, gear if elastic else None, carried)
+        if gear is None or body.type == "prismatic":
             continue
         across = proposed_bearing(bodies, body.joint, gear)
         if across.frequency_hz > HIGHEST_HZ / 2:
@@ -174,7 +175,6 @@ def _texts(
             spring = f"stiffness: {across.stiffness:.3g}, damping: {across.damping:.3g}"
             entry = f"  {key_text(label)}: {{joint: {key_text(body.joint)}, axis: {direction}, {spring}}}"
             bearings.append(f"{entry}  # proposed: {across.origin}, {across.frequency_hz:.0f} Hz")
-            springs[f"bearing_stiffness.{label}"] = across.stiffness
     if bearings:
         lines += [
             "bearings:"
@@ -182,21 +182,27 @@ def _texts(
             + "# elasticity across the axes; delete what the arm does not have",
             *bearings,
         ]
+    heads = {"gear_stiffness": gears, "bearing_stiffness": bool(bearings or own)}
+    softer = ", ".join(f'"{head}.*": {_SAMPLE}' for head, there in heads.items() if there)
     plant = [
         "# The simulated machine: robot.yaml with springs a quarter softer, to see whether they are found.",
         "robid_robot: 1",
         f"name: {key_text(f'{name}_plant')}",
         "base: robot.yaml",
-        "parameters:" if springs else "parameters: {}",
-        *(f"  {key_text(label)}: {_SAMPLE * stiffness:.3g}" for label, stiffness in springs.items()),
+        f"factors: {{{softer}}}",
     ]
     return "\n".join(lines) + "\n", "\n".join(plant) + "\n", told
 
 
-def _axis(body: Body, limits: JointLimits, gear: ProposedSpring, carried: float) -> list[str]:
+def _axis(body: Body, limits: JointLimits, gear: ProposedSpring | None, carried: float) -> list[str]:
     slides = body.type == "prismatic"
     angle, force = ("m", "N") if slides else ("rad", "N m")
     lines = [f"  {key_text(body.joint)}:"]
+    sensing = "proposed; for simulation and planning only"
+    if not limits.effort:
+        sensing += (
+            f"; torque_noise: rms of a sample at the motor, N m, {TORQUE_NOISE:g} * torque_limit is usual"
+        )
     if limits.position is None:
         bound = "    position_limits: fill_in" if slides else "    position_limits: [-3.14, 3.14]"
         lines.append(
@@ -231,18 +237,16 @@ def _axis(body: Body, limits: JointLimits, gear: ProposedSpring, carried: float)
             )
         else:
             lines.append(f"    # {key}: that of the URDF through the gear, {value:g} {unit} at the joint")
-    if gear.frequency_hz <= HIGHEST_HZ:
+    if gear is not None:
         spring = f"    gear: {{stiffness: {gear.stiffness:.3g}, damping: {gear.damping:.3g}}}"
         lines.append(
-            _line(spring, f"proposed: {gear.origin}; {gear.frequency_hz:.0f} Hz with the stretched arm")
+            _line(spring, f"proposed: {gear.origin}; {gear.frequency_hz:.0f} Hz with all that it carries")
         )
     lines += [
         _line(
             "    friction: {coulomb: 0, viscous: 0}", "at the motor, N m and N m s/rad; fit.friction finds it"
         ),
-        _line(
-            f"    sensors: {proposed_sensors(limits.effort)}", "proposed; for simulation and planning only"
-        ),
+        _line(f"    sensors: {proposed_sensors(limits.effort)}", sensing),
         _line("    controller:", "speed controller of the drive, at the motor; unknown: begin as said below"),
         _line(
             f"      speed_gain: {PLACEHOLDER}",

@@ -2,9 +2,10 @@
 
 By size: a gear winds up by eight milliradians at its largest torque (main axes of the packaged robots by 4 to 13), and
 a bearing with its links is twice as stiff across the axis as the gear is along it. What then swings above `HIGHEST_HZ`
-with the stretched arm behind it, motors held, is rigid for what motors can shake. By direction: a bearing gets the two
-directions across its axis, less those about the line of the next axis (`coaxial`), and those that no joint's motion
-excites: a bearing is felt through the mass matrix alone.
+with all that it carries, motors held, is rigid for what motors can shake: a gear in the pose where that has most
+inertia, a bearing with the stretched arm. By direction: a bearing gets the two directions across its axis, less those
+about the line of the next axis (`coaxial`), and those that no joint's motion excites: a bearing is felt through the
+mass matrix alone.
 
 Speed controllers and sensors have the size of those of the packaged robots: `SPEED_RATE` and `INTEGRAL_RATE` lie within
 their range (5 to 70/s; 8/s), torque noise is 0.5 to 0.7 thousandths of their torque limits.
@@ -24,13 +25,14 @@ import numpy as np
 from robid_core.robot.file.body import Body
 from robid_core.robot.file.expansion import directions_across
 from robid_core.robot.file.tree import stretched_inertia
+from robid_core.robot.file.wording import PLACEHOLDER
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain
 
 WIND_UP = 8e-3  # rad at the largest torque
 SLIDE = 1e-4  # m at the largest force
-UNKNOWN_HZ = 15.0  # of a gear whose torque the URDF does not give, with the stretched arm behind it
+UNKNOWN_HZ = 15.0  # of a gear whose torque the URDF does not give, with the most inertia that it carries
 BEARING_RATIO = 2.0
 HIGHEST_HZ = 100.0
 SPEED_RATE = 20.0  # 1/s, speed gain over the inertia at the motor shaft
@@ -41,6 +43,7 @@ DAMPING_RATIO = 0.03
 _PARALLEL = 1e-6
 _LEAST_COUPLING = 0.02  # cosine between two coordinates in the metric of the mass matrix
 _POSES = 16
+_POSES_OF_INERTIA = 256
 
 
 @dataclass(frozen=True)
@@ -52,28 +55,25 @@ class ProposedSpring:
     damping: float
     """N m s/rad or N s/m."""
     frequency_hz: float
-    """With the stretched arm behind it, motors held."""
+    """With all that it carries, motors held."""
     origin: str
     """Where the stiffness comes from, in words."""
 
 
-def proposed_gear(bodies: tuple[Body, ...], joint: str, effort: float | None) -> ProposedSpring:
+def proposed_gear(carried: float, slides: bool, effort: float | None) -> ProposedSpring:
     """Return the spring of a joint's gear; above `HIGHEST_HZ` it is better left out.
 
     Parameters
     ----------
-    bodies
-        All of the robot.
-    joint
-        Whose gear.
+    carried
+        By the joint, from `carried_inertia`.
+    slides
+        Whether it is prismatic.
     effort
         Largest torque or force at the joint; None: not known.
     """
-    slides = _slides(bodies, joint)
-    carried = carried_inertia(bodies, joint)
     if effort is None:
-        stiffness = carried * (2 * math.pi * UNKNOWN_HZ) ** 2
-        origin = f"{UNKNOWN_HZ:g} Hz with what it carries, the URDF gives no torque"
+        stiffness, origin = carried * (2 * math.pi * UNKNOWN_HZ) ** 2, "the URDF gives no torque"
     else:
         wind_up = SLIDE if slides else WIND_UP
         stiffness, unit = effort / wind_up, "mm" if slides else "mrad"
@@ -82,14 +82,19 @@ def proposed_gear(bodies: tuple[Body, ...], joint: str, effort: float | None) ->
 
 
 def proposed_sensors(effort: float | None) -> str:
-    """Return the entry of a drive's sensors: a 20-bit encoder; torque noise where the torque limit is known."""
-    torque = f", torque_noise: {TORQUE_NOISE * effort / USUAL_RATIO:.2g}" if effort else ""
-    return f"{{encoder_counts: 1048576, position_noise: 2.0e-5{torque}}}"
+    """Return the entry of a drive's sensors: a 20-bit encoder; torque noise waits where no torque limit is known."""
+    noise = f"{TORQUE_NOISE * effort / USUAL_RATIO:.2g}" if effort else PLACEHOLDER
+    return f"{{encoder_counts: 1048576, position_noise: 2.0e-5, torque_noise: {noise}}}"
 
 
-def carried_inertia(bodies: tuple[Body, ...], joint: str) -> float:
-    """Return what a joint moves with the stretched arm: kg m^2, or kg where it slides."""
-    return _carried_mass(bodies, joint) if _slides(bodies, joint) else stretched_inertia(bodies, joint)
+def carried_inertia(chain: Chain, joint: str) -> float:
+    """Return the most that a joint moves in any pose, about its own axis: kg m^2, or kg where it slides."""
+    from robid_core.mechanics import REVOLUTE, dynamics
+
+    poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSES_OF_INERTIA, chain.n_coordinate))
+    poses[:, chain.joint_type != REVOLUTE] = 0.0
+    row = chain.index(joint)
+    return float(dynamics(chain, poses).mass[:, row, row].max())
 
 
 def proposed_bearing(bodies: tuple[Body, ...], joint: str, gear: ProposedSpring) -> ProposedSpring:
@@ -123,10 +128,6 @@ def locked_by_mimicry(mimics: Mapping[str, str]) -> dict[str, str]:
     return found | {other: "others mimic it" for other in mimics.values() if other not in found}
 
 
-def _slides(bodies: tuple[Body, ...], joint: str) -> bool:
-    return next(body for body in bodies if body.joint == joint).type == "prismatic"
-
-
 def _coupling(chain: Chain, joint: str, direction: list[float]) -> float:
     """Largest cosine, over poses and joints, of a bearing's coordinate with one that moves; 0: nothing stirs it."""
     from robid_core.mechanics import dynamics
@@ -153,11 +154,3 @@ def _coaxial(direction: list[float], body: Body) -> bool:
 def _spring(stiffness: float, carried: float, origin: str) -> ProposedSpring:
     damping = 2 * DAMPING_RATIO * math.sqrt(stiffness * carried)
     return ProposedSpring(stiffness, damping, math.sqrt(stiffness / carried) / (2 * math.pi), origin)
-
-
-def _carried_mass(bodies: tuple[Body, ...], joint: str) -> float:
-    behind = {joint}
-    for body in bodies:
-        if body.parent in behind:
-            behind.add(body.joint)
-    return sum(body.mass for body in bodies if body.joint in behind)

@@ -19,6 +19,7 @@ from robid_core.robot.file.description import EffectEntry, RobotDescription
 from robid_core.robot.file.document import Document, parse_document, read_document
 from robid_core.robot.file.effect_places import wrong_place
 from robid_core.robot.file.expansion import sheets_written_out
+from robid_core.robot.file.factors import values_by_factor
 from robid_core.robot.file.flexible_links import links_written_out
 from robid_core.robot.file.model_file import bodies_of, read_model, with_limits
 from robid_core.robot.file.named_parameters import effect_table, misfits, named_parameters, with_values
@@ -56,6 +57,8 @@ class DerivedRobot(Part):
     """Packaged robot, or path of a robot.yaml, from which this one differs."""
     base_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
     """Hash of the base that this file was made from (`Robot.sha256`): another base is refused; null: any will do."""
+    factors: dict[str, float] = {}
+    """Named parameters, by pattern, that are so many times those of the base: `{gear_stiffness.*: 0.75}`."""
     parameters: dict[str, float] = {}
     """Named parameters with other values than in the base."""
     effects: dict[Identifier, EffectEntry | None] = {}
@@ -82,7 +85,8 @@ def read_description(path: Path) -> RobotDescription:
 
     A file has either `bodies`, or `dh` (a Denavit-Hartenberg table), or `model` (a path read through the `robid.models`
     plugin of its suffix, with `lock` for joints that stay where they are), or `base` (another robot) with the
-    `parameters` that differ and the `effects` that come on top. Limits that `axes` leaves out are those of the model.
+    `factors` and `parameters` that differ and the `effects` that come on top. Limits that `axes` leaves out are those
+    of the model.
 
     Raises
     ------
@@ -241,14 +245,13 @@ def _derived(data: dict[str, Any], document: Document, above: tuple[Path, ...]) 
         whole["name"] = data["name"]
     robot = checked(RobotDescription, whole, document)
     _check_places(robot, document)
-    _check_parameters(
-        data.get("parameters"), base if robot is None or document.problems.problems else robot, document
-    )
-    return (
-        None
-        if robot is None or document.problems.problems
-        else with_values(robot, data.get("parameters") or {})
-    )
+    known = base if robot is None or document.problems.problems else robot
+    scaled = values_by_factor(data.get("factors"), known, document)
+    _check_parameters("parameters", data.get("parameters"), known, document)
+    _check_parameters("factors", scaled, known, document)
+    if robot is None or document.problems.problems:
+        return None
+    return with_values(robot, scaled | (data.get("parameters") or {}))
 
 
 def _check_base(base: RobotDescription, sha256: Any, document: Document) -> None:
@@ -272,7 +275,7 @@ def _removed_effects(effects: Any, base: RobotDescription, document: Document) -
     return removed
 
 
-def _check_parameters(values: Any, robot: RobotDescription, document: Document) -> None:
+def _check_parameters(key: str, values: Any, robot: RobotDescription, document: Document) -> None:
     """Check names and values of parameters that are numbers: what is not is told already.
 
     Moments of a body may be right together and each wrong beside the base's others: what is wrong together is looked
@@ -287,7 +290,7 @@ def _check_parameters(values: Any, robot: RobotDescription, document: Document) 
             numbers[name] = value
         else:
             document.add(
-                ("parameters", name),
+                (key, name),
                 f"{robot.name} has no such parameter; {suggestion(name, known, 'it has')}",
             )
     if not _wrong(robot, numbers):
@@ -296,10 +299,10 @@ def _check_parameters(values: Any, robot: RobotDescription, document: Document) 
     for name, wrong in alone.items():
         unit = "" if known[name].kind == "effect" else f"; {name}: {known[name].unit}"
         for message in wrong:
-            document.add(("parameters", name), message + unit)
+            document.add((key, name), message + unit)
     if not alone:
         for message in _wrong(robot, numbers):
-            document.add(("parameters",), message)
+            document.add((key,), message)
 
 
 def _wrong(robot: RobotDescription, numbers: Mapping[str, float]) -> list[str]:

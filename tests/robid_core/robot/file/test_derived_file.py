@@ -61,6 +61,37 @@ def test_another_base_than_the_one_it_was_made_from_is_refused(robot: Robot, tmp
     assert Robot.load("found.yaml", tmp_path).parameter("mass.axis_1") == 41
 
 
+def test_factors_multiply_those_of_the_base_and_parameters_come_after(robot: Robot, tmp_path: Path) -> None:
+    text = (
+        "robid_robot: 1\nbase: robot.yaml\nfactors: {'gear_*': 0.5, '*stiffness.axis_1': 0.8, 'friction.*': 2}\n"
+        "parameters: {friction.axis_1.coulomb: 0.7}\n"
+    )
+    (tmp_path / "softer.yaml").write_text(text)
+    softer = Robot.load("softer.yaml", tmp_path)
+    factors = {"gear_stiffness.axis_1": 0.4, "gear_damping.axis_1": 0.5, "friction.axis_1.viscous": 2.0}
+    factors["friction.axis_1.speed"] = 2.0
+    expected = {name: factor * robot.parameter(name) for name, factor in factors.items()}
+    assert softer == robot.with_parameters(expected | {"friction.axis_1.coulomb": 0.7})
+
+
+@pytest.mark.parametrize(
+    ("factors", "told"),
+    [
+        ("{gear_stifness.*: 0.5}", "3:11: factors.gear_stifness.*: mine has no such parameter; did you mean"),
+        ("{gear_stiffness.*: -1}", "3:1: factors.gear_stiffness.axis_1: -80000.0 must be greater than 0"),
+        (
+            "{gear_stiffness.*: soft}",
+            "3:11: factors.gear_stiffness.*: 'soft' is written here, it must be a number",
+        ),
+    ],
+)
+def test_factors_that_mean_nothing_are_refused(robot: Robot, tmp_path: Path, factors: str, told: str) -> None:
+    (tmp_path / "softer.yaml").write_text(f"robid_robot: 1\nbase: robot.yaml\nfactors: {factors}\n")
+    with pytest.raises(ConfigurationError) as refused:
+        Robot.load("softer.yaml", tmp_path)
+    assert told in str(refused.value)
+
+
 def test_effects_that_are_added_or_taken_off_load_equal(robot: Robot, tmp_path: Path) -> None:
     whole = robot.description.model_dump()
     whole["effects"] = {"ripple": {"use": "drive.torque_ripple", "on": "axis_1", "with": {"amplitude": 0.2}}}

@@ -436,7 +436,7 @@ payload: 3
         "8:3: parameters.friction.elbow.viscous: 'small' is written here, it must be a number; parameters: Named "
         "parameters with other values than in the base",
         "9:1: payload: unknown key 'payload'; the keys here are: robid_robot, name, base, base_sha256, "
-        "parameters, effects",
+        "factors, parameters, effects",
     ]
 
 
