@@ -70,7 +70,8 @@ def _convergence(fit: Fit) -> Iterator[Doubt]:
         yield Doubt(
             NOT_CONVERGED,
             f"the fit did not converge: {fit.status}",
-            "its numbers must not be used; give better start values, or allow more iterations",
+            "its numbers must not be used; give better start values, allow more steps (`passes` or `iterations` of the "
+            "stage), or let robid diagnose look for what the model lacks",
         )
 
 
@@ -82,7 +83,7 @@ def _misfit(fit: Fit) -> Iterator[Doubt]:
     yield Doubt(
         "misfit",
         f"misfit {fit.misfit:.4g} against {fit.misfit_against}, more than {LARGEST_MISFIT}{where}",
-        "the data show what the model lacks; add or free what acts there",
+        "the data show what the model lacks; robid diagnose looks for it, or add or free what acts there",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 import textwrap
@@ -10,6 +11,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from robid_core.artifacts import EssentialParameters, Fit, MisfitTable
+
+
+DIGITS = 4
+MOST_DIGITS = 9
 
 
 def doubt_lines(doubts: Sequence[object], remarks: Sequence[object] = ()) -> list[str]:
@@ -33,14 +38,18 @@ def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> lis
     """Return a fit's parameters as aligned text, the reported ones or all."""
     table = fit.parameters
     head = ["parameter", "unit", *(["true"] if true else []), "start", "estimate", "std error"]
+    head += ["off / std error"] if true else []
     rows = [head]
     for index, name in enumerate(table.names):
         if not (everything or table.reported[index]):
             continue
-        error = "at bound" if table.at_bound[index] else _number(table.standard_error[index])
-        truth = [_number(true[name]) if name in true else "-"] if true else []
-        numbers = [*truth, _number(table.start[index]), _number(table.estimate[index]), error]
-        rows.append([name, table.units[index], *numbers])
+        value, size = float(table.estimate[index]), float(table.standard_error[index])
+        error = "at bound" if table.at_bound[index] else f"{size:.2g}" if size == size else "held"
+        truth = [_number(true[name], size) if name in true else "-"] if true else []
+        off = [f"{(value - true[name]) / size:.2f}" if name in true and size > 0 else "-"] if true else []
+        rows.append(
+            [name, table.units[index], *truth, _number(table.start[index]), _number(value, size), error, *off]
+        )
     return _aligned(rows, n_left=2)
 
 
@@ -81,8 +90,12 @@ def _aligned(rows: list[list[str]], n_left: int) -> list[str]:
     ]
 
 
-def _number(value: float) -> str:
-    return f"{value:.4g}" if value == value else "held"  # NaN: it was not estimated
+def _number(value: float, error: float = math.nan) -> str:
+    """Return a number with four digits, or with as many as show its standard error: two of that."""
+    if value != value:
+        return "held"  # it was not estimated
+    digits = math.ceil(math.log10(abs(value) / error)) + 2 if value and 0 < error < math.inf else DIGITS
+    return f"{value:.{min(max(digits, DIGITS), MOST_DIGITS)}g}"
 
 
 def _width() -> int | None:

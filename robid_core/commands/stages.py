@@ -58,10 +58,12 @@ def table(rows: list[Row]) -> list[str]:
 def row(plugin: Plugin) -> Row:
     """Return one line of the list; a plugin that cannot be imported says why."""
     from robid_core.commands.trial import loaded_apart
-    from robid_core.errors import PluginError
+    from robid_core.errors import ExtraMissing, PluginError
 
     try:
         what = loaded_apart(plugin, summary)
+    except ExtraMissing as error:
+        what = f"not installed: {error}"
     except PluginError as error:
         what = f"FAILS: {' '.join(str(error).split())}"
     group = plugin.group.removeprefix("robid.")

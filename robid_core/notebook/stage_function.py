@@ -54,6 +54,8 @@ def use(stage: str | type[Stage], **settings: Any) -> StageFunction:
     >>> import robid_core as robid
     >>> robot = robid.Robot.load("one_axis")
     >>> candidates = robid.use("design.candidates", count=3)
+    >>> candidates
+    design.candidates(count=3): it takes robot: Robot and makes a Configurations; its settings: robid stages design.candidates
     >>> where = candidates(robot)
     >>> type(where).__name__, where.angle.shape
     ('Configurations', (3, 1))
@@ -78,7 +80,7 @@ def use(stage: str | type[Stage], **settings: Any) -> StageFunction:
     return StageFunction(name, declared)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StageFunction:
     """A stage with its settings; called with artifacts and a robot, it gives the artifact that the stage makes.
 
@@ -157,6 +159,12 @@ class StageFunction:
         takes = [f"{entry.name}: {entry.noun}" for entry in self.stage.inputs()]
         takes += [f"{name}: {kind.__name__}" for name, kind in self.stage.lends().items() if _needed(kind)]
         return f"it takes {', '.join(takes) or 'nothing'} and makes a {self.stage.output.__name__}"
+
+    def __repr__(self) -> str:
+        """Return what it is set to beside the defaults, takes and makes, and where its settings are explained."""
+        said = self.stage.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+        settings = ", ".join(f"{key}={value!r}" for key, value in said.items())
+        return f"{self.name}({settings}): {self.signature}; its settings: robid stages {self.name}"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows of it: what it does, takes and is set to."""

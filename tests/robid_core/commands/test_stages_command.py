@@ -13,7 +13,7 @@ from robid_core import FrfEstimator, Robot, Settings
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
 from robid_core.errors import PluginError
 from robid_core.interruption import signals_as_interrupt
-from robid_core.registry import EFFECTS, STAGES, Plugin, Registry, registry
+from robid_core.registry import EFFECTS, EXTRAS, STAGES, Plugin, Registry, registry
 from robid_core.yaml_file.kind import PIPELINE_FILE
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.problems import ProblemList
@@ -70,6 +70,15 @@ def test_a_plugin_that_fails_is_a_line_and_no_failure() -> None:
     name, group, package, what = row(plugin("robid_no_such_module:Stage"))
     assert (name, group, package) == ("frf.everything", "stages", "somebody 3.1")
     assert what.startswith("FAILS: 'frf.everything' (somebody 3.1) needs the module robid_no_such_module")
+
+
+def test_a_plugin_whose_extra_is_absent_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(EXTRAS, "robid_no_such_module", "torch")
+    what = row(plugin("robid_no_such_module:Stage"))[3]
+    assert what.startswith(
+        "not installed: 'frf.everything' (somebody 3.1) needs the module robid_no_such_module"
+    )
+    assert what.endswith('run: pip install "robid[torch]"')
 
 
 def test_a_plugin_that_is_registered_as_no_object_is_told() -> None:

@@ -63,13 +63,13 @@ def test_another_base_than_the_one_it_was_made_from_is_refused(robot: Robot, tmp
 
 def test_factors_multiply_those_of_the_base_and_parameters_come_after(robot: Robot, tmp_path: Path) -> None:
     text = (
-        "robid_robot: 1\nbase: robot.yaml\nfactors: {'gear_*': 0.5, '*stiffness.axis_1': 0.8, 'friction.*': 2}\n"
+        "robid_robot: 1\nbase: robot.yaml\nfactors: {'gear_*': 0.5, '*stiffness.axis_1': 0.25, 'friction.*': 2}\n"
         "parameters: {friction.axis_1.coulomb: 0.7}\n"
     )
     (tmp_path / "softer.yaml").write_text(text)
     softer = Robot.load("softer.yaml", tmp_path)
-    factors = {"gear_stiffness.axis_1": 0.4, "gear_damping.axis_1": 0.5, "friction.axis_1.viscous": 2.0}
-    factors["friction.axis_1.speed"] = 2.0
+    factors = {"gear_stiffness.axis_1": 0.125, "gear_damping.axis_1": 0.5, "friction.axis_1.viscous": 2.0}
+    factors |= {"friction.axis_1.speed": 2.0, "gear_ratio.axis_1": 0.5}
     expected = {name: factor * robot.parameter(name) for name, factor in factors.items()}
     assert softer == robot.with_parameters(expected | {"friction.axis_1.coulomb": 0.7})
 
