@@ -132,7 +132,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
         typer.echo(headline(pipeline, result) + (f"; {page}" if page else ""))
         for line in filter(None, verdict_lines(pipeline, result)):
             typer.echo(line)
-        for doubt in (*result.doubts, *result.remarks):
+        for doubt in (*result.warnings, *result.doubts, *result.remarks):
             typer.echo(doubt, err=True)
     else:
         typer.echo("\n".join(last_screen(pipeline, result, again)))

@@ -105,6 +105,8 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     ]
     found: dict[str, list[str]] = {"doubt": [], "remark": []}
     for name, record in manifest.stages.items():
+        found["doubt"] += [f"stage {name}: {text}" for text in record.warnings]
+    for name, record in manifest.stages.items():
         for doubt in record.doubts:
             text = f"stage {name}: {doubt['sentence']}; {doubt['remedy']}"
             found[doubt.get("degree", "doubt")].append(text)

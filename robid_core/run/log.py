@@ -10,6 +10,8 @@ from pathlib import Path
 from robid_core.store import NoFile, failures_named
 
 NAME = "robid"
+MOST_WARNINGS = 20  # of a stage that are kept
+LONGEST_WARNING = 1000  # characters
 
 
 class _LogFile(logging.FileHandler):
@@ -17,6 +19,32 @@ class _LogFile(logging.FileHandler):
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Lose the line."""
+
+
+class _Warnings(logging.Handler):
+    """Keeps the texts of warnings, each once."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.told: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep one; a line that cannot be made is lost, as the log file loses it."""
+        with contextlib.suppress(Exception):
+            text = " ".join(record.getMessage().split())[:LONGEST_WARNING]
+            if text and text not in self.told and len(self.told) < MOST_WARNINGS:
+                self.told.append(text)
+
+
+@contextlib.contextmanager
+def warnings_kept() -> Iterator[list[str]]:
+    """Give the list of what is warned of under 'robid' meanwhile; it grows while that goes on."""
+    handler, logger = _Warnings(), logging.getLogger(NAME)
+    logger.addHandler(handler)
+    try:
+        yield handler.told
+    finally:
+        logger.removeHandler(handler)
 
 
 @contextlib.contextmanager

@@ -18,7 +18,7 @@ from robid_core.run.folder import RunFolder
 from robid_core.run.identity import differences
 from robid_core.store import Files, NoFile, Store, canonical_json, failures_named, text_hash
 
-MANIFEST_FORMAT = 2  # 1 had no hash of its own
+MANIFEST_FORMAT = 3  # 1 had no hash of its own, 2 no warnings
 
 
 class DamagedManifest(StoreError):
@@ -50,6 +50,7 @@ class StageRecord:
     ingredients: Mapping[str, Any] = field(default_factory=dict)
     note: str = ""
     doubts: Sequence[Mapping[str, str]] = ()  # kind, sentence, remedy, degree (older ones: a doubt)
+    warnings: Sequence[str] = ()  # what the stage warned of while it was made
     raw: Mapping[str, str] = field(default_factory=dict)  # raw logs, relative to the run folder: their sha256
 
 

@@ -51,7 +51,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What became of each stage (made, same, kept, refused), why the numbers should be doubted, if so, and remarks.
+    """What became of each stage (made, same, kept, refused), what stages warned of, doubts of numbers, and remarks.
 
     `exit_code` is 0, or 6 where numbers must not be used: a stage gave no result, a fit did not converge, or, with
     `strict`, there is any doubt.
@@ -60,6 +60,7 @@ class RunResult:
     folder: RunFolder
     manifest: Manifest
     outcomes: dict[str, str]
+    warnings: tuple[str, ...]
     doubts: tuple[str, ...]
     remarks: tuple[str, ...]
     seconds: float

@@ -59,6 +59,7 @@ def _put_warning_filters(filters: list[Any]) -> None:
     warnings._filters_mutated()  # type: ignore[attr-defined]
 
 
+FILTERS = "filters of warnings"
 PARTS = {
     "numpy's error mode": _Part(np.geterr, lambda mode: np.seterr(**mode)),
     "umask": _Part(umask, os.umask),
@@ -67,8 +68,16 @@ PARTS = {
         lambda: locale.setlocale(locale.LC_ALL), lambda name: locale.setlocale(locale.LC_ALL, name)
     ),
     "environment variables": _Part(lambda: dict(os.environ), _put_environment),
-    "filters of warnings": _Part(lambda: list(warnings.filters), _put_warning_filters),
+    FILTERS: _Part(lambda: list(warnings.filters), _put_warning_filters),
 }
+
+
+def _only_added_by_imports(before: list[Any], now: list[Any]) -> bool:
+    """Tell whether filters of some warnings were added, as packages do that are imported; none of all warnings."""
+    added = len(now) - len(before)
+    return now[added:] == before and all(
+        message or module or category is not Warning for _, message, category, module, _ in now[:added]
+    )
 
 
 @contextlib.contextmanager
@@ -81,14 +90,18 @@ def state_taken_back(log: logging.Logger) -> Iterator[None]:
         yield
     finally:
         changed = [name for name, part in PARTS.items() if part.ask() != before[name]]
+        told = list(changed)
         for name in changed:
+            now = PARTS[name].ask()
             PARTS[name].put(before[name])
+            if name == FILTERS and _only_added_by_imports(before[name], now):
+                told.remove(name)
         for library in libraries.lib_controllers:
             if library.num_threads != counts[library.filepath]:
                 library.set_num_threads(counts[library.filepath])
-                changed.append(f"threads of {library.internal_api}")
-        if changed:
-            log.warning("R16: it changed %s of the run's process; taken back", ", ".join(changed))
+                told.append(f"threads of {library.internal_api}")
+        if told:
+            log.warning("R16: it changed %s of the run's process; taken back", ", ".join(told))
         left = [
             thread.name for thread in threading.enumerate() if thread not in threads and not thread.daemon
         ]

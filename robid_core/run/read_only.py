@@ -36,9 +36,10 @@ def kept_without_writing(pipeline: Pipeline, options: RunOptions) -> RunResult |
     stages = [manifest.stages.get(decision.stage) for decision in decisions]
     if any(decision.action is not Action.KEEP for decision in decisions) or None in stages:
         return None
-    told: dict[str, list[str]] = {"doubt": [], "remark": []}
+    told: dict[str, list[str]] = {"warning": [], "doubt": [], "remark": []}
     unusable = False
     for name, record in manifest.stages.items():
+        told["warning"] += [f"stage {name}: {text}" for text in record.warnings if name in chosen]
         for doubt in record.doubts if name in chosen else ():
             told[doubt.get("degree", "doubt")].append(f"stage {name}: {doubt['sentence']}; {doubt['remedy']}")
             unusable |= doubt["kind"] == NOT_CONVERGED
@@ -47,6 +48,7 @@ def kept_without_writing(pipeline: Pipeline, options: RunOptions) -> RunResult |
         folder,
         manifest,
         {decision.stage: "kept" for decision in decisions},
+        tuple(told["warning"]),
         tuple(told["doubt"]),
         tuple(told["remark"]),
         time.perf_counter() - began,

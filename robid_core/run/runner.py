@@ -8,7 +8,7 @@ import logging
 import os
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from robid_core.artifacts import Diagnosis, Doubt, Fit
@@ -32,7 +32,7 @@ from robid_core.run.folder import RunFolder
 from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings, file_hashes
 from robid_core.run.lock import run_lock
-from robid_core.run.log import NAME, log_file
+from robid_core.run.log import NAME, log_file, warnings_kept
 from robid_core.run.manifest import StageRecord, ending_told, readable_manifest, refuse_damaged_manifest
 from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
@@ -119,6 +119,7 @@ class _Run:
         self.motions = MotionRecords(store, self.folder.motions, others)
         self.entries: dict[str, Entry] = {}
         self.outcomes: dict[str, str] = {}
+        self.warnings: list[str] = []
         self.doubts: list[str] = []
         self.remarks: list[str] = []
         self.unusable = False
@@ -152,7 +153,7 @@ class _Run:
         seconds = time.perf_counter() - began
         distrusted = self.unusable or (self.options.strict and bool(self.doubts))
         code = NotTrustworthy.exit_code if distrusted else 0
-        told = tuple(self.doubts), tuple(self.remarks)
+        told = tuple(self.warnings), tuple(self.doubts), tuple(self.remarks)
         return RunResult(self.folder, self.manifest, self.outcomes, *told, seconds, code)
 
     def _refuse_before(self, chosen: set[str], forced: set[str]) -> None:
@@ -208,14 +209,15 @@ class _Run:
         self.manifest.write(self.store, self.folder)  # a process that ends here leaves a trace
         began = time.perf_counter()
         try:
-            with named_errors(node, self._log(node), self.folder.log):
+            with warnings_kept() as warned, named_errors(node, self._log(node), self.folder.log):
                 entry = self._move(node, decision) if moves else self._compute(node, decision)
         except NotTrustworthy as error:
+            self.warnings += [f"stage {node.name}: {text}" for text in warned]
             self._refuse(node, str(error))
             return
         record = self.previous.stages.get(node.name) if self.previous else None
         outcome = "same" if record is not None and record.sha256 == entry.sha256 else "made"
-        self._finish(node, entry, decision, outcome, time.perf_counter() - began)
+        self._finish(node, entry, decision, outcome, time.perf_counter() - began, warned)
 
     def _compute(self, node: StageNode, decision: Decision) -> Entry:
         artifact = self.caller.call(node, self.entries)
@@ -258,15 +260,23 @@ class _Run:
         return entry
 
     def _finish(
-        self, node: StageNode, entry: Entry, decision: Decision, outcome: str, seconds: float
+        self,
+        node: StageNode,
+        entry: Entry,
+        decision: Decision,
+        outcome: str,
+        seconds: float,
+        warned: Sequence[str] = (),
     ) -> None:
         path = self.store.publish(node.name, entry)
         self.entries[node.name], self.outcomes[node.name] = entry, outcome
         earlier = self.previous.stages.get(node.name) if self.previous else None
+        raw: Mapping[str, str] = {}
         if outcome != "kept":
-            raw: Mapping[str, str] = raw_logs(self.folder, node.name)
-        else:
-            raw = earlier.raw if earlier is not None and earlier.key == entry.key else {}
+            raw = raw_logs(self.folder, node.name)
+        elif earlier is not None and earlier.key == entry.key:
+            raw, warned = earlier.raw, earlier.warnings
+        self.warnings += [f"stage {node.name}: {text}" for text in warned]
         self.manifest.stages[node.name] = StageRecord(
             outcome=outcome,
             key=entry.key,
@@ -286,6 +296,7 @@ class _Run:
                 }
                 for doubt in self._doubts_about(node, entry)
             ],
+            warnings=tuple(warned),
             raw=raw,
         )
         keep_robot(node, entry, self.shared, self.store)

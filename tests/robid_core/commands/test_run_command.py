@@ -246,8 +246,8 @@ def test_a_fit_that_did_not_converge_is_shown_and_ends_with_6(robid: Robid) -> N
 
 DOUBTED = ("run", *QUICK, "--set", "stages.fit.with.outcome=doubted")
 SENTENCES = (
-    "misfit 1.5 against the stated uncertainty, more than 1.08; the data show what the model lacks; add or free what "
-    "acts there",
+    "misfit 1.5 against the stated uncertainty, more than 1.08; the data show what the model lacks; robid diagnose "
+    "looks for it, or add or free what acts there",
     "only 3 of 8 starts reached the best fit; a better one may be elsewhere; give better start values, or more starts",
     "it rained, and the cell was wet; wait for the sun",
 )
@@ -269,6 +269,21 @@ def test_doubts_about_a_fit_are_told_whole_in_a_pipe_and_end_a_strict_run_with_6
     assert quiet.code == 6
     assert quiet.err.splitlines() == [f"stage fit: {sentence}" for sentence in SENTENCES]
     assert robid("run", *QUICK, "--strict").code == 0
+
+
+def test_what_a_stage_warns_of_is_on_the_last_screen_also_where_it_is_up_to_date(
+    world: Any, robid: Robid
+) -> None:
+    """In the log alone nobody found what explains a misfit: a torque constant, a file with another sign."""
+    told = "the torque of axis_1 is -1 times what the robot makes of the motion"
+    world.edit('        called("frf")\n', f'        called("frf")\n        context.log.warning("{told}")\n')
+    for outcome in ("6 made", "nothing to do"):
+        said = robid("run", *QUICK, "--strict")
+        assert said.code == 0
+        assert outcome in said.out.splitlines()[0]
+        assert said.out.splitlines()[1] == f"! stage frf: {told}"
+    assert f"! stage frf: {told}" in robid("show").out.splitlines()
+    assert robid("run", *QUICK, "-q").err.splitlines() == [f"stage frf: {told}"]
 
 
 def test_on_a_terminal_doubts_are_broken_at_its_edge_and_nothing_of_them_is_lost(
