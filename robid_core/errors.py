@@ -18,6 +18,8 @@ class RobidError(Exception):
     """Base of every error that robid raises on purpose; `exit_code` is what the command line returns."""
 
     exit_code: ClassVar[int] = 70
+    warnings: tuple[str, ...] = ()
+    """What the stages of a run warned of before it failed, by a stage each."""
 
 
 class ConfigurationError(RobidError):

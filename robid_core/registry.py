@@ -92,7 +92,8 @@ class Plugin:
             if extra:
                 raise ExtraMissing(f'{missing}; run: pip install "robid[{extra}]"') from error
             if self.distribution != UNKNOWN:
-                missing += f"; run: pip install {self.distribution} (adds what it requires and lacks)"
+                missing += f"; run: pip install {self.distribution} (adds what it requires and lacks), or "
+                missing += "pip install -e FOLDER where its source folder has moved"
             raise PluginError(missing) from error
         except BaseException as error:  # a module may end in sys.exit()
             if isinstance(error, KeyboardInterrupt) and may_be_requested():

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 import scipy
 
-from robid_core import FloatArray, Record, RobidError, Robot
+from robid_core import DenseRun, FloatArray, Record, RobidError, Robot
 from robid_core.estimation.rigid.coupled_axes import Coupling, coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
@@ -23,6 +23,7 @@ CHANNELS = ("motor_position", "motor_torque")
 BELOW = 0.5  # of the lowest resonance: there the arm moves as a rigid one
 HIGHEST_HZ = 10.0  # band that is looked at, where springs do not limit it
 OF_RATE = 0.1  # of the sampling rate, likewise
+AGAINST = 0.3  # of a torque's rms, of the other sign, that motion must ask for; of its variance that the robot leaves
 PERIODS = 4  # of the band's edge: a shorter experiment is not looked at
 _REMEDY = (
     "look at torque_constant or scale, gear ratio, rotor inertia, and at a load that the robot file lacks"
@@ -44,6 +45,41 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
         return [replace(slips[0], ties=slips[0].ties + zeros), *slips[1:]]
     except (RobidError, ArithmeticError):  # nothing is known against the record
         return []
+
+
+def unsigned_torques(record: Record, robot: Robot) -> list[str]:
+    """Say which torques never change their sign although the motion asks for it: absolute values, or unsigned ones."""
+    recorded = _found(lambda one: [one], record, robot)
+    if not recorded:
+        return []
+    (seen,), found = recorded, []
+    for a, name in enumerate(robot.axis_names):
+        lanes = [run.lanes("motor_torque")[..., a] for run in record.runs]
+        values = np.concatenate([lane[np.isfinite(lane)] for lane in lanes])
+        sign = 1.0 if values.sum() >= 0 else -1.0
+        against = np.minimum(sign * seen.rigid[:, a], 0.0)
+        power = float((seen.torque[:, a] ** 2).mean())
+        if (sign * values >= 0).all() and (against**2).mean() > AGAINST**2 * power and seen.left[a] > AGAINST:
+            found.append(
+                f"the torque of {name} is never {'negative' if sign > 0 else 'positive'}, and the motion asks for both "
+                "signs: it looks like an absolute value, or like unsigned numbers"
+            )
+    return found
+
+
+def left_of_experiments(record: Record, robot: Robot) -> dict[tuple[int, int, int], FloatArray]:
+    """Return the share of each torque's variance that the robot leaves in each experiment that can tell, (n_axis,)."""
+    cutoff, found = _cutoff(record, robot), dict[tuple[int, int, int], FloatArray]()
+    if len(record.runs) != 1:
+        return found
+    step, drives = record.run.sample_time_s, rigid_drives(robot)
+    for place, one in _experiments_by_place(record.run):
+        if len(one[0]) * step * cutoff > PERIODS:
+            try:
+                found[place] = Recorded.of_experiments(drives, [one], step, cutoff).left
+            except (RobidError, ArithmeticError):
+                continue
+    return found
 
 
 def doubts_of_angle(record: Record, robot: Robot) -> list[str]:
@@ -157,16 +193,24 @@ def sentence(slips: list[Slip]) -> str:
 def _experiments(record: Record) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Motor angle and torque of every whole experiment, periods joined, (n_sample, n_axis) each."""
     for run in record.runs:
-        if any(name not in run.channels for name in CHANNELS):
-            continue
         if run.sample_time_s != record.runs[0].sample_time_s:
             continue
-        position, torque = (run.values(name) for name in CHANNELS)
-        n_axis = position.shape[-1]
-        for index in np.ndindex(*position.shape[:3]):
-            pair = position[index].reshape(-1, n_axis), torque[index].reshape(-1, n_axis)
-            if all(np.isfinite(one).all() for one in pair):
-                yield pair
+        for _, pair in _experiments_by_place(run):
+            yield pair
+
+
+def _experiments_by_place(
+    run: DenseRun,
+) -> Iterator[tuple[tuple[int, int, int], tuple[FloatArray, FloatArray]]]:
+    """Likewise, of one run, with configuration, block and experiment."""
+    if any(name not in run.channels for name in CHANNELS):
+        return
+    position, torque = (run.values(name) for name in CHANNELS)
+    n_axis = position.shape[-1]
+    for c, b, e in np.ndindex(*position.shape[:3]):
+        pair = position[c, b, e].reshape(-1, n_axis), torque[c, b, e].reshape(-1, n_axis)
+        if all(np.isfinite(one).all() for one in pair):
+            yield (c, b, e), pair
 
 
 def _cutoff(record: Record, robot: Robot) -> float:

@@ -16,7 +16,7 @@ from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.samples import Hole, Samples
 from robid_acquisition.signals import to_side
 from robid_acquisition.sources import Sources
-from robid_acquisition.time_stamps import SECONDS, TimeStamps
+from robid_acquisition.time_stamps import SECONDS, TimeStamps, likely_unit
 from robid_core import BoolArray, Context, DataRejected, FloatArray, Robot, Settings
 
 CUT = "cut the recording before it or repair it"
@@ -111,7 +111,7 @@ class ReadFiles(Sources):
         if len(set(lengths.values())) > 1:
             raise DataRejected(f"A06: the channels have different lengths: {lengths}")
         n_row = next(iter(lengths.values()))
-        stamps = self._time_stamps(columns[file], n_row)
+        stamps = self._time_stamps(columns[file], n_row, robot)
         instant = np.arange(n_row, dtype=np.float64)
         if stamps is not None:
             instant = (stamps.time - stamps.time[0]) / stamps.sample_time_s
@@ -150,13 +150,18 @@ class ReadFiles(Sources):
         side = "motor" if self.channels[name].voltage is not None else self.channels[name].side
         return to_side(values, name, side, side_of(name), robot.drives.gear)
 
-    def _time_stamps(self, columns: dict[str, FloatArray], n_row: int) -> TimeStamps | None:
+    def _time_stamps(self, columns: dict[str, FloatArray], n_row: int, robot: Robot) -> TimeStamps | None:
         """Return the time stamps; None where they are not read."""
         if not self.time_column:
             return None
         stamps = TimeStamps.of(select(columns, self.time_column) * SECONDS[self.time_unit])
         if len(stamps.time) != n_row:
             raise DataRejected(f"A06: the channels have {n_row} samples and time {len(stamps.time)}")
+        if unit := likely_unit(stamps.sample_time_s, robot.sample_time_s, self.time_unit):
+            raise DataRejected(
+                f"{self.time_column} goes by {stamps.sample_time_s:g} s from sample to sample, and the drives of "
+                f"{robot.name} are sampled every {robot.sample_time_s:g} s: it looks like {unit}; set time_unit: {unit}"
+            )
         if stamps.number is None and self.resample == "none":
             raise DataRejected(stamps.refusal())
         return stamps

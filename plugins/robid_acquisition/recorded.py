@@ -17,11 +17,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
-from robid_acquisition.agreement_of_channels import doubts_of_channels, empty_channels
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
-from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.periodicity import (
     clock_of_period,
     doubts_of_claimed_lines,
@@ -30,19 +28,12 @@ from robid_acquisition.periodicity import (
     found_period,
 )
 from robid_acquisition.pieces import pieces_between_holes
-from robid_acquisition.plausible import (
-    doubts_of_angle,
-    doubts_of_offset,
-    doubts_of_scale,
-    sentence,
-    slips_of,
-)
 from robid_acquisition.poses import mean_angle, unlike_poses
 from robid_acquisition.reading import ReadFiles, side_of
+from robid_acquisition.record_checks import check_record
 from robid_acquisition.recording import Recording
 from robid_acquisition.samples import Samples
 from robid_acquisition.signals import samples_per_period, split_periods, window
-from robid_acquisition.suspect_signals import doubts_of_limits, refuse_jumps
 from robid_core import (
     BoolArray,
     Channel,
@@ -113,6 +104,7 @@ class RecordedAcquisition(ReadFiles):
         if self.path:
             find_file(root, self.path, self.origin)
         refuse_others(super().external_files(root), self.sha256, name, self.origin)
+        names: dict[Index, str] = {}
         if not self.channels:
             record = _own_record(reader_of(name, self.format), root / name, robot)
             if self.variant:
@@ -120,38 +112,9 @@ class RecordedAcquisition(ReadFiles):
         else:
             arrangement = arrange(self.recordings(root))
             self._tell(arrangement, context)
-            record = self._record(arrangement, robot, context)
-        self._check(record, robot, context)
+            record, names = self._record(arrangement, robot, context)
+        check_record(record, robot, context.log, self.plausibility, self.source_name, names)
         return _of_role(record, self.role) if self.role else record
-
-    def _check(self, record: Record, robot: Robot, context: Context) -> None:
-        """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it."""
-        if self.plausibility == "refuse":
-            refuse_jumps(record)
-        if self.plausibility == "ignore":
-            return
-        if empty := list(empty_channels(record)):
-            for words in empty:
-                context.log.warning("%s", words)
-            return
-        for words in (*doubts_of_limits(record), *doubts_of_channels(record, robot)):
-            context.log.warning("%s", words)
-        slips = slips_of(record, robot)
-        if not slips:
-            of_values = (
-                doubts_of_angle(record, robot)
-                or doubts_of_scale(record, robot)
-                or doubts_of_offset(record, robot)
-            )
-            for words in (*of_values, *doubts_of_timing(record, robot)):
-                context.log.warning("%s", words)
-            return
-        if self.plausibility == "refuse":
-            raise DataRejected(
-                f"{self.source_name}: {sentence(slips)}. Mend the channel map, or the robot file where that is wrong; "
-                "plausibility: warn takes the record as it is"
-            )
-        context.log.warning("%s", sentence(slips))
 
     def _tell(self, arrangement: Arrangement, context: Context) -> None:
         """Warn of what is missing, or refuse."""
@@ -160,8 +123,10 @@ class RecordedAcquisition(ReadFiles):
         for words in arrangement.shortfalls:
             context.log.warning("%s", words)
 
-    def _record(self, arrangement: Arrangement, robot: Robot, context: Context) -> Record:
-        """Read every experiment and put the record together."""
+    def _record(
+        self, arrangement: Arrangement, robot: Robot, context: Context
+    ) -> tuple[Record, dict[Index, str]]:
+        """Read every experiment and put the record together; with what each experiment is called."""
         splits = self.gaps == "split"
         period_s = None if self.period_s == "auto" else self.period_s
         assembly = Assembly(arrangement.shape, self.period_s is not None)
@@ -214,7 +179,8 @@ class RecordedAcquisition(ReadFiles):
         for place in np.ndindex(*arrangement.shape):
             angle[place] = mean_angle({name: one[place] for name, one in assembly.channels.items()}, robot)
         if unlike := unlike_poses(arrangement, angle, self.angle_tolerance, robot.axis_names):
-            context.log.warning("%s", unlike)
+            told = context.log.warning if self.period_s is not None else context.log.info
+            told("%s", unlike)  # moves without a period are made to leave their pose
         lines = None
         if self.period_s is not None and assembly.known.all():
             for place, words in doubts_of_claimed_period(assembly.channels, assembly.sample_time_s):
@@ -231,7 +197,7 @@ class RecordedAcquisition(ReadFiles):
             name: Channel(side_of(name), self.channels[name].symbol, frozen(values))
             for name, values in assembly.channels.items()
         }
-        return Record(
+        record = Record(
             axis_names=robot.axis_names,
             source=self._source(arrangement),
             torque_hold=self.torque_hold or "continuous",
@@ -240,6 +206,7 @@ class RecordedAcquisition(ReadFiles):
             line=lines,
             variants=names if any(names) else (),
         )
+        return record, {place: _at(arrangement, place).name for place in np.ndindex(*arrangement.shape)}
 
     @property
     def _held(self) -> bool:

@@ -9,6 +9,21 @@ import numpy as np
 from robid_core import DataRejected, FloatArray, IntArray
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ALIKE = 0.02  # of a sampling time
+
+
+def likely_unit(step_s: float, expected_s: float, unit: str) -> str:
+    """Return the unit in which steps of a clock are those that are expected; empty where no other one makes them so.
+
+    `step_s` was read in `unit`, one of `SECONDS`.
+    """
+    bare = step_s / SECONDS[unit]
+    for other, seconds in SECONDS.items():
+        if other != unit and abs(bare * seconds / expected_s - 1) < ALIKE:
+            return other
+    return ""
+
+
 STEP_TOLERANCE = 0.1  # of a sample: a step that is off by more makes an uneven recording
 GAP_TOLERANCE = 0.25  # of a sample, by which a gap may miss a whole number of samples
 GAP = 3.5  # samples: a longer step is a gap, not an uneven one

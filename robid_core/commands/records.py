@@ -11,6 +11,7 @@ import typer
 from robid_core.commands.arguments import DataRoot
 
 if TYPE_CHECKING:
+    from robid_core.artifacts import Record
     from robid_core.commands.recordings.inspection import Inspected
 
 _RECOVER = "recover"
@@ -113,12 +114,26 @@ def recovered(file: Path, reader: Any, output: Path) -> list[str]:
         )
     if output.exists():
         raise StoreError(f"{output}: exists already and is not overwritten; give --output")
-    record = reader.read_record(file)
+    record, told = whole_configurations(reader.read_record(file))
     record.write(output)
-    lines = [f"{output}: written"]
+    lines = [f"{output}: written{told}"]
     for run in record.runs:
         n_valid, n_all = int(run.valid.sum()), run.valid.size
         lines.append(
             f"  recovered {n_valid * run.sample_time_s:.3f} of {n_all * run.sample_time_s:.3f} s of each axis"
         )
     return lines
+
+
+def whole_configurations(record: Record) -> tuple[Record, str]:
+    """Return a record without the configurations that are cut, which most stages refuse, and say which they are."""
+    import numpy as np
+
+    if len(record.runs) != 1 or record.run.valid.all():
+        return record, ""
+    whole = np.asarray(record.run.valid.all(axis=(1, 2, 3, 4)))
+    if not whole.any():
+        return record, "; no configuration is whole, and what needs whole periods refuses it"
+    cut = ", ".join(str(i + 1) for i in np.flatnonzero(~whole))
+    kept = np.broadcast_to(whole[:, None, None], record.run.valid.shape[:3])
+    return record.part(kept), f"; left out: configuration {cut}, which is cut"

@@ -16,7 +16,7 @@ from robid_core.commands.arguments import (
     PipelineArgument,
     load_pipeline,
 )
-from robid_core.errors import ConfigurationError
+from robid_core.errors import ConfigurationError, RobidError
 from robid_core.interruption import interrupted_told
 
 if TYPE_CHECKING:
@@ -123,6 +123,10 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     try:
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)
+    except RobidError as error:
+        for warning in error.warnings:
+            typer.echo(f"! {warning}", err=True)
+        raise
     except KeyboardInterrupt as interrupt:
         told = [interrupted_told(), *getattr(interrupt, "__notes__", ()), "finished stages are kept"]
         typer.echo(f"{'; '.join(told)}, and the same command goes on from there", err=True)

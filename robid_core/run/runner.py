@@ -18,6 +18,7 @@ from robid_core.errors import (
     MotionRefused,
     NotTrustworthy,
     PluginError,
+    RobidError,
     StoreError,
     said_by,
     with_contexts,
@@ -147,6 +148,8 @@ class _Run:
         except BaseException as error:
             stopped = isinstance(error, KeyboardInterrupt)
             self.manifest.ending = said_by(error).partition("\n")[0]
+            if isinstance(error, RobidError):
+                error.warnings = tuple(self.warnings)
             self._end("interrupted" if stopped else "failed", error)
             raise
         self._end("done")
@@ -211,8 +214,10 @@ class _Run:
         try:
             with warnings_kept() as warned, named_errors(node, self._log(node), self.folder.log):
                 entry = self._move(node, decision) if moves else self._compute(node, decision)
-        except NotTrustworthy as error:
+        except RobidError as error:
             self.warnings += [f"stage {node.name}: {text}" for text in warned]
+            if not isinstance(error, NotTrustworthy):
+                raise
             self._refuse(node, str(error))
             return
         record = self.previous.stages.get(node.name) if self.previous else None

@@ -135,10 +135,74 @@ def test_a_transient(lab: Lab, sound: dict[str, FloatArray]) -> None:
 
 
 def test_a_missing_experiment(lab: Lab, sound: dict[str, FloatArray]) -> None:
-    for name in ("c1_e1", "c1_e2", "c2_e1"):
-        np.savez(lab.folder / f"{name}.npz", **settled(sound))
+    for k, name in enumerate(("c1_e1", "c1_e2", "c2_e1")):
+        save_again(lab, name, sound, k)
     told = lab.told(None, pattern="c{config}_e{exp}.npz")  # type: ignore[arg-type]
     assert "configuration 2, block 1 lacks experiment 2" in told
+
+
+def save_again(lab: Lab, name: str, sound: dict[str, FloatArray], seed: int, **changes: Any) -> None:
+    """Save the sound recording with noise of its own, and what each channel is to be multiplied by."""
+    draw, run = np.random.default_rng(seed), settled(sound)
+    run["tau"] += 1e-3 * run["tau"].std(axis=0) * draw.standard_normal(run["tau"].shape)
+    np.savez(lab.folder / f"{name}.npz", **{key: one * changes.get(key, 1.0) for key, one in run.items()})
+
+
+def test_a_file_that_was_copied(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    """Noise that counts twice looked like causes, with p < 0.001, and standard errors shrank."""
+    for k, name in enumerate(("e1", "e2", "e3")):
+        save_again(lab, name, sound, k)
+    (lab.folder / "e4.npz").write_bytes((lab.folder / "e2.npz").read_bytes())
+    told = lab.told(None, pattern="e{exp}.npz")  # type: ignore[arg-type]
+    assert told.startswith(
+        "refused: e{exp}.npz: e4.npz holds the samples of e2.npz to the last digit; leave copies"
+    )
+    assert lab.read(None, pattern="e{exp}.npz", plausibility="warn").run.valid.shape[2] == 4  # type: ignore[arg-type]
+
+
+TURNED = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"tau": TURNED}, "refused: e{exp}.npz: e3.npz: .*the torque of axis_3 has the opposite sign"),
+        (
+            {"q": np.pi / 180},
+            "refused: e{exp}.npz: e3.npz: .*the angles look like radians that were taken for degrees",
+        ),
+        ({"tau": 1 + 0.7 * (TURNED < 0)}, "e3.npz is not like the others: .* of the torque of axis_3 there"),
+    ],
+    ids=["sign", "unit", "scale"],
+)
+def test_one_file_of_four_that_is_not_like_the_others(
+    lab: Lab, sound: dict[str, FloatArray], change: dict[str, Any], told: str
+) -> None:
+    """All four together it made unlike the robot without a slip that mends all."""
+    for k, name in enumerate(("e1", "e2", "e3", "e4")):
+        save_again(lab, name, sound, k, **(change if name == "e3" else {}))
+    found = lab.told(None, pattern="e{exp}.npz")  # type: ignore[arg-type]
+    assert re.search(told.replace("{", r"\{").replace("}", r"\}"), found), found
+
+
+def test_absolute_values_of_a_torque(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    run["tau"][:, 5] = abs(run["tau"][:, 5])
+    np.savez(lab.folder / "run.npz", **run)
+    told = lab.told("run.npz")
+    assert "the torque of axis_6 is never negative, and the motion asks for both signs" in told
+    assert told.startswith("refused: ")
+
+
+def test_a_clock_in_milliseconds(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    np.savez(lab.folder / "run.npz", t=1000 * STEP * np.arange(len(run["q"])), **run)
+    told = lab.told("run.npz", time_column="t", sample_time_s=None)
+    assert told.startswith("refused: ")
+    assert "t goes by 1 s from sample to sample, and the drives of six_axis are sampled every 0.001 s" in told
+    assert "set time_unit: ms" in told
+    settings = {"time_column": "t", "sample_time_s": None, "torque_hold": "zero_order_hold"}
+    assert lab.told("run.npz", **settings, time_unit="ms") == ""  # type: ignore[arg-type]
 
 
 def table(run: dict[str, FloatArray], separator: str, comma: bool, head: str = "") -> str:

@@ -286,6 +286,14 @@ def test_what_a_stage_warns_of_is_on_the_last_screen_also_where_it_is_up_to_date
     assert robid("run", *QUICK, "-q").err.splitlines() == [f"stage frf: {told}"]
 
 
+def test_what_was_warned_of_is_told_where_the_run_fails_later(world: Any, robid: Robid) -> None:
+    told = "the torque of axis_1 is -1 times what the robot makes of the motion"
+    world.edit('        called("frf")\n', f'        called("frf")\n        context.log.warning("{told}")\n')
+    said = robid("run", *QUICK, "--set", "stages.fit.with.outcome=raises")
+    assert said.code == 8
+    assert f"! stage frf: {told}" in said.err.splitlines()
+
+
 def test_on_a_terminal_doubts_are_broken_at_its_edge_and_nothing_of_them_is_lost(
     robid: Robid, monkeypatch: pytest.MonkeyPatch
 ) -> None:
