@@ -28,7 +28,7 @@ from robid_acquisition.periodicity import (
     found_period,
 )
 from robid_acquisition.pieces import pieces_between_holes
-from robid_acquisition.poses import mean_angle, unlike_poses
+from robid_acquisition.poses import mean_angle, reach_about_mean, unlike_poses
 from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.record_checks import check_record
 from robid_acquisition.recording import Recording
@@ -178,9 +178,15 @@ class RecordedAcquisition(ReadFiles):
         angle = np.zeros((*arrangement.shape, robot.n_axis))
         for place in np.ndindex(*arrangement.shape):
             angle[place] = mean_angle({name: one[place] for name, one in assembly.channels.items()}, robot)
-        if unlike := unlike_poses(arrangement, angle, self.angle_tolerance, robot.axis_names):
-            told = context.log.warning if self.period_s is not None else context.log.info
-            told("%s", unlike)  # moves without a period are made to leave their pose
+        reach = np.zeros_like(angle)
+        if self.period_s is None:  # moves are made to leave their pose
+            for place in np.ndindex(*arrangement.shape):
+                reach[place] = reach_about_mean(
+                    {name: one[place] for name, one in assembly.channels.items()}, robot
+                )
+        tolerance = np.maximum(self.angle_tolerance, reach)
+        if unlike := unlike_poses(arrangement, angle, tolerance, self.angle_tolerance, robot.axis_names):
+            context.log.warning("%s", unlike)
         lines = None
         if self.period_s is not None and assembly.known.all():
             for place, words in doubts_of_claimed_period(assembly.channels, assembly.sample_time_s):
