@@ -33,15 +33,16 @@ def refuse_beyond_half_rate(band_hz: tuple[float, float], robot: Robot) -> None:
 def missed_resonances(
     robot: Robot, angle: FloatArray, line: IntArray, period_s: float
 ) -> list[tuple[float, float, float]]:
-    """Nominal resonances narrower than the distance of the lines around them, the worst first.
+    """Nominal resonances that the lines may miss, the worst first: narrower than half the distance of lines there.
 
-    A pole s has the half-power width ``-Re(s) / pi`` in Hz. Returns (frequency, width, distance), all in Hz.
+    A pole s has the half-power width ``-Re(s) / pi`` in Hz. One of at least half the distance has a line within that
+    width of its middle, where the response is 45 % of its peak or more. Returns (frequency, width, distance), Hz.
     """
     frequency, spacing = line / period_s, spacing_hz(line, period_s)
     poles = np.concatenate([np.linalg.eigvals(robot.linearize(one).a) for one in angle])
     poles = poles[poles.imag > 0]
     resonance, width = np.abs(poles) / (2 * np.pi), -poles.real / np.pi
     there = spacing[np.argmin(np.abs(frequency[:, None] - resonance), axis=0)]
-    missed = (resonance >= frequency[0]) & (resonance <= frequency[-1]) & (there > width)
+    missed = (resonance >= frequency[0]) & (resonance <= frequency[-1]) & (there > 2 * width)
     worst_first = np.flatnonzero(missed)[np.argsort((width / there)[missed])]
     return [(float(resonance[i]), float(width[i]), float(there[i])) for i in worst_first]

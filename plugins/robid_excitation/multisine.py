@@ -283,9 +283,10 @@ class Multisine(ExcitationDesign):
         missed = missed_resonances(robot, angle, line, self.period_s)
         if missed:
             context.log.warning(
-                "%d resonances of the nominal robot may fall between the lines, the one at %.4g Hz most: it is "
+                "%d resonance%s of the nominal robot may fall between the lines, the one at %.4g Hz most: it is "
                 "%.2g Hz wide, the lines there are %.2g Hz apart; take more lines, or a longer period",
                 len(missed),
+                "" if len(missed) == 1 else "s",
                 *missed[0],
             )
         swing = speed / (2 * np.pi * line / self.period_s)[:, None]

@@ -176,15 +176,16 @@ def test_torque_that_gravity_needs_is_left_free(robot: Robot) -> None:
 def test_resonances_between_the_lines_are_told(
     robot: Robot, standing: Configurations, caplog: pytest.LogCaptureFixture
 ) -> None:
-    line = Multisine(**SETTINGS).line()
+    few = {**SETTINGS, "lines": 12}
+    line = Multisine(**few).line()
     (missed, *_) = missed_resonances(robot, standing.angle, line, 2.0)
     # The pole from the second-order model by hand: motor and arm on one spring.
     model = robot.second_order(standing.angle[:1])
     mass, stiffness = model.mass[0], model.stiffness[0]
     omega = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max())
     assert missed[0] == pytest.approx(omega / (2 * np.pi), rel=0.01)
-    assert missed[1] < missed[2]
-    run(Multisine(**SETTINGS), standing, robot)
+    assert missed[1] < 0.5 * missed[2]
+    run(Multisine(**few), standing, robot)
     assert "may fall between the lines" in caplog.text
     caplog.clear()
     run(Multisine(**{**SETTINGS, "period_s": 8.0, "lines": 100}), standing, robot)
