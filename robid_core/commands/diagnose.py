@@ -108,7 +108,8 @@ def command(
 
     Writes diagnosis.yaml, a pipeline, and runs it: in runs/diagnosis/ there are then the page, verdict.explain.json and
     robot.explain.yaml, the extended robot. With --continue the experiment that separates ties is measured, and all
-    records are judged again (verdict.explain_again.json). An interrupted diagnosis goes on with the same command.
+    records are judged again (verdict.explain_again.json). After an interruption the same command goes on: stages that
+    were finished are kept, and the search begins again.
     """
     from robid_core.commands.run import run_and_tell
     from robid_core.errors import ConfigurationError

@@ -136,4 +136,5 @@ def whole_configurations(record: Record) -> tuple[Record, str]:
         return record, "; no configuration is whole, and what needs whole periods refuses it"
     cut = ", ".join(str(i + 1) for i in np.flatnonzero(~whole))
     kept = np.broadcast_to(whole[:, None, None], record.run.valid.shape[:3])
-    return record.part(kept), f"; left out: configuration {cut}, which is cut"
+    several = "configurations {}, which are cut" if "," in cut else "configuration {}, which is cut"
+    return record.part(kept), f"; left out: {several.format(cut)}"
