@@ -23,6 +23,7 @@ from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord
 from robid_core import DataRejected
 
 MAGIC = b"\x89MCAP0\r\n"
+PACKED = b"\x1f\x8b"
 MOST_BYTES = 64 * 2**20  # of one record, packed or unpacked
 FOOTER_BYTES = 9 + 8 + 8 + 4 + len(MAGIC)  # opcode, length, two offsets, checksum, and the mark at the end
 _PLAIN: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.METADATA: Metadata}
@@ -35,7 +36,10 @@ def scan(path: Path, problems: list[str]) -> Iterator[McapRecord]:
     Raises DataRejected where the file is no MCAP at all.
     """
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
+        first = file.read(len(MAGIC))
+        if first.startswith(PACKED):
+            raise DataRejected(f"A01: {path}: packed with gzip; unpack it first (gunzip)")
+        if first != MAGIC:
             raise DataRejected(f"A01: {path}: no MCAP file, or cut within its first {len(MAGIC)} bytes")
         crc, complete, n_chunk = zlib.crc32(MAGIC), False, 0
         while (head := file.read(9)) and head != MAGIC:

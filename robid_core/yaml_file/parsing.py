@@ -31,6 +31,7 @@ from robid_core.yaml_file.scalars import plain_scalar
 
 MAXIMUM_DEPTH = 32
 MAXIMUM_NODES = 100_000  # aliases written out; a file of 256 KiB without aliases cannot have more to say
+NO_BREAK_SPACE = "\u00a0"
 _HALF = re.compile("[\ud800-\udfff]")  # what an escape may write, and no file can hold
 
 
@@ -42,12 +43,24 @@ def read_nodes(text: str, kind: FileKind, problems: ProblemList) -> Node | None:
         problems.add(refused.mark, (), str(refused))
         return None
     except MarkedYAMLError as error:
+        if (odd := _odd_indentation(text)) is not None:
+            problems.add(odd, (), "not YAML: indented with a no-break space (U+00A0); type plain spaces")
+            return None
         _tell_syntax(error, problems)
         return None
     except YAMLError as error:
         problems.add(Mark(1, 1), (), f"not YAML: {' '.join(str(error).split())}")
         return None
     return _Composer(events, kind, problems).document()
+
+
+def _odd_indentation(text: str) -> Mark | None:
+    """Return the place of the first no-break space that indents a line, as text copied from pages has it."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        blank = line[: len(line) - len(line.lstrip())]
+        if NO_BREAK_SPACE in blank:
+            return Mark(number, blank.index(NO_BREAK_SPACE) + 1)
+    return None
 
 
 def _tell_syntax(error: MarkedYAMLError, problems: ProblemList) -> None:

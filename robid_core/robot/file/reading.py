@@ -71,6 +71,11 @@ def find_robot(name_or_path: str, folder: Path | None = None) -> Path:
         return PACKAGED / PACKAGED_FILES[name_or_path]
     path = (folder or Path.cwd()) / name_or_path
     if not path.is_file():
+        if (path.parent / "manifest.json").is_file():
+            raise ConfigurationError(
+                f"{path}: the run in this folder has written no such robot: its fit was refused, or is not made yet; "
+                f"robid show {path.parent} says which"
+            )
         names = ", ".join(PACKAGED_FILES)
         near = difflib.get_close_matches(name_or_path, PACKAGED_FILES, n=1)
         hint = f"; did you mean '{near[0]}'?" if near else ""

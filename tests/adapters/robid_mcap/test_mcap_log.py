@@ -1,5 +1,6 @@
 """The raw log: what is written is read back the same, the same input gives the same bytes, others can open it."""
 
+import gzip
 import io
 import os
 
@@ -253,6 +254,10 @@ def test_packed_values_that_do_not_fit_are_refused(packed):
 
 def test_file_that_is_no_raw_log_is_refused_as_a_record(tmp_path):
     (tmp_path / "x.mcap").write_bytes(b"not an MCAP file")
+    packed = tmp_path / "packed.mcap"
+    packed.write_bytes(gzip.compress(b"anything"))
+    with pytest.raises(DataRejected, match="packed with gzip; unpack it first"):
+        McapRecords.read_record(packed)
     with pytest.raises(DataRejected, match="no MCAP file"):
         McapRecords.read_record(tmp_path / "x.mcap")
     with pytest.raises(StoreError, match="cannot be read"):

@@ -235,6 +235,13 @@ def test_the_cost_of_a_bomb_is_the_cost_of_its_text() -> None:
     assert last.size == 2**11 - 1
 
 
+def test_lines_that_are_indented_with_no_break_spaces_are_named() -> None:
+    text = "stages:\n  a: {use: x}\n\u00a0\u00a0b: {use: y}\n  c: {use: z}\n"
+    assert refused(text.encode(), PIPELINE_FILE) == [
+        "bad.yaml:3:1: not YAML: indented with a no-break space (U+00A0); type plain spaces"
+    ]
+
+
 def test_quoted_text_stays_text() -> None:
     root = read_nodes("a: '3'\nb: \"yes\"\nc: |\n  1\n", PIPELINE_FILE, ProblemList("x"))
     assert root is not None

@@ -61,6 +61,14 @@ def test_another_base_than_the_one_it_was_made_from_is_refused(robot: Robot, tmp
     assert Robot.load("found.yaml", tmp_path).parameter("mass.axis_1") == 41
 
 
+def test_a_robot_that_a_run_has_not_written_is_told_as_that(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text("{}")
+    with pytest.raises(
+        ConfigurationError, match="the run in this folder has written no such robot: .*robid show"
+    ):
+        Robot.load("robot.fit.yaml", tmp_path)
+
+
 def test_factors_multiply_those_of_the_base_and_parameters_come_after(robot: Robot, tmp_path: Path) -> None:
     text = (
         "robid_robot: 1\nbase: robot.yaml\nfactors: {'gear_*': 0.5, '*stiffness.axis_1': 0.25, 'friction.*': 2}\n"
