@@ -32,7 +32,6 @@ UNFELT = 0.01  # of what another spring of a change does: no more than that one,
 PHASES = (0.0, np.pi / 2)
 TORQUES = ("torque", "torque_measurement")
 MERE_DELAY = 1e-3  # of a law's power: one that leaves less beside a delay is a delay
-MOST_BYTES = 1_500_000_000  # of what candidates add that is kept from search to search
 ALIKE = 0.01  # of what laws see and do at a place: torques of the search before are those of this one
 ALIGNING = 6  # rounds of Newton's method
 
@@ -96,7 +95,6 @@ class Motion:
         self._alike: dict[Spot, bool] = {}
         self._at_spot: dict[tuple[str, Spot], list[Candidate]] = {}
         self._known: dict[Candidate, Added] = {}
-        self._held = 0  # bytes of what is known
         self._scales: dict[tuple[int, str, bytes, bool], Scales] = {}
 
     @property
@@ -193,7 +191,7 @@ class Motion:
             if all(old.values[name] in orders for name in counted):
                 found.append(replace(old, place=place))
                 if old in before._known:
-                    self._keep(found[-1], before._known[old])
+                    self._known[found[-1]] = before._known[old]
         if counted and orders != known:
             made = self._at(use, effect, spot, place)
             found += [one for one in made if any(one.values[name] not in known for name in counted)]
@@ -234,7 +232,7 @@ class Motion:
         if added is None:
             added = self._added(candidate, values or {})
             if not values:
-                self._keep(candidate, added)
+                self._known[candidate] = added
         rows = {row.name: row for row in candidate.effect.parameters}
         paired = len({phase for _, phase in added.keys}) > 1
         return Columns(
@@ -244,13 +242,6 @@ class Motion:
             tuple(not paired and (name == WHOLE or rows[name].lower >= 0) for name, _ in added.keys),
             added.delay,
         )
-
-    def _keep(self, candidate: Candidate, added: Added) -> None:
-        """Keep what a candidate adds for the next search, as far as that is held in memory; else it is made anew."""
-        size = sum(spectra.nbytes for blocks in added.spectra for spectra in blocks)
-        if self._held + size <= MOST_BYTES:
-            self._held += size
-            self._known[candidate] = added
 
     def _added(self, candidate: Candidate, values: Mapping[str, float]) -> Added:
         has_phase = any(row.name == "phase" for row in candidate.effect.parameters)
