@@ -14,6 +14,7 @@ from robid_core import FloatArray, Record, Robot
 Place = tuple[int, int, int]
 
 WORSE = 10.0  # times what the other experiments leave of a torque's variance, their median
+FEW = 0.2  # of all experiments, at most, that are called odd
 MUCH = 0.1  # of that variance, at least: an experiment that leaves less is as it should be
 
 
@@ -46,33 +47,34 @@ def copies_in(record: Record, names: Mapping[Place, str]) -> list[str]:
 
 
 def odd_experiments(record: Record, robot: Robot, names: Mapping[Place, str]) -> Iterator[Odd]:
-    """Say which experiments fit the robot far worse than the others, and which slip in them alone explains that.
+    """Say which of the named experiments fit the robot far worse than the others, and which slip explains that.
 
-    The others are those of the same variant: another load may leave more of every torque.
+    The others are those of the same variant: another load may leave more of every torque. Where many are odd, it is no
+    mistake in a file: motions differ, and what the robot lacks shows in some more than in others.
     """
+    if not names:
+        return
     left = left_of_experiments(record, robot)
     variants = record.variants or ("",) * len(record.angle)
+    found = dict[Place, tuple[FloatArray, FloatArray]]()
     for place, own in left.items():
         alike = [there for there in left if there != place and variants[there[0]] == variants[place[0]]]
-        others = np.array([left[there] for there in alike])
-        if not len(others):
-            continue
-        usual = np.median(others, axis=0)
-        odd = (own > MUCH) & (own > WORSE * usual)
-        if not odd.any():
-            continue
+        if alike:
+            usual = np.median([left[there] for there in alike], axis=0)
+            if ((own > MUCH) & (own > WORSE * usual)).any():
+                found[place] = own, usual
+    if len(found) > max(1.0, FEW * len(left)):
+        return
+    for place, (own, usual) in found.items():
         alone = np.zeros(record.run.valid.shape[:3], dtype=bool)
         alone[place] = True
-        name = names.get(
-            place, "experiment {2} of block {1}, configuration {0}".format(*(i + 1 for i in place))
-        )
         slips = slips_of(record.part(alone), robot)
         if slips:
-            yield Odd(f"{name}: {sentence(slips)}", True)
+            yield Odd(f"{names[place]}: {sentence(slips)}", True)
             continue
-        worst = int(np.argmax(np.where(odd, own, 0.0)))
+        worst = int(np.argmax(np.where(own > WORSE * usual, own, 0.0)))
         yield Odd(
-            f"{name} is not like the others: the robot file leaves {_percent(own, worst)} % of the torque of "
+            f"{names[place]} is not like the others: the robot file leaves {_percent(own, worst)} % of the torque of "
             f"{record.axis_names[worst]} there, and {_percent(usual, worst)} % in the others; look at its channels",
             False,
         )
