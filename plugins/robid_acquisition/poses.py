@@ -22,16 +22,14 @@ def mean_angle(values: Mapping[str, FloatArray], robot: Robot) -> FloatArray:
     return np.zeros(robot.n_axis)
 
 
-def reach_about_mean(values: Mapping[str, FloatArray], robot: Robot) -> FloatArray:
-    """How far an experiment goes from its mean angle, at the joints, (n_axis,); channels as of `mean_angle`."""
-    reach = np.zeros(robot.n_axis)
+def reach_about_mean(values: Mapping[str, FloatArray], robot: Robot) -> float:
+    """How far an experiment goes from its mean angle, at the joint that goes farthest; channels as of `mean_angle`."""
     for name in ("motor_position", "joint_position"):
         if name in values:
             angle = robot.joint_angle(values[name]) if name == "motor_position" else values[name]
             away = np.abs(angle - mean_angle(values, robot))
-            reach = np.where(np.isfinite(away), away, 0.0).max(axis=(0, 1))
-            break
-    return reach
+            return float(np.where(np.isfinite(away), away, 0.0).max())
+    return 0.0
 
 
 def _mean(values: FloatArray) -> FloatArray:
@@ -43,11 +41,7 @@ def _mean(values: FloatArray) -> FloatArray:
 
 
 def unlike_poses(
-    arrangement: Arrangement,
-    angle: FloatArray,
-    tolerance: FloatArray,
-    stated: float,
-    axis_names: tuple[str, ...],
+    arrangement: Arrangement, angle: FloatArray, tolerance: float, axis_names: tuple[str, ...]
 ) -> str:
     """Say which configurations hold experiments in different poses, empty where none does.
 
@@ -58,21 +52,18 @@ def unlike_poses(
     angle
         Mean angle of each, shape (n_config, n_block, n_exp, n_axis).
     tolerance
-        Distance from the configuration's mean, rad or m, that is still alike, shape of `angle`.
-    stated
-        The same in the settings, where experiments stay about their poses.
+        Distance from the configuration's mean, rad or m, that is still alike.
     axis_names
         For the message.
     """
     away = np.abs(angle - angle.mean(axis=(1, 2), keepdims=True))
-    away = np.where(away > tolerance, away, 0.0)
-    far = np.flatnonzero((away > 0).any(axis=(1, 2, 3)))
+    far = np.flatnonzero((away > tolerance).any(axis=(1, 2, 3)))
     if not len(far):
         return ""
     c, b, e, a = (int(i) for i in np.unravel_index(int(away.argmax()), away.shape))
     numbers = listed([arrangement.recordings[i][0][0].configuration for i in far])
     worst = f"{arrangement.recordings[c][b][e].name} with {away.max():.3g} at {axis_names[a]}"
     return (
-        f"{len(far)} of {len(away)} configurations hold poses that differ by more than {stated:g} from their mean "
+        f"{len(far)} of {len(away)} configurations hold poses that differ by more than {tolerance:g} from their mean "
         f"(number {numbers}), most of all {worst}; estimators take them for one pose: give other poses another number"
     )

@@ -199,7 +199,8 @@ class ReadFiles(Sources):
                 first = int(np.argmax(missing))
                 words = f"A10: the clock jumps after {first * stamps.sample_time_s:.4g} s"
                 moved.append(Hole(words, "are missing", missing, CUT))
-            return Samples(file, _without(placed, moved), stamps.sample_time_s, tuple(moved))
+            made = Samples(file, _without(placed, moved), stamps.sample_time_s, tuple(moved))
+            return replace(made, notes=(f"{file}: {stamps.jitter()}",)) if stamps.jitter() else made
         return self._resampled(file, values, holes, stamps)
 
     def _resampled(

@@ -93,7 +93,7 @@ def check_record(
         return
     odd = list(odd_experiments(record, robot, names))
     if wrong := [one.words for one in odd if one.is_slip]:
-        tell.object(f"{_listed(wrong)}; {MEND}")
+        tell.object(f"{_listed(wrong)}; a channel map holds for all files: mend that one, or leave it out")
         return
     of_values = (
         [one.words for one in odd]

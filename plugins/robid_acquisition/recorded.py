@@ -53,6 +53,10 @@ Experiment = tuple[
     dict[str, FloatArray], BoolArray
 ]  # channels (n_period, n_sample, n_axis), known (n_period, n_sample)
 
+MOVES = (
+    5.0  # times the tolerance of poses: experiments without a period that go so far are moves, about no pose
+)
+
 
 class RecordedAcquisition(ReadFiles):
     """Reads recordings through a channel map: one file, a pattern of files, or those that a table lists.
@@ -178,14 +182,13 @@ class RecordedAcquisition(ReadFiles):
         angle = np.zeros((*arrangement.shape, robot.n_axis))
         for place in np.ndindex(*arrangement.shape):
             angle[place] = mean_angle({name: one[place] for name, one in assembly.channels.items()}, robot)
-        reach = np.zeros_like(angle)
-        if self.period_s is None:  # moves are made to leave their pose
-            for place in np.ndindex(*arrangement.shape):
-                reach[place] = reach_about_mean(
-                    {name: one[place] for name, one in assembly.channels.items()}, robot
-                )
-        tolerance = np.maximum(self.angle_tolerance, reach)
-        if unlike := unlike_poses(arrangement, angle, tolerance, self.angle_tolerance, robot.axis_names):
+        reach = max(
+            reach_about_mean({name: one[place] for name, one in assembly.channels.items()}, robot)
+            for place in np.ndindex(*arrangement.shape)
+        )
+        moves = self.period_s is None and reach > MOVES * self.angle_tolerance
+        unlike = unlike_poses(arrangement, angle, self.angle_tolerance, robot.axis_names)
+        if unlike and not moves:
             context.log.warning("%s", unlike)
         lines = None
         if self.period_s is not None and assembly.known.all():

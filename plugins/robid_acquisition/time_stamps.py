@@ -25,6 +25,7 @@ def likely_unit(step_s: float, expected_s: float, unit: str) -> str:
 
 
 STEP_TOLERANCE = 0.1  # of a sample: a step that is off by more makes an uneven recording
+JITTER = 0.3  # percent of a sample, rms: what microseconds do to stamps of a millisecond
 GAP_TOLERANCE = 0.25  # of a sample, by which a gap may miss a whole number of samples
 GAP = 3.5  # samples: a longer step is a gap, not an uneven one
 
@@ -83,6 +84,16 @@ class TimeStamps:
             return cls(time, mean, None, unevenness)
         number = np.concatenate([[0], np.cumsum(whole)]).astype(np.int64)
         return cls(time, float((time[-1] - time[0]) / number[-1]), number, unevenness)
+
+    def jitter(self) -> str:
+        """Say by how much steps are off that are taken as even all the same; empty where next to nothing."""
+        largest, rms = (100 * one for one in self.unevenness)
+        if rms < JITTER:
+            return ""
+        return (
+            f"steps of time differ from the mean one by up to {largest:.2g} % ({rms:.2g} % rms) and are taken as even: "
+            "right where the stamps jitter and the sampling does not; where it does, set resample: cubic"
+        )
 
     def refusal(self) -> str:
         """Say how uneven they are, and what to set."""

@@ -5,7 +5,7 @@ A law that reaches little of its ceiling is not the cause, only the nearest of t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -106,6 +106,11 @@ def _responses(motion: Motion, axis: int) -> Iterator[Rows]:
             yield motion.weighted(spectra)
 
 
+def _joined(parts: Sequence[FloatArray]) -> FloatArray:
+    """Return all samples of blocks, which need not be equally long."""
+    return np.concatenate([part.ravel() for part in parts])
+
+
 Family = tuple[str, FloatArray, list[Callable[[int], FloatArray]]]
 
 
@@ -114,14 +119,14 @@ def _families(motion: Motion, axis: int) -> Iterator[Family]:
     robot, along = motion.robot, motion.along
     motor = np.eye(robot.mechanism.n_coordinate)[axis]
     angle, speed = ([one.seen(motor)[k] for one in along] for k in (0, 1))
-    rms, width = float(np.std(np.concatenate(speed))), float(motion.friction_speed[axis])
+    rms, width = float(np.std(_joined(speed))), float(motion.friction_speed[axis])
     odd = [lambda b, k=k: np.sign(speed[b]) * np.clip(np.abs(speed[b]) - k * rms, 0, None) for k in KNOTS]
     even = [lambda b, k=k: np.clip(np.abs(speed[b]) - k * rms, 0, None) for k in KNOTS]
     signs = [lambda b, w=w: np.tanh(speed[b] / (w * width)) for w in WIDTHS]
     yield "motor speed", motor, [*odd, *even, *signs, lambda b: np.tanh(np.abs(speed[b]) / width)]
     weigh = robot.drives.gear[:, axis]
     load = [one.load_of(weigh) for one in along]
-    size = float(np.std(np.concatenate(load))) + 1e-12
+    size = float(np.std(_joined(load))) + 1e-12
     sign = [np.tanh(v / width) for v in speed]
     yield (
         "load and speed",
@@ -139,8 +144,8 @@ def _families(motion: Motion, axis: int) -> Iterator[Family]:
     if robot.mechanism.elastic_gear[axis]:
         row = robot.mechanism.spring_directions[int(robot.mechanism.elastic_gear[:axis].sum())]
         bent, rate = ([one.seen(row)[k] for one in along] for k in (0, 1))
-        most = float(np.quantile(np.abs(np.concatenate(bent)), HARDLY))
-        fast = 0.1 * float(np.std(np.concatenate(rate)))
+        most = float(np.quantile(np.abs(_joined(bent)), HARDLY))
+        fast = 0.1 * float(np.std(_joined(rate)))
         bends = [lambda b, k=k: np.clip(bent[b] / most - k, 0, None) for k in BENDS]
         yield "gear deflection", row, [*bends, lambda b: np.tanh(rate[b] / fast)]
     waves = [lambda b, o=o, f=f: f(o * angle[b]) for o in ORDERS for f in (np.sin, np.cos)]

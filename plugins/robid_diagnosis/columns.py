@@ -124,7 +124,7 @@ class Motion:
             axis = place.axis
             kind = "angle" if place.side == "position" else "torque"
             signal = np.concatenate([getattr(o.motion, kind)[..., axis].ravel() for o in self.along])
-        position, speed = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+        position, speed = (np.concatenate(_alike_in_length(parts)) for parts in zip(*seen, strict=True))
         width = float(self.friction_speed[place.axis])
         largest = float(self.largest_torque[place.axis])
         return scales_at(self.robot, place, position, speed, signal, width, largest, self._orders(place.axis))
@@ -259,6 +259,12 @@ class Motion:
                 for name, torque in units.items():
                     spectra.setdefault((name, phase), []).append(torque.astype(np.complex64))
         return Added(tuple(spectra), tuple(spectra.values()), delay)
+
+
+def _alike_in_length(lanes: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return samples of all lanes (n_lane, n_time), as many of each as the shortest have, evenly over all of it."""
+    n = min(one.shape[1] for one in lanes)
+    return [one[:, np.linspace(0, one.shape[1] - 1, n).round().astype(int)] for one in lanes]
 
 
 def without_delay(

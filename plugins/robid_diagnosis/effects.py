@@ -37,6 +37,7 @@ from robid_core.residual import check_variants, effect_names, leading_periods, m
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
+from robid_diagnosis.copies import refuse_copies
 from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.gear_ratio import gear_ratio_lines
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
@@ -369,6 +370,7 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
             f"{n_experiment} experiments: what is found must hold in data that were held out; measure at least "
             f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10)"
         )
+    refuse_copies(records)
     for run in runs:
         levels = _levels(run.lanes("motor_torque").reshape(1, -1, robot.n_axis))
         if (levels <= DEAD).any():

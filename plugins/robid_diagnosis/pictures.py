@@ -79,11 +79,15 @@ def _at_joint(one: EffectTorque, residual: ComplexArray, bound: BoundEffect) -> 
     return left, force[:, ::finer].reshape(shape)
 
 
+def _of_one_length(spectra: Sequence[ComplexArray]) -> list[ComplexArray]:
+    return [one for one in spectra if one.shape[2] == spectra[0].shape[2]]
+
+
 def _over_frequency(motion: Motion, residuals: Sequence[ComplexArray], addition: Addition) -> Picture:
-    """Amplitudes of a change of the robot itself, at the motor that feels it most."""
+    """Amplitudes of a change of the robot itself, at the motor that feels it most; blocks of other lengths left out."""
     done = [-one.of_structure(one.robot.without_effect(addition.label)) for one in motion.along]
     law, left = (
-        np.concatenate([one[:, :, 1:].reshape(-1, *one[0, 0, 1:].shape) for one in spectra])
+        np.concatenate([one[:, :, 1:].reshape(-1, *one[0, 0, 1:].shape) for one in _of_one_length(spectra)])
         for spectra in (done, residuals)
     )
     axis = int((np.abs(law) ** 2).sum(axis=(0, 1)).argmax())

@@ -95,7 +95,9 @@ def torque_problem(
     for part, under in measured:
         for run in part.runs:
             check_sampling(run, under)
-    parts = [(spectra_of(part, discard, highest_hz), _bare(under)) for part, under in measured]
+    parts = [
+        (spectra_of(part, discard, highest_hz, under.sample_time_s), _bare(under)) for part, under in measured
+    ]
     arms = [
         arm_side_of(part, motion, discard, arm_side)
         for (part, _), (motion, _) in zip(measured, parts, strict=True)

@@ -41,8 +41,14 @@ def hold_of(record: Record) -> Hold:
     return cast(Hold, record.torque_hold)
 
 
-def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotion | WindowedMotion:
-    """Return the spectra of a record: of its periods, or of all of it where nothing repeats."""
+def spectra_of(
+    record: Record, discard: int, highest_hz: float, sample_time_s: float
+) -> PeriodicMotion | WindowedMotion:
+    """Return the spectra of a record: of its periods, or of all of it where nothing repeats.
+
+    `sample_time_s` is that of the drives of the robot, of which clocks of records differ little (`check_sampling`):
+    simulations go by its steps.
+    """
     run = record.run
     if not run.valid[:, :, :, discard:].all():
         raise DataRejected(
@@ -56,7 +62,7 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
         return windowed_motion_of(
             position.reshape(shape)[:, :, :kept],
             torque.reshape(shape)[:, :, :kept],
-            run.sample_time_s,
+            sample_time_s,
             highest_hz,
             hold_of(record),
         )
@@ -65,7 +71,7 @@ def spectra_of(record: Record, discard: int, highest_hz: float) -> PeriodicMotio
             f"{run.n_period - discard} period is left; two are needed to estimate the noise: measure "
             "more periods (acquisition: periods)"
         )
-    sampled = run.sample_time_s, record.line, highest_hz, hold_of(record)
+    sampled = sample_time_s, record.line, highest_hz, hold_of(record)
     return periodic_motion_of(position, torque, *sampled)
 
 

@@ -30,6 +30,8 @@ class _Warnings(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Keep one; a line that cannot be made is lost, as the log file loses it."""
+        if record.levelno > logging.WARNING:
+            return  # an error ends the stage, and is told by that
         with contextlib.suppress(Exception):
             text = " ".join(record.getMessage().split())[:LONGEST_WARNING]
             if text and text not in self.told and len(self.told) < MOST_WARNINGS:
