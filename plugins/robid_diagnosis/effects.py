@@ -153,6 +153,7 @@ class Effects(DiagnosisStage):
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
         uses, whole, chain = self._known(), record, Chain.of(self.response_check)
+        refuse_copies(record)
         record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
         discard = leading_periods(record, self.discard, context.log)
@@ -370,7 +371,6 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
             f"{n_experiment} experiments: what is found must hold in data that were held out; measure at least "
             f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10)"
         )
-    refuse_copies(records)
     for run in runs:
         levels = _levels(run.lanes("motor_torque").reshape(1, -1, robot.n_axis))
         if (levels <= DEAD).any():

@@ -127,7 +127,7 @@ def test_a_record_that_is_given_twice_is_refused(tmp_path: Path) -> None:
     """Its noise counted twice, and four laws that the plant does not have were named with p < 0.001."""
     record = measured(0.0)
     with pytest.raises(DataRejected, match=r"\(record 2\) holds the samples of .* \(record 1\) to the last"):
-        diagnosed((record, record), tmp_path)
+        diagnosed((record, record.replace(source="a copy")), tmp_path)
 
 
 def test_a_right_model_is_given_no_cause_and_torques_of_another_motion_are_refused(tmp_path: Path) -> None:
