@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from robid_acquisition.plausible import CHANNELS, left_of_experiments, sentence, slips_of
+from robid_acquisition.plausible import left_of_experiments, sentence, slips_of
 from robid_core import FloatArray, Record, Robot
+from robid_core.estimation.copies import fingerprints
 
 Place = tuple[int, int, int]
 
@@ -34,15 +34,10 @@ def copies_in(record: Record, names: Mapping[Place, str]) -> list[str]:
     """
     first: dict[bytes, str] = {}
     found = []
-    for place, name in names.items():
-        own = [record.run.values(channel)[place] for channel in CHANNELS if channel in record.run.channels]
-        known = np.isfinite(own[-1]) if own else np.zeros(1, dtype=bool)
-        if not known.any() or np.ptp(own[-1][known]) == 0:
-            continue
-        digest = hashlib.sha256(b"".join(np.ascontiguousarray(one).tobytes() for one in own)).digest()
-        if digest in first:
-            found.append(f"{name} holds the samples of {first[digest]} to the last digit")
-        first.setdefault(digest, name)
+    for place, mark in fingerprints(record.run) if names else ():
+        if mark in first:
+            found.append(f"{names[place]} holds the samples of {first[mark]} to the last digit")
+        first.setdefault(mark, names[place])
     return found
 
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 
-import numpy as np
-
 from robid_core import DataRejected, Record
-
-CHANNELS = ("motor_position", "motor_torque")
+from robid_core.estimation.copies import fingerprints
 
 
 def refuse_copies(records: Sequence[Record]) -> None:
@@ -20,17 +16,12 @@ def refuse_copies(records: Sequence[Record]) -> None:
     seen = dict[bytes, str]()
     for number, record in enumerate({id(one): one for one in records}.values(), start=1):
         for run in record.runs:
-            if any(name not in run.channels for name in CHANNELS):
-                continue
-            signals = [run.values(name) for name in CHANNELS]
-            for place in np.ndindex(*signals[0].shape[:3]):
-                own = [np.ascontiguousarray(one[place]).tobytes() for one in signals]
-                digest = hashlib.sha256(b"".join(own)).digest()
-                configuration, block, experiment = (i + 1 for i in place)
-                name = f"experiment {experiment} of block {block}, configuration {configuration}, of {record.source}"
-                if digest in seen:
+            for (c, b, e), mark in fingerprints(run):
+                place = f"experiment {e + 1} of block {b + 1}, configuration {c + 1}"
+                name = f"{place}, of {record.source} (record {number})"
+                if mark in seen:
                     raise DataRejected(
-                        f"{name} (record {number}) holds the samples of {seen[digest]} to the last digit: noise does "
-                        "not repeat, and that of a copy would look like a cause; leave one out"
+                        f"{name} holds the samples of {seen[mark]} to the last digit: noise does not repeat, and that "
+                        "of a copy would look like a cause; leave one out"
                     )
-                seen[digest] = f"{name} (record {number})"
+                seen[mark] = name
