@@ -19,6 +19,7 @@ from robid_core.residual import (
     linearise_at,
     misfit,
     parts_by_variant,
+    resolved_width,
     solve,
     torque_problem,
 )
@@ -30,7 +31,6 @@ THINNED = 5  # every so many samples of the speeds tell a width
 FEW = 5  # passes of a fit that is only compared
 SIGMAS = 3.0  # of the misfit of noise
 ZERO_SPEEDS = ("speed", "zero_speed")  # parameters of laws: the width of a sign at zero
-SHARPEST = 0.1  # of the change of a speed within a sample
 BLIND = 2  # times that parameters which data do not tell are held
 NEAR = 2.0  # times a zero-speed width, or less: functions about it are narrow and wide enough
 DROPPED = 1.0  # standard deviation, in natural scales, of a prior that is given up
@@ -233,15 +233,10 @@ class Case:
     def width(self) -> FloatArray:
         """Zero-speed width of the motors' friction, rad/s, (n_axis,), as it is told or was fitted.
 
-        Not below what samples resolve: a share of what the torque of friction does to a motor's speed within one.
+        Not below what samples resolve.
         """
-        told = self.told
-        known = told.drives.friction_speed if self.friction_speed is None else self.friction_speed
-        mobility = np.linalg.inv(told.second_order(self.records[0].angle[:1]).mass)[0].diagonal()[
-            : told.n_axis
-        ]
-        width: FloatArray = np.maximum(known, SHARPEST * told.drives.coulomb * mobility * told.sample_time_s)
-        return width
+        known = self.told.drives.friction_speed if self.friction_speed is None else self.friction_speed
+        return resolved_width(self.told, self.records[0].angle[0], known)
 
     def width_is_near(self, other: Case, times: float = NEAR) -> bool:
         """Whether no width is more than so many times as large as another case's, or as small."""

@@ -16,7 +16,7 @@ from robid_core import (
     Robot,
     SeparatingExperiment,
 )
-from robid_core.residual import estimated_robot, parts_by_variant
+from robid_core.residual import estimated_robot, friction_of_motors, parts_by_variant
 from robid_diagnosis.completeness import still_gains
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
@@ -165,4 +165,6 @@ def model_of(robot: Robot, final: Fitted) -> Model:
     rows = np.flatnonzero(np.append(own, np.ones(problem.n_unknown - problem.n_free, dtype=bool)))
     motions, laws = [block.motion for block in problem.blocks], problem.blocks[0].laws
     point, covariance = final.point[rows], final.solution.covariance[np.ix_(rows, rows)]
-    return estimated_robot(extended, motions, laws, free, point, covariance)
+    widths = [f"friction.{axis}.speed" for axis in robot.axis_names]
+    friction = friction_of_motors(extended, motions, laws, free, point, covariance, held=widths)
+    return estimated_robot(extended, laws, free, point, covariance, friction)

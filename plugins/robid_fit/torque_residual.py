@@ -8,7 +8,9 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
+import fnmatch
 import logging
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -29,24 +31,29 @@ from robid_core import (
     chosen_names,
     pattern_problems,
 )
+from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.residual import (
     Solution,
     TorqueProblem,
     default_patterns,
     estimated_robot,
     excited_range,
+    friction_of_motors,
     functions_of_speed,
     leading_periods,
     misfit,
     misfit_table,
+    resolved_width,
     solve,
     torque_problem,
     variant_robots,
 )
+from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_gain import common_scale_problem
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
+RELAID = 3  # times that functions of speed are laid anew
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
@@ -72,14 +79,15 @@ class TorqueResidualFit(Estimator):
     """Patterns of the parameters that are estimated, effects by `effect.<label>.*`; null: springs, dampers, viscous
     friction, and the inertia of bodies and rotors."""
     fixed: tuple[str, ...] = ()
-    """Patterns of parameters that are held all the same."""
+    """Patterns of parameters that are held all the same; `friction.*.speed` holds the speed within which friction
+    turns round, which is found else."""
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations by pattern, in natural scales (0.01: one percent); wide for springs, 0.01 for bodies."""
     highest_hz: PositiveFloat = 100.0
     """Bins above are left out."""
     friction_widths: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] | None = None
     """Speeds of the free friction functions tanh(v / w), rad/s at the motor; null: about the robot file's
-    `friction.*.speed` and up to the speeds that were measured."""
+    `friction.*.speed`, about that of the data where it is another one, and up to the speeds that were measured."""
     model_error: PositiveFloat = 2e-4
     """Relative error of the model's torque per bin and axis, beside the noise."""
     delays: Literal["common", "each"] = "common"
@@ -136,11 +144,60 @@ class TorqueResidualFit(Estimator):
             self._start_points(problem.free, context.generator),
             tell=lambda seen: context.log.info("%s", seen),
         )
-        motions = [block.motion for block in problem.blocks]
+        problem, solution = self._about_its_width(record, robot, robots, problem, solution, context)
+        friction = self._friction(robot, problem, solution)
         model = estimated_robot(
-            robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance
+            robot, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, friction
         )
-        return self._result(problem, solution).replace(model=model, excited=excited_range((record,)))
+        fit = self._result(problem, solution)
+        return fit.replace(
+            parameters=with_friction(fit.parameters, robot, model),
+            model=model,
+            excited=excited_range((record,)),
+            friction=curves_of(problem, solution.point, friction),
+            stated_doubts=(*fit.stated_doubts, *other_shapes(robot, friction)),
+        )
+
+    def _about_its_width(
+        self,
+        record: Record,
+        robot: Robot,
+        robots: dict[str, Robot],
+        problem: TorqueProblem,
+        solution: Solution,
+        context: Context,
+    ) -> tuple[TorqueProblem, Solution]:
+        """Fit again with functions of speed about the width that friction has, where theirs was another one.
+
+        The width in a robot file is often its default, and narrower friction is no sum of functions about it.
+        """
+        for _ in range(0 if self.friction_widths else RELAID):
+            found = np.array([own.width for own in self._friction(robot, problem, solution)])
+            width = resolved_width(robot, record.angle[0], found)
+            other = self._problem(record, robot, robots, width=width)
+            if are_alike(problem.blocks[0].laws, other.blocks[0].laws):
+                break
+            told = ", ".join(f"{own:.3g}" for own in width)
+            context.log.info(
+                "friction turns round within %s rad/s: functions of speed are laid about that", told
+            )
+            other.go_on_from(problem)
+            begin = carried(problem, solution.point, other)
+            again = solve(other, self.passes, self.model_error, context.progress, begin=begin)
+            if misfit(other, again.point) > misfit(problem, solution.point):
+                break
+            problem, solution = other, replace(again, n_agree=solution.n_agree)
+        return problem, solution
+
+    def _friction(
+        self, robot: Robot, problem: TorqueProblem, solution: Solution
+    ) -> tuple[NearestFriction, ...]:
+        """Friction in the numbers of a robot file; `friction.*.speed` among `fixed` stays."""
+        motions = [block.motion for block in problem.blocks]
+        held = [name for name in robot.layout if any(fnmatch.fnmatchcase(name, own) for own in self.fixed)]
+        return friction_of_motors(
+            robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, held
+        )
 
     # Data and unknowns
 
@@ -159,7 +216,12 @@ class TorqueResidualFit(Estimator):
         return variant_robots((record,), robot, self.robots, self.constants)
 
     def _problem(
-        self, record: Record, robot: Robot, robots: dict[str, Robot], log: logging.Logger | None = None
+        self,
+        record: Record,
+        robot: Robot,
+        robots: dict[str, Robot],
+        log: logging.Logger | None = None,
+        width: FloatArray | None = None,
     ) -> TorqueProblem:
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")
@@ -169,7 +231,7 @@ class TorqueResidualFit(Estimator):
             robot,
             chosen_names(list(robot.layout), patterns, self.fixed),
             self.prior,
-            lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths),
+            lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths, width),
             robots=robots,
             discard=leading_periods((record,), self.discard, log),
             highest_hz=self.highest_hz,

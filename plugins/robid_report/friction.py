@@ -1,4 +1,4 @@
-"""Friction over speed, axis by axis, where a fit was made from motion at constant speeds."""
+"""Friction over speed, axis by axis: as it was measured, and the law of the robot file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robid_report.chart import chart
 
 
 def friction_sections(fit: Fit | None) -> list[dict[str, Any]]:
-    """Return for each axis its law in words and a picture: dots are plateaus, the line is the law."""
+    """Return for each axis its law in words and a picture: dots are what was measured, the line is the law."""
     return [
         {
             "axis": one.axis,

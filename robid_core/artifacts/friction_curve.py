@@ -10,11 +10,12 @@ from robid_core.artifacts.artifact import Artifact, array
 
 @dataclass(frozen=True, eq=False)
 class FrictionCurve(Artifact):
-    """One point for each stretch of constant speed, by increasing speed.
+    """Friction of one motor over its speed, by increasing speed.
 
-    `measured` is the mean torque there beyond what the rigid robot needs, less what the law ascribes to anything but
-    the speed (load, temperature, an error of gravity); `fitted` is what it ascribes to the speed. `law` says in words
-    which terms it has.
+    Where an axis moved at constant speeds there is one point for each stretch: `measured` is the mean torque beyond
+    what the rigid robot needs, less what the law ascribes to anything but the speed (load, temperature, an error of
+    gravity). Of other motions `measured` is what free functions of the speed found. `fitted` is what the law ascribes
+    to the speed; `law` says in words which terms it has.
     """
 
     axis: str

@@ -9,6 +9,8 @@ parameter's own ratio is shrunk toward that average, as in empirical Bayes estim
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid_core.arrays import FloatArray
@@ -43,8 +45,13 @@ def jackknife_shifts(gauss_newton: FloatArray, gradients: FloatArray, matrices: 
     return np.where(without > ALONE * whole, 0.0, shifts)
 
 
-def covariance_with_model_error(formal: FloatArray, shifts: FloatArray) -> FloatArray:
+def covariance_with_model_error(
+    formal: FloatArray, shifts: FloatArray, curves: Sequence[Sequence[int]] = ()
+) -> FloatArray:
     """Covariance of parameters from the formal one and from leave-one-group-out shifts.
+
+    Parameters that are sizes of functions which together make a curve may be large against one another; what matters is
+    their sum. Ratios are those of uncorrelated sums of them: other ratios for single ones would tear the curve apart.
 
     Parameters
     ----------
@@ -52,11 +59,17 @@ def covariance_with_model_error(formal: FloatArray, shifts: FloatArray) -> Float
         Inverse Gauss-Newton matrix, shape (n, n).
     shifts
         From `jackknife_shifts`, shape (n_group, n), n_group >= 2.
+    curves
+        Numbers of the parameters that make a curve each.
 
     Returns
     -------
     Covariance, shape (n, n), with the correlations of the formal one; never below it.
     """
+    if curves:
+        sums, back = _uncorrelated(formal, curves)
+        apart = covariance_with_model_error(sums @ formal @ sums.T, shifts @ sums.T)
+        return back @ apart @ back.T
     n_group = len(shifts)
     centred = shifts - shifts.mean(axis=0)
     jackknife = (n_group - 1) / n_group * (centred**2).sum(axis=0)
@@ -65,3 +78,15 @@ def covariance_with_model_error(formal: FloatArray, shifts: FloatArray) -> Float
     inflation = (PRIOR_DEGREES_OF_FREEDOM * ratio.mean() + own * ratio) / (PRIOR_DEGREES_OF_FREEDOM + own)
     root = np.sqrt(np.maximum(inflation, 1.0))
     return formal * np.outer(root, root)
+
+
+def _uncorrelated(formal: FloatArray, curves: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:
+    """Return a matrix of sums of parameters that are uncorrelated within a curve, and its inverse, (n, n) each."""
+    sums, back = np.eye(len(formal)), np.eye(len(formal))
+    for curve in curves:
+        place = np.ix_(curve, curve)
+        scale = np.sqrt(np.diag(formal)[curve])
+        _, vectors = np.linalg.eigh(formal[place] / np.outer(scale, scale))
+        sums[place] = vectors.T / scale
+        back[place] = scale[:, None] * vectors
+    return sums, back

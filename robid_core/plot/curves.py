@@ -16,7 +16,7 @@ Curve = tuple[str, str, str, FloatArray, FloatArray, Mapping[str, FloatArray]]
 
 
 def friction_curves(curves: Sequence[FrictionCurve]) -> list[Curve]:
-    """Return the friction of each axis over its speed: plateaus and the law."""
+    """Return the friction of each axis over its speed: as measured, and the law."""
     return [
         (
             f"{one.axis}: {one.law}",

@@ -1,33 +1,37 @@
 """The robot that a torque fit found: its friction as a robot file can say it, the rest as it was estimated.
 
-A robot file has ``coulomb tanh(v / speed) + viscous v + offset``; the fit has functions of speed beside the viscous
-part, and what is viscous among them only their sum tells. The file's numbers are those nearest to that sum over the
-measured speeds, by least squares; `speed` stays the file's. This is a linear map, by which the covariance goes, too.
+A fit has functions of speed beside viscous friction, and what is viscous among them only their sum tells. A robot file
+has four numbers of friction, which are those nearest to that sum (`estimation/torque/nearest_friction.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
+import scipy
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts import Model
+from robid_core.estimation.torque.nearest_friction import NearestFriction, nearest_friction
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
 from robid_core.robot import Robot
 
+NOT_NEGATIVE = (".coulomb", ".viscous")
 
-def estimated_robot(
+
+def friction_of_motors(
     robot: Robot,
     motions: Sequence[MotionSpectra],
     laws: SpeedFunctions,
     free: FreeParameters,
     point: FloatArray,
     covariance: FloatArray,
-) -> Model:
-    """What a torque fit gives back.
+    held: Collection[str] = (),
+) -> tuple[NearestFriction, ...]:
+    """Return the friction of each motor, nearest to the functions of speed that a fit found.
 
     Parameters
     ----------
@@ -41,57 +45,68 @@ def estimated_robot(
         The parameters that were free.
     point, covariance
         The unknowns that were found: coordinates of the free parameters, coefficients of the functions of speed and
-        of a constant torque (N m, axis by axis for each), delays; (n_unknown,) and (n_unknown, n_unknown).
+        of a constant torque (N m, axis by axis for each), others; (n_unknown,) and (n_unknown, n_unknown).
+    held
+        Parameters `friction.<axis>.speed` that stay as the robot has them.
     """
-    n, n_axis = len(free.names), robot.n_axis
+    unknown, spread = _in_own_units(free, point, covariance)
+    speed = np.concatenate([motion.rate(1).reshape(-1, robot.n_axis) for motion in motions])
+    found = []
+    for a, axis in enumerate(robot.axis_names):
+        columns = _columns(robot, laws, free, a)
+        found.append(
+            nearest_friction(
+                laws.of_axis(a),
+                unknown[columns],
+                spread[np.ix_(columns, columns)],
+                speed[:, a],
+                float(robot.drives.friction_speed[a]),
+                held=f"friction.{axis}.speed" in held,
+            )
+        )
+    return tuple(found)
+
+
+def estimated_robot(
+    robot: Robot,
+    laws: SpeedFunctions,
+    free: FreeParameters,
+    point: FloatArray,
+    covariance: FloatArray,
+    friction: Sequence[NearestFriction],
+) -> Model:
+    """What a torque fit gives back; arguments as of `friction_of_motors`, and what that returns."""
+    unknown, spread = _in_own_units(free, point, covariance)
+    rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
+    rows = {name: np.eye(len(point))[i] for i, name in enumerate(free.names) if name not in rubbing}
+    values = {name: float(row @ unknown) for name, row in rows.items()}
+    own = np.zeros((0, 0))
+    for a, (axis, one) in enumerate(zip(robot.axis_names, friction, strict=True)):
+        columns = _columns(robot, laws, free, a)
+        for kind, value, slope in zip(one.names, one.value.tolist(), one.slope, strict=True):
+            name = f"friction.{axis}.{kind}"
+            values[name] = max(value, 0.0) if name.endswith(NOT_NEGATIVE) else value
+            rows[name] = np.zeros(len(point))
+            rows[name][columns] = slope
+        own = scipy.linalg.block_diag(own, one.beyond)
+    mapped = np.stack(list(rows.values()))
+    total: FloatArray = mapped @ spread @ mapped.T
+    total[len(total) - len(own) :, len(total) - len(own) :] += own
+    return robot.model(values, tuple(rows), total)
+
+
+def _in_own_units(
+    free: FreeParameters, point: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Unknowns, those of the robot in their own units instead of coordinates, and their covariance."""
+    n = len(free.names)
     slope = np.eye(len(point))
     slope[:n, :n] = free.jacobian(point[:n])
-    unknown = np.concatenate((list(free.values(point[:n]).values()), point[n:]))
-    place = {name: i for i, name in enumerate(free.names)}
-    rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
-    rows = {name: np.eye(len(point))[i] for name, i in place.items() if name not in rubbing}
-    coefficients = n + np.arange(len(laws.names) * n_axis).reshape(-1, n_axis)
-    speed = np.concatenate([motion.rate(1).reshape(-1, n_axis) for motion in motions])
-    for a, axis in enumerate(robot.axis_names):
-        viscous = place.get(rubbing[a])
-        columns = [*coefficients[:, a], viscous] if viscous is not None else [*coefficients[:, a]]
-        share = shares(
-            speed[:, a], laws.of_axis(a), float(robot.drives.friction_speed[a]), viscous is not None
-        )
-        for kind, row in zip(("coulomb", "offset", "viscous"), share, strict=False):
-            rows[f"friction.{axis}.{kind}"] = np.zeros(len(point))
-            rows[f"friction.{axis}.{kind}"][columns] = row
-    mapped = np.stack(list(rows.values()))
-    values = {
-        name: max(value, 0.0) if name.endswith((".coulomb", ".viscous")) else value
-        for name, value in zip(rows, (mapped @ unknown).tolist(), strict=True)
-    }
-    spread: FloatArray = mapped @ slope @ covariance @ slope.T @ mapped.T
-    return robot.model(values, tuple(rows), spread)
+    return np.concatenate((list(free.values(point[:n]).values()), point[n:])), slope @ covariance @ slope.T
 
 
-def shares(speed: FloatArray, laws: SpeedFunctions, friction_speed: float, viscous: bool) -> FloatArray:
-    """What each function of speed adds to a robot file's friction, by least squares over the measured speeds.
-
-    Parameters
-    ----------
-    speed
-        Of one motor, rad/s, shape (n_sample,).
-    laws
-        Functions of speed, of this motor.
-    friction_speed
-        Of ``tanh(v / speed)`` in the robot file.
-    viscous
-        Whether viscous friction is free: it is then told anew, else it is held.
-
-    Returns
-    -------
-    Rows coulomb, offset (and viscous); columns the functions, a constant (and a viscous part): (2, n_law + 1), or (3,
-    n_law + 2).
-    """
-    extra = [speed] if viscous else []
-    told = np.stack([np.tanh(speed / friction_speed), np.ones_like(speed), *extra])
-    rubbing = [told @ torque[:, 0] for torque in laws.along(speed[:, None])]
-    gram = told @ told.T
-    result: FloatArray = np.linalg.solve(gram, np.stack([*rubbing, *gram[:, 1:].T], axis=1))
-    return result
+def _columns(robot: Robot, laws: SpeedFunctions, free: FreeParameters, axis: int) -> list[int]:
+    """Numbers of the unknowns that are friction of one motor: functions of speed, a constant, viscous if it is free."""
+    columns = [len(free.names) + number * robot.n_axis + axis for number in range(len(laws.names))]
+    viscous = f"friction.{robot.axis_names[axis]}.viscous"
+    return [*columns, free.names.index(viscous)] if viscous in free.names else columns

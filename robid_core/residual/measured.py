@@ -7,6 +7,7 @@ from typing import cast, get_args
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.artifacts import DenseRun, Record
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
@@ -20,6 +21,7 @@ from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
 
+SHARPEST = 0.1  # of the change of a speed within a sample
 ALIKE = 1e-3  # of a sampling time: a clock that is off by more is another one
 
 
@@ -76,13 +78,33 @@ def spectra_of(
 
 
 def functions_of_speed(
-    robot: Robot, motions: Sequence[MotionSpectra], widths: tuple[float, ...] | None
+    robot: Robot,
+    motions: Sequence[MotionSpectra],
+    widths: tuple[float, ...] | None,
+    about: FloatArray | None = None,
 ) -> SpeedFunctions:
-    """Return the free functions of speed, the same for all records."""
+    """Return the free functions of speed, the same for all records.
+
+    Of `widths`, rad/s, where they are given; else about the zero-speed widths of friction, rad/s, (n_axis,): those of
+    the robot's file, or others.
+    """
     if widths is not None:
         return SpeedFunctions.of_widths(widths, robot.n_axis)
     power = [(motion.rate(1) ** 2).mean(axis=(0, 1, 2)) for motion in motions]
-    return SpeedFunctions.about(robot.drives.friction_speed, np.sqrt(np.max(power, axis=0)))
+    told = robot.drives.friction_speed if about is None else about
+    return SpeedFunctions.about(told, np.sqrt(np.max(power, axis=0)))
+
+
+def resolved_width(robot: Robot, angle: FloatArray, width: FloatArray) -> FloatArray:
+    """Zero-speed widths of friction, not below what samples resolve, rad/s, (n_axis,).
+
+    That is a share of what the torque of friction does to a motor's speed within a sample, in the pose `angle`, rad,
+    (n_axis,).
+    """
+    mass = robot.second_order(angle[None]).mass[0]
+    mobility = np.linalg.inv(mass).diagonal()[: robot.n_axis]
+    change = robot.drives.coulomb * mobility * robot.sample_time_s
+    return np.maximum(width, SHARPEST * change)
 
 
 def arm_side_of(

@@ -311,7 +311,7 @@ def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation)
     formal = scaled_inverse((about.whole - priors) / excess + priors)
     if len(about.matrices) > 1:
         shifts = jackknife_shifts(about.whole, problem.gradients(weighted, about), about.matrices)
-        formal = covariance_with_model_error(formal, shifts)
+        formal = covariance_with_model_error(formal, shifts, problem.friction_curves)
     return formal + _numerical(problem)
 
 

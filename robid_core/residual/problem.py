@@ -151,6 +151,18 @@ class TorqueProblem:
         """Sizes of the functions of speed, N m, shape (n_law, n_axis)."""
         return point[self.n_free : self._n_robot].reshape(len(self.friction_names), -1)
 
+    @property
+    def friction_curves(self) -> list[list[int]]:
+        """Numbers of the unknowns that are friction of one motor: functions of speed, a constant, viscous if free."""
+        robot, n_law = self.free.robot, len(self.friction_names)
+        curves = [
+            [self.n_free + number * robot.n_axis + a for number in range(n_law)] for a in range(robot.n_axis)
+        ]
+        for curve, axis in zip(curves, robot.axis_names, strict=True):
+            name = f"friction.{axis}.viscous"
+            curve += [self.free.names.index(name)] if name in self.free.names else []
+        return curves
+
     def sensing(self, point: FloatArray) -> FloatArray:
         """Errors of gains, delays, s, and mounting angles, rad, of sensors behind the gears, shape (3, n_sensor)."""
         found, told = np.zeros((3, len(self.sensors))), point[self._n_robot : -self.n_delay]

@@ -22,6 +22,7 @@ FAR = 5  # widths above, up to TOP
 TOP = 2.0  # of the rms speed
 LEAST_TOP = 6.0  # of the told speed: for motions that are slower
 PART = 4096  # speeds of all axes at once
+NEARLY_ALIKE = 1e-6  # sums of functions that differ by less are one
 EVEN = 0.6  # of the told speed; two more lie among the far ones
 
 
@@ -74,6 +75,20 @@ class SpeedFunctions:
             ends = np.log(self.odd[:, a].min() / 2), np.log(self.odd[:, a].max() * 2)
             best = scipy.optimize.minimize_scalar(left, bounds=ends, method="bounded")
             found[a] = float(np.exp(best.x))
+        return found
+
+    def meeting(self, others: SpeedFunctions, size: FloatArray, speed: FloatArray) -> FloatArray:
+        """Return sizes with which the sum is nearest to that of other functions of sizes (n_law, n_axis), likewise.
+
+        `speed`: over which they are compared, rad/s, (n_sample, n_axis).
+        """
+        found = np.empty((len(self.odd) + len(self.even), size.shape[1]))
+        for a, own in enumerate(size.T):
+            mine, theirs = (
+                np.stack([law[:, 0] for law in laws.of_axis(a).along(speed[:, a : a + 1])], axis=1)
+                for laws in (self, others)
+            )
+            found[:, a] = np.linalg.lstsq(mine, theirs @ own, rcond=NEARLY_ALIKE)[0]
         return found
 
     @classmethod

@@ -66,3 +66,25 @@ def test_stated_errors_follow_the_scatter_with_and_without_common_errors() -> No
         # variance adds to it where there is no common error.
         assert (ratio > 0.85).all(), ratio
         assert (ratio < 1.6).all(), ratio
+
+
+def test_functions_that_make_a_curve_are_widened_together() -> None:
+    """Three regressors that are nearly alike: their sum is well known, whatever leaving a group out does to each."""
+    rng = np.random.default_rng(8)
+    curve = [[0, 1, 2]]
+    together, torn = [], []
+    for _ in range(60):
+        j, y, _ = linear_problem(rng, 0.0)
+        j[..., 1:] = j[..., :1] + 1e-3 * j[..., 1:]
+        _, gradients, matrices = estimate(j, y)
+        total = matrices.sum(axis=0)
+        formal, shifts = np.linalg.inv(total), jackknife_shifts(total, gradients, matrices)
+        known = np.ones(3) @ formal @ np.ones(3)
+        stated = covariance_with_model_error(formal, shifts, curve)
+        together.append(np.ones(3) @ stated @ np.ones(3) / known)
+        torn.append(np.ones(3) @ covariance_with_model_error(formal, shifts) @ np.ones(3) / known)
+        assert (np.linalg.eigvalsh(stated - formal * (1 - 1e-6)) > -1e-9 * np.trace(stated)).all()
+    # Of the sum, as of any parameter: four groups scatter by chi-squared of three; torn apart by thousands.
+    assert max(together) < 5
+    assert np.median(together) < 1.5
+    assert np.median(torn) > 50
