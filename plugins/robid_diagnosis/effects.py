@@ -34,6 +34,7 @@ from robid_core import (
     StageRef,
 )
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
+from robid_diagnosis.asked import asked_lines
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
@@ -61,7 +62,6 @@ from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.timing import timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
-    asked_line,
     data_line,
     errors_line,
     finding_line,
@@ -246,15 +246,13 @@ class Effects(DiagnosisStage):
             lines.append(response_check_line(response_check))
         if data.n_config == 1:
             lines.append("One configuration: nothing was held out in another pose.")
-        lines.append(silent_line(robot.axis_names, findings, final.misfit > DOUBTFUL))
-        if self.only:
-            last, noise = outcome.searches[-1], max(1.0, outcome.final.misfit)
-            found = {(cause.effect, cause.on, cause.side) for cause in causes}
-            lines += [
-                asked_line(*hit.candidate.key, hit.gain.total / noise, last.p_value(hit, noise))
-                for hit in last.hits
-                if hit.candidate.key not in found
-            ]
+        asked = asked_lines(outcome, causes, selection.refused) if self.only else []
+        lines.append(
+            silent_line(
+                robot.axis_names, findings, final.misfit > DOUBTFUL, bool(asked and selection.refused)
+            )
+        )
+        lines += asked
         refitted = outcome.base if outcome.steps else final
         lines.append(
             f"Misfit {refitted.misfit:.3g} with all values refitted"

@@ -42,6 +42,7 @@ DOUBTS_MORE = 1.05  # of the misfit: nor is what is further from the noise that 
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
+Key = tuple[str, str | None, str | None]  # effect, place, side
 
 
 class Selection:
@@ -59,6 +60,8 @@ class Selection:
         self.case, self.uses, self.places = case, list(uses), places
         self.generator, self.progress, self.most = generator, progress, most
         self.failures: list[Failure] = []
+        self.refused: dict[Key, str] = {}
+        """Why effects that gain more than chance were not named when the last cause was asked for."""
 
     def run(self) -> Outcome:
         """Search until nothing is significant."""
@@ -133,13 +136,26 @@ class Selection:
         self.failures += fits.failures
         for trial in trials:
             if trial.loss > WORSE or trial.fitted.misfit > DOUBTS_MORE * current.misfit:
+                self._refuse(trial.hit, "with it the data fit worse")
                 continue
             step = self._judged(trial, trials, seen, len(values))
-            if step is not None and not step.share < PART:
+            if step is None:
+                self._refuse(trial.hit, "configurations do not agree about it")
+            elif step.share < PART:
+                self._refuse(
+                    trial.hit,
+                    f"free functions at its axis gain {1 / max(step.share, 1e-3):.2g} times as much",
+                )
+            else:
                 if trial.addition is not None:
                     step = replace(step, picture=picture_of(trial.fitted, trial.addition))
                 return trial.fitted, step
         return None
+
+    def _refuse(self, rival: Rival, reason: str) -> None:
+        """Keep why an effect is not named."""
+        if isinstance(rival, Hit):
+            self.refused[rival.candidate.key] = reason
 
     def _rivals(
         self,
@@ -155,7 +171,14 @@ class Selection:
         waves = [one for one in current.hypothesis.additions if "order" in one.values]
         named = {name for step in before for name in step.names}
         hits = [hit for hit in found.hits if hit.candidate.key not in known or _is_another_wave(hit, waves)]
-        significant = [hit for hit in hits if found.p_value(hit) < LEVEL and hit.gain.total > least.of(hit)]
+        beyond_chance = [hit for hit in hits if found.p_value(hit) < LEVEL]
+        significant = [hit for hit in beyond_chance if hit.gain.total > least.of(hit)]
+        self.refused = {}
+        for hit in beyond_chance:
+            enough = f"fitted with all values it gains less than {least.of(hit):.3g}"
+            self._refuse(
+                hit, enough if hit in significant else f"a cause has to gain {least.of(hit):.3g} here"
+            )
         chance = LEVEL / max(len(values), 1)
         wrong = [
             hit

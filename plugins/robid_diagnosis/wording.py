@@ -141,14 +141,21 @@ def _both(check: ResponseCheck, i: int) -> str:
     )
 
 
-def silent_line(axis_names: Sequence[str], findings: Sequence[Finding], doubtful: bool) -> str:
-    """Say at which axes nothing was found; `doubtful`: something is left that nothing explains."""
+def silent_line(
+    axis_names: Sequence[str], findings: Sequence[Finding], doubtful: bool, refused: bool = False
+) -> str:
+    """Say at which axes nothing was found.
+
+    `doubtful`: something is left that nothing explains. `refused`: what was asked for gains more than chance.
+    """
     silent = [name for name in axis_names if not any(finding.on.startswith(name) for finding in findings)]
     if len(silent) == len(axis_names):
         if doubtful:
             return "No effect that was tried explains what the refitted model leaves."
         if findings:
             return "Of the axes none has an effect of its own."
+        if refused:
+            return "No cause is named: what was asked for gains more than chance, and not enough."
         return (
             "Nothing significant: the robot file with fitted values explains these data; "
             "for detectable sizes see the table on the page."
@@ -201,13 +208,6 @@ def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
 def three_digits(value: float) -> str:
     """Large numbers written out."""
     return f"{float(f'{value:.3g}'):.15g}"
-
-
-def asked_line(use: str, on: str | None, side: str | None, gain: float, p_value: float) -> str:
-    """Say of an effect that was asked for and not found how sure that is, both in the noise that the robot leaves."""
-    return (
-        f"{use} at {on} ({side}): p = {p_value:.2g}, gain {max(gain, 0.0):.1f} of twice the log-likelihood."
-    )
 
 
 def _size(name: str, value: float, error: float, told: float, unit: str) -> str:

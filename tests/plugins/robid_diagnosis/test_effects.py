@@ -297,6 +297,22 @@ def test_wrong_input_is_one_sentence(told: Robot, plant_of: Plants, measured: Me
         diagnosed(record, told, only=("friction.stribek",))
 
 
+def test_what_was_asked_for_and_gains_more_than_chance_is_told_with_why_it_is_not_named(
+    told: Robot, plant_of: Plants, measured: Measured
+) -> None:
+    """A little load-dependent friction: beyond chance, and less than a cause has to gain."""
+    little = {"coulomb": 0.0, "load_coulomb": 0.0012, "load_excess": 0.0}
+    plant = plant_of(told, 5).with_effect("hidden", "friction.load_dependent", "axis_1", None, little)
+    diagnosis = diagnosed(measured(plant, 6), told, only=("friction.load_dependent",))
+    assert not diagnosis.findings
+    own = next(line for line in diagnosis.verdict.splitlines() if "axis_1 (motor): p = " in line)
+    assert float(own.split("p = ")[1].split(",")[0]) < 1e-3
+    gain = float(own.split("gain ")[1].split()[0])
+    assert gain < float(own.split("not named: a cause has to gain ")[1].split()[0])
+    assert "Nothing significant" not in diagnosis.verdict
+    assert "gains more than chance, and not enough" in diagnosis.verdict
+
+
 def test_the_stage_keeps_the_contract(told: Robot, plant_of: Plants, measured: Measured) -> None:
     """The same bytes twice, inputs left alone, settings that survive YAML; one law, of which nothing is hidden."""
     record = measured(plant_of(told, 5), 6)
