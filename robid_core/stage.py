@@ -89,12 +89,16 @@ def map_in_process(function: Callable[..., Any], arguments: Sequence[tuple[Any, 
 
 @dataclass(frozen=True)
 class Input:
-    """One wired parameter of `run`; `many` where it takes a tuple of artifacts."""
+    """One wired parameter of `run`; `many` where it takes a tuple of artifacts.
+
+    `named`: of many it takes more than one only where the pipeline names them.
+    """
 
     name: str
     artifact: type[Artifact]
     optional: bool
     many: bool = False
+    named: bool = False
 
     @property
     def noun(self) -> str:
@@ -110,7 +114,9 @@ class Stage(Settings):
 
     Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are held out
     for tests are left out; where `handles_variants` is false, a record of several variants (payloads, tools) is
-    refused. Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines.
+    refused. Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines. Where
+    `names_several` is true, an input that takes many takes one, or those that the pipeline names: all that there are
+    might be data that were kept to judge by.
     """
 
     kind: ClassVar[str] = ""
@@ -118,6 +124,7 @@ class Stage(Settings):
     sees_test: ClassVar[bool] = True
     handles_variants: ClassVar[bool] = True
     needs_lines: ClassVar[bool] = False
+    names_several: ClassVar[bool] = False
 
     run: ClassVar[Callable[..., Any]]
 
@@ -157,7 +164,7 @@ class Stage(Settings):
     def inputs(cls) -> tuple[Input, ...]:
         """Return the artifacts that `run` takes, in order."""
         return tuple(
-            Input(name, annotation, optional, many)
+            Input(name, annotation, optional, many, many and cls.names_several)
             for name, annotation, optional, many in _parameters(cls)
             if issubclass(annotation, Artifact) and annotation is not Truth
         )

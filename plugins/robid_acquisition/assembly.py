@@ -99,7 +99,8 @@ class Assembly:
         if short < (1 - LENGTH_TOLERANCE) * long:
             raise DataRejected(
                 f"A11: {names} hold {first[0]} x {first[1]} and {last[0]} x {last[1]} samples (periods x samples); set "
-                "stop_s so that all are alike, or leave the short one out"
+                "stop_s so that all are alike, or read them by a stage each: fits and diagnoses take several records, "
+                "inputs: {record: [one, other]}"
             )
 
     @property

@@ -33,12 +33,12 @@ from robid_core import (
     SeparatingExperiment,
     StageRef,
 )
+from robid_core.estimation.copies import refuse_copies
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
 from robid_diagnosis.asked import asked_lines
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
-from robid_diagnosis.copies import refuse_copies
 from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.gear_ratio import gear_ratio_lines
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis

@@ -16,7 +16,7 @@ NARROWER, WIDER = (
     4.0,
 )  # times a zero-speed width: functions about it are narrow and wide enough in between
 THINNED = 5  # every so many samples of the speeds
-POINTS = 121  # of a curve
+POINTS = 61  # of a curve, closer to one another where friction turns round
 LEFT = 0.02  # of the friction: less is drawn and not told
 SURE = 3.0  # standard errors of the curve, likewise
 
@@ -77,7 +77,8 @@ def curves_of(
     fastest = np.max([np.abs(block.motion.rate(1)).max(axis=(0, 1, 2)) for block in problem.blocks], axis=0)
     found = []
     for a, (axis, own) in enumerate(zip(robot.axis_names, friction, strict=True)):
-        speed = fastest[a] * np.linspace(-1, 1, POINTS)
+        share = np.linspace(-1, 1, POINTS)
+        speed = fastest[a] * share * np.abs(share)
         shapes = np.stack([law[:, 0] for law in laws.of_axis(a).along(speed[:, None])], axis=1)
         viscous = values.get(f"friction.{axis}.viscous", 0.0)
         found.append(

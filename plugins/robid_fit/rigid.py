@@ -9,7 +9,7 @@ as Janot, Gautier and Brunot (2019) do it for the benchmark "EMPS"; instruments 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
@@ -29,6 +29,7 @@ from robid_core import (
     TimeComparison,
     pattern_problems,
 )
+from robid_core.estimation.copies import refuse_copies
 from robid_core.estimation.rigid.essential import eliminate
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
 from robid_core.residual import excited_range, leading_periods, variant_robots
@@ -114,14 +115,18 @@ class RigidBodyFit(Estimator):
     constants: dict[str, str] = {}
     """Constants of the record that are parameters of the robot, `{payload_kg: effect.load.mass}`; one value each."""
 
+    names_several: ClassVar[bool] = True
+
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot."""
         return pattern_problems(robot, list(robot.layout), self.fixed, self.prior, lambda name: "")
 
-    def run(self, record: Record, robot: Robot, context: Context | None = None) -> Fit:
-        """Smooth, differentiate, decimate, solve."""
+    def run(self, record: tuple[Record, ...], robot: Robot, context: Context | None = None) -> Fit:
+        """Smooth, differentiate, decimate, solve; of one record, or several together."""
+        if len(record) > 1:
+            refuse_copies(record)
         progress = context.progress if context is not None else lambda *_: None
-        robot, _ = variant_robots((record,), robot, {}, self.constants)  # of one variant: others are refused
+        robot, _ = variant_robots(record, robot, {}, self.constants)  # of one variant: others are refused
         stiff = rigid_robot(robot)
         speed = robot.drives.friction_speed
         if self.friction_speed is not None:
@@ -132,13 +137,13 @@ class RigidBodyFit(Estimator):
             self.decimation,
             self.drop_first,
             self.drop_last,
-            leading_periods((record,), self.discard, context.log if context is not None else None),
+            leading_periods(record, self.discard, context.log if context is not None else None),
         )
         timed = self.delays != "none"
-        equations = RigidEquations.of_record(record, stiff, speed, sampling, timed=timed)
+        equations = RigidEquations.of_records(record, stiff, speed, sampling, timed=timed)
         instruments = None
         if self.instruments == "reference":
-            instruments = RigidEquations.of_record(
+            instruments = RigidEquations.of_records(
                 record, stiff, speed, sampling, "position_reference", timed=timed
             )
         unknowns = RigidUnknowns.of_robot(
@@ -148,7 +153,7 @@ class RigidBodyFit(Estimator):
             self.fixed,
             self.prior,
             self.delays,
-            record.runs[0].sample_time_s,
+            record[0].runs[0].sample_time_s,
         )
         columns, wanted, base = structure(stiff, self.unknowns, speed)
         _refuse_still(equations, np.flatnonzero(wanted)[base.independent])
@@ -157,8 +162,8 @@ class RigidBodyFit(Estimator):
         )
         progress(0, 1 + (self.blocks or 0), "fitting bodies")
         solution = problem.solve()
-        found = _result(robot, record, equations, unknowns, solution, columns, wanted, base)
-        found = found.replace(excited=excited_range((record,)))
+        found = _result(robot, record[0], equations, unknowns, solution, columns, wanted, base)
+        found = found.replace(excited=excited_range(record))
         if self.blocks is None:
             return found
         residual, n_unsettled = problem.left_out(solution, self.blocks, progress)

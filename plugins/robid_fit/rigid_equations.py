@@ -29,7 +29,7 @@ class Experiment:
     window: slice
     """Samples of it that are kept."""
     first: int
-    """Sample of the record at which it begins, counted from the record's start."""
+    """Sample at which it begins, counted through all records."""
     regressor: FloatArray
     """Torque per unit of every column, (n_sample, n_axis, n_column)."""
 
@@ -41,7 +41,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a record becomes equations."""
+    """How records become equations."""
 
     cutoff_hz: float
     filter_order: int
@@ -61,7 +61,7 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class RigidEquations:
-    """Torque of a record and what it is linear in, decimated."""
+    """Torque of records and what it is linear in, decimated."""
 
     each: tuple[Experiment, ...]
     sampling: Sampling
@@ -69,9 +69,9 @@ class RigidEquations:
     """Names, units and values of the robot; the regressor in it is that of the last experiment alone."""
 
     @classmethod
-    def of_record(
+    def of_records(
         cls,
-        record: Record,
+        records: Sequence[Record],
         robot: Robot,
         speed: FloatArray,
         sampling: Sampling,
@@ -83,7 +83,7 @@ class RigidEquations:
 
         Parameters
         ----------
-        record, robot
+        records, robot
             Of training experiments; rigid.
         speed
             v_s of tanh(v / v_s), (n_axis,).
@@ -95,8 +95,8 @@ class RigidEquations:
             Whether a held torque counts half a sample later than it was recorded, where it acts.
         """
         found, elapsed = list[Experiment](), 0
-        early = HELD if timed and record.torque_hold == "zero_order_hold" else 0.0
-        for run in record.runs:
+        for record, run in ((one, run) for one in records for run in one.runs):
+            early = HELD if timed and record.torque_hold == "zero_order_hold" else 0.0
             for angle, torque in experiments(run, robot, sampling.discard, position):
                 smooth = motion_of(angle, run.sample_time_s, sampling.cutoff_hz, sampling.filter_order)
                 kept = sampling.window(len(torque))

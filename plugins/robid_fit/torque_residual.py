@@ -31,6 +31,7 @@ from robid_core import (
     chosen_names,
     pattern_problems,
 )
+from robid_core.estimation.copies import refuse_copies
 from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.residual import (
     Solution,
@@ -123,6 +124,7 @@ class TorqueResidualFit(Estimator):
     has the value of its experiments, and needs no file under `robots`."""
 
     handles_variants: ClassVar[bool] = True
+    names_several: ClassVar[bool] = True
 
     def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
         """Patterns that mean nothing in this robot, and parameters that this fit cannot free."""
@@ -132,8 +134,10 @@ class TorqueResidualFit(Estimator):
         )
         return found or common_scale_problem(robot, chosen_names(list(robot.layout), patterns, self.fixed))
 
-    def run(self, record: Record, robot: Robot, context: Context) -> Fit:
-        """Estimate the free parameters of the robot."""
+    def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Fit:
+        """Estimate the free parameters of the robot from one record, or several together."""
+        if len(record) > 1:
+            refuse_copies(record)
         robot, robots = self._told(record, robot)
         problem = self._problem(record, robot, robots, context.log)
         solution = solve(
@@ -153,14 +157,14 @@ class TorqueResidualFit(Estimator):
         return fit.replace(
             parameters=with_friction(fit.parameters, robot, model),
             model=model,
-            excited=excited_range((record,)),
+            excited=excited_range(record),
             friction=curves_of(problem, solution.point, friction),
             stated_doubts=(*fit.stated_doubts, *other_shapes(robot, friction)),
         )
 
     def _about_its_width(
         self,
-        record: Record,
+        record: tuple[Record, ...],
         robot: Robot,
         robots: dict[str, Robot],
         problem: TorqueProblem,
@@ -173,7 +177,7 @@ class TorqueResidualFit(Estimator):
         """
         for _ in range(0 if self.friction_widths else RELAID):
             found = np.array([own.width for own in self._friction(robot, problem, solution)])
-            width = resolved_width(robot, record.angle[0], found)
+            width = resolved_width(robot, record[0].angle[0], found)
             other = self._problem(record, robot, robots, width=width)
             if are_alike(problem.blocks[0].laws, other.blocks[0].laws):
                 break
@@ -207,17 +211,17 @@ class TorqueResidualFit(Estimator):
         rows = generator.standard_normal((self.starts - 1, len(drawn)))
         return list(self.start_spread * drawn * rows)
 
-    def problem(self, record: Record, robot: Robot) -> TorqueProblem:
+    def problem(self, record: tuple[Record, ...], robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
         return self._problem(record, *self._told(record, robot))
 
-    def _told(self, record: Record, robot: Robot) -> tuple[Robot, dict[str, Robot]]:
+    def _told(self, record: tuple[Record, ...], robot: Robot) -> tuple[Robot, dict[str, Robot]]:
         """Return the nominal robot, and those of other variants."""
-        return variant_robots((record,), robot, self.robots, self.constants)
+        return variant_robots(record, robot, self.robots, self.constants)
 
     def _problem(
         self,
-        record: Record,
+        record: tuple[Record, ...],
         robot: Robot,
         robots: dict[str, Robot],
         log: logging.Logger | None = None,
@@ -227,13 +231,13 @@ class TorqueResidualFit(Estimator):
             raise ConfigurationError(f"{place[0]}: {message}")
         patterns = default_patterns(robot) if self.free is None else self.free
         return torque_problem(
-            (record,),
+            record,
             robot,
             chosen_names(list(robot.layout), patterns, self.fixed),
             self.prior,
             lambda nominal, motions: functions_of_speed(nominal, motions, self.friction_widths, width),
             robots=robots,
-            discard=leading_periods((record,), self.discard, log),
+            discard=leading_periods(record, self.discard, log),
             highest_hz=self.highest_hz,
             each_delay=self.delays == "each",
             arm_side=self.arm_side,

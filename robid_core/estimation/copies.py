@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robid_core.artifacts import DenseRun
+from robid_core.artifacts import DenseRun, Record
+from robid_core.errors import DataRejected
 
 CHANNELS = ("motor_position", "motor_torque")
 
@@ -25,3 +26,22 @@ def fingerprints(run: DenseRun) -> Iterator[tuple[tuple[int, int, int], bytes]]:
         if len(known) and np.ptp(known) > 0:
             own = (np.ascontiguousarray(values[c, b, e]).tobytes() for values in (position, torque))
             yield (c, b, e), hashlib.sha256(b"".join(own)).digest()
+
+
+def refuse_copies(records: Sequence[Record]) -> None:
+    """Refuse records in which two experiments hold the same samples to the last digit (DataRejected).
+
+    One that a program hands over twice is no other one; that is for it to know.
+    """
+    seen = dict[bytes, str]()
+    for number, record in enumerate({id(one): one for one in records}.values(), start=1):
+        for run in record.runs:
+            for (c, b, e), mark in fingerprints(run):
+                place = f"experiment {e + 1} of block {b + 1}, configuration {c + 1}"
+                name = f"{place}, of {record.source} (record {number})"
+                if mark in seen:
+                    raise DataRejected(
+                        f"{name} holds the samples of {seen[mark]} to the last digit: noise does not repeat, and a "
+                        "copy counts it twice; leave one out"
+                    )
+                seen[mark] = name

@@ -46,12 +46,9 @@ def jackknife_shifts(gauss_newton: FloatArray, gradients: FloatArray, matrices: 
 
 
 def covariance_with_model_error(
-    formal: FloatArray, shifts: FloatArray, curves: Sequence[Sequence[int]] = ()
+    formal: FloatArray, shifts: FloatArray, common: float | None = None
 ) -> FloatArray:
     """Covariance of parameters from the formal one and from leave-one-group-out shifts.
-
-    Parameters that are sizes of functions which together make a curve may be large against one another; what matters is
-    their sum. Ratios are those of uncorrelated sums of them: other ratios for single ones would tear the curve apart.
 
     Parameters
     ----------
@@ -59,25 +56,56 @@ def covariance_with_model_error(
         Inverse Gauss-Newton matrix, shape (n, n).
     shifts
         From `jackknife_shifts`, shape (n_group, n), n_group >= 2.
-    curves
-        Numbers of the parameters that make a curve each.
+    common
+        Ratio that each parameter's own is shrunk toward; None: the mean of all.
 
     Returns
     -------
     Covariance, shape (n, n), with the correlations of the formal one; never below it.
     """
-    if curves:
-        sums, back = _uncorrelated(formal, curves)
-        apart = covariance_with_model_error(sums @ formal @ sums.T, shifts @ sums.T)
-        return back @ apart @ back.T
-    n_group = len(shifts)
-    centred = shifts - shifts.mean(axis=0)
-    jackknife = (n_group - 1) / n_group * (centred**2).sum(axis=0)
-    ratio = jackknife / np.diag(formal)
-    own = n_group - 1.0
-    inflation = (PRIOR_DEGREES_OF_FREEDOM * ratio.mean() + own * ratio) / (PRIOR_DEGREES_OF_FREEDOM + own)
+    ratio = _ratios(formal, shifts)
+    own = len(shifts) - 1.0
+    common = float(ratio.mean()) if common is None else common
+    inflation = (PRIOR_DEGREES_OF_FREEDOM * common + own * ratio) / (PRIOR_DEGREES_OF_FREEDOM + own)
     root = np.sqrt(np.maximum(inflation, 1.0))
-    return formal * np.outer(root, root)
+    widened: FloatArray = formal * np.outer(root, root)
+    return widened
+
+
+def covariance_of_curves(
+    formal: FloatArray,
+    gauss_newton: FloatArray,
+    gradients: FloatArray,
+    matrices: FloatArray,
+    curves: Sequence[Sequence[int]],
+) -> FloatArray:
+    """Covariance as by `covariance_with_model_error`, where parameters are sizes of functions that make curves.
+
+    Such sizes may be large against one another; what matters is their sum. Ratios are therefore those of uncorrelated
+    sums of them: other ratios for single ones would tear the curve apart.
+
+    Parameters
+    ----------
+    formal
+        Inverse Gauss-Newton matrix, shape (n, n).
+    gauss_newton, gradients, matrices
+        As of `jackknife_shifts`.
+    curves
+        Numbers of the parameters that make a curve each.
+    """
+    common = float(_ratios(formal, jackknife_shifts(gauss_newton, gradients, matrices)).mean())
+    sums, back = _uncorrelated(formal, curves)
+    shifts = jackknife_shifts(back.T @ gauss_newton @ back, gradients @ back, back.T @ matrices @ back)
+    covariance = covariance_with_model_error(sums @ formal @ sums.T, shifts, common)
+    return back @ covariance @ back.T
+
+
+def _ratios(formal: FloatArray, shifts: FloatArray) -> FloatArray:
+    """Variance by the jackknife over the formal one, (n,)."""
+    centred = shifts - shifts.mean(axis=0)
+    jackknife = (len(shifts) - 1) / len(shifts) * (centred**2).sum(axis=0)
+    ratio: FloatArray = jackknife / np.diag(formal)
+    return ratio
 
 
 def _uncorrelated(formal: FloatArray, curves: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:

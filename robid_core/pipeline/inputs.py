@@ -105,11 +105,15 @@ def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[t
             {entry.name: entry.artifact for entry in stage.inputs},
             frozenset(entry.name for entry in stage.inputs if entry.optional),
             stage.given,
-            frozenset(entry.name for entry in stage.inputs if entry.many),
+            frozenset(entry.name for entry in stage.inputs if entry.many and not entry.named),
         )
         for stage in declared.values()
     ]
     wires, unsettled = wire(nodes)
+    for name, stage in declared.items():
+        for own in stage.inputs:
+            if own.named and own.name in wires[name]:
+                wires[name][own.name] = each(wires[name][own.name])
     missing: dict[type[Artifact], list[Open]] = {}
     for entry in unsettled:
         if not declared[entry.stage].known:  # its plugin is a guess
@@ -138,6 +142,8 @@ def _tell_ambiguous(entry: Open, stage: Declared, problems: ProblemList) -> None
     lines = _either([f"`inputs: {{{entry.parameter}: {name}}}`" for name in entry.candidates])
     makers = f"{', '.join(entry.candidates[:-1])} and {entry.candidates[-1]}"
     message = f"ambiguous: {makers} each make {_a(entry.artifact)}; write {lines}"
+    if any(one.name == entry.parameter and one.many for one in stage.inputs):
+        message += f", or of several a list, `inputs: {{{entry.parameter}: [{', '.join(entry.candidates)}]}}`"
     problems.add(_mark(stage), ("stages", stage.name, "inputs", entry.parameter), message)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robid_core.arrays import FloatArray
-from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
+from robid_core.estimation.intervals import covariance_of_curves
 from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.weights import covariance_apart, whitener
 from robid_core.residual.acceleration import History
@@ -310,8 +310,8 @@ def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation)
     priors = np.diag(1 / problem.prior**2)
     formal = scaled_inverse((about.whole - priors) / excess + priors)
     if len(about.matrices) > 1:
-        shifts = jackknife_shifts(about.whole, problem.gradients(weighted, about), about.matrices)
-        formal = covariance_with_model_error(formal, shifts, problem.friction_curves)
+        gradients = problem.gradients(weighted, about)
+        formal = covariance_of_curves(formal, about.whole, gradients, about.matrices, problem.friction_curves)
     return formal + _numerical(problem)
 
 

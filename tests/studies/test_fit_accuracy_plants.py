@@ -188,10 +188,10 @@ def test_the_bound_of_a_loaded_variant_is_that_of_the_loaded_robot(plant: Plant)
     noise, springs = OWN.torque_noise(plant.robot), list(plant.nominal.stiffness_names)
     named = record.replace(variants=("loaded", "loaded"))
     with told_robots(plant, 80.0) as robots:
-        problem = TorqueResidualFit(robots=robots).problem(named, plant.nominal)
+        problem = TorqueResidualFit(robots=robots).problem((named,), plant.nominal)
     by_file = bound(problem, plant.robot, noise, springs)
-    by_robot = bound(TorqueResidualFit().problem(record, loaded.nominal), loaded.robot, noise, springs)
-    bare = bound(TorqueResidualFit().problem(record, plant.nominal), plant.robot, noise, springs)
+    by_robot = bound(TorqueResidualFit().problem((record,), loaded.nominal), loaded.robot, noise, springs)
+    bare = bound(TorqueResidualFit().problem((record,), plant.nominal), plant.robot, noise, springs)
     assert by_file == pytest.approx(by_robot, rel=1e-9)
     assert abs(bare / by_file - 1) > 1e-3
 

@@ -68,7 +68,7 @@ def fitted(record: Record, robot: Robot, **settings: Any) -> Fit:
     context = Context(
         np.random.default_rng(1), map_in_process, lambda *a, **k: None, logging.getLogger("fit")
     )
-    return TorqueResidualFit(**settings).run(record, robot, context)
+    return TorqueResidualFit(**settings).run((record,), robot, context)
 
 
 def test_a_torque_sensor_shows_what_the_arm_needs_for_the_motion_of_the_encoders(tmp_path: Path) -> None:

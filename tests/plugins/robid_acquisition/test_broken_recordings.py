@@ -293,7 +293,7 @@ def test_an_offset_of_the_torque_is_estimated_as_one(lab: Lab, sound: dict[str, 
     run = settled(sound)
     run["tau"][:, 0] += 0.4
     np.savez(lab.folder / "run.npz", **run)
-    table = RigidBodyFit(cutoff_hz=20.0, decimation=20).run(lab.read("run.npz"), ROBOT).parameters
+    table = RigidBodyFit(cutoff_hz=20.0, decimation=20).run((lab.read("run.npz"),), ROBOT).parameters
     row = table.names.index("friction.axis_1.offset")
     assert table.estimate[row] == pytest.approx(0.4, abs=4 * table.standard_error[row])
 

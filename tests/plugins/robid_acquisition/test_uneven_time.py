@@ -221,4 +221,4 @@ def test_masked_samples_are_kept_out_or_refused_by_the_stages_that_follow(read: 
     np.testing.assert_allclose(np.abs(frf.response[0, :, 0, 0]), 500.0, rtol=0.01)
     robot = Robot.load("robot.yaml", tmp_path)
     with pytest.raises(DataRejected, match="gaps: split"):
-        RigidBodyFit().run(record, robot)
+        RigidBodyFit().run((record,), robot)

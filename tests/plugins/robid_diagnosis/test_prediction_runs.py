@@ -57,7 +57,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 
 def diagnosed(robot: Robot, whole: Record) -> tuple[Fit, Diagnosis]:
-    fit = RigidBodyFit(cutoff_hz=50.0).run(whole.training(), robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((whole.training(),), robot)
     return fit, Prediction(closed_loop=False).run((whole,), robot, context(), fit)
 
 
@@ -86,7 +86,7 @@ def test_a_plant_tested_within_what_it_was_trained_by_is_not(robot: Robot) -> No
 
 
 def test_a_fit_tells_how_far_it_went_to_a_prediction_of_another_record(robot: Robot) -> None:
-    fit = RigidBodyFit(cutoff_hz=50.0).run(record(robot, lane(0.05, 0.7)), robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((record(robot, lane(0.05, 0.7)),), robot)
     other = record(robot, lane(0.1, 1.2))
     found = Prediction(closed_loop=False).run((other,), robot, context(), fit)
     assert [doubt.kind for doubt in found.doubts] == ["extrapolation"]

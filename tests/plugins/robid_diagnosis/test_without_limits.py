@@ -44,8 +44,8 @@ def record(told: Robot, plant_of: Callable[..., Robot], measured: Callable[..., 
 def test_the_torque_fit_finds_the_same(told: Robot, record: Record) -> None:
     """The limit only widens a prior of friction's functions: what the data tell does not hang on it."""
     stage = TorqueResidualFit(free=("gear_*",), passes=4)
-    with_limits = stage.run(record, told, context()).parameters
-    without = stage.run(record, without_limits(told), context()).parameters
+    with_limits = stage.run((record,), told, context()).parameters
+    without = stage.run((record,), without_limits(told), context()).parameters
     assert with_limits.names == without.names
     apart = np.abs(with_limits.estimate - without.estimate)
     assert (apart < 0.1 * with_limits.standard_error).all(), apart / with_limits.standard_error
@@ -53,7 +53,7 @@ def test_the_torque_fit_finds_the_same(told: Robot, record: Record) -> None:
 
 def test_a_diagnosis_says_what_it_left_out_and_why(told: Robot, record: Record) -> None:
     bare = without_limits(told)
-    fit = RigidBodyFit().run(record, bare)
+    fit = RigidBodyFit().run((record,), bare)
     simulated = ClosedLoopSimulation().run(record, fit, bare, context())
     assert simulated.verdict.startswith(f"The closed loop was not simulated: {LACKS}")
     assert not simulated.time

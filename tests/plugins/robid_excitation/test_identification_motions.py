@@ -111,7 +111,7 @@ def test_an_optimised_trajectory_tells_the_parameters_as_much_better_as_predicte
         record = measure(excitation)
         assert record.line is None
         fit = RigidBodyFit(cutoff_hz=50.0, drop_first=0, drop_last=0, prior=dict.fromkeys(PROMISED, 3.0))
-        fits.append(fit.run(record, robot))
+        fits.append(fit.run((record,), robot))
         predictions.append(predicted_errors(problem, excitation, robot))
     for fit, predicted in zip(fits, predictions, strict=True):
         # The drives follow within some per cent, and the columns are of second order in the motion; the variance of a

@@ -111,7 +111,7 @@ def fit_of(record: Record, robot: Robot, arm_side: tuple[str, ...], **settings: 
         np.random.default_rng(1), map_in_process, lambda *a, **k: None, logging.getLogger("test")
     )
     stage = TorqueResidualFit(free=FREE, arm_side=arm_side, highest_hz=90.0, **settings)
-    return stage.run(record, robot, context)
+    return stage.run((record,), robot, context)
 
 
 POSES = np.array([[0.3, 0.4, -0.3, 0.5, 0.6, 0.2], [-0.7, -0.2, 0.5, -0.9, -0.5, 1.0]])
@@ -121,7 +121,7 @@ def test_derivatives_of_all_rows_are_differences() -> None:
     """Six axes with bearings: springs, dampers, bodies, rotors, gains and delays of sensors, and of torques."""
     robot = quiet("six_axis")
     record = record_of(robot, POSES, 1, 1)
-    problem = TorqueResidualFit(arm_side=BOTH, highest_hz=90.0).problem(record, robot)
+    problem = TorqueResidualFit(arm_side=BOTH, highest_hz=90.0).problem((record,), robot)
     assert len(problem.sensors) == 12
     generator, n_robot = np.random.default_rng(3), problem.n_unknown - problem.n_delay - 24
     point = np.zeros(problem.n_unknown)
@@ -157,7 +157,7 @@ def test_a_right_robot_leaves_nothing_in_any_row() -> None:
     """Of state space, a solution of its own: encoder and torque sensor at every axis follow the motors' angles."""
     robot = quiet("six_axis")
     problem = TorqueResidualFit(arm_side=BOTH, highest_hz=90.0).problem(
-        record_of(robot, POSES, 1, 2, noise=0.0), robot
+        (record_of(robot, POSES, 1, 2, noise=0.0),), robot
     )
     (residual,) = problem.residuals(np.zeros(problem.n_unknown))
     rows = problem.blocks[0].measured[:, :, LINES]
@@ -188,7 +188,9 @@ def test_errors_of_springs_are_those_that_the_study_of_sensors_says(
     sensors += [Sensor((seen[name],), NOISE[name]) for name in arm_side]
     experiment = Experiment(POSES, LINES / (N * T), torque, N * N_PERIOD, TORQUE_NOISE)
     expected = errors(Study(robot, experiment, tuple(sensors)))
-    problem = TorqueResidualFit(arm_side=arm_side, highest_hz=90.0, arm_side_gain=1e-9).problem(record, robot)
+    problem = TorqueResidualFit(arm_side=arm_side, highest_hz=90.0, arm_side_gain=1e-9).problem(
+        (record,), robot
+    )
     point, (block,) = np.zeros(problem.n_unknown), problem.blocks
     weights = problem.weightings(point, [whitener(block.noise(robot, problem.friction_size(point)))])
     covariance = np.linalg.inv(problem.linearise(point, weights).whole)
@@ -207,7 +209,7 @@ def test_an_accelerometer_is_worth_what_the_study_of_sensors_says(axis: int) -> 
     robot = with_units(quiet("six_axis"), (f"axis_{axis + 1}",))
     settings = {"arm_side": ("link_acceleration",), "highest_hz": 90.0}
     exact = record_of(robot, POSES, 1, 2, noise=0.0, units=(axis,))
-    problem = TorqueResidualFit(**settings).problem(exact, robot)
+    problem = TorqueResidualFit(**settings).problem((exact,), robot)
     assert [one.channel[-1] for one in problem.sensors] == ["x", "y", "z"]
     (residual,) = problem.residuals(np.zeros(problem.n_unknown))
     rows = problem.blocks[0].measured[:, :, LINES]
@@ -223,7 +225,7 @@ def test_an_accelerometer_is_worth_what_the_study_of_sensors_says(axis: int) -> 
     experiment = Experiment(POSES, LINES / (N * T), torque, N * N_PERIOD, TORQUE_NOISE)
     expected = errors(Study(robot, experiment, sensors))
     problem = TorqueResidualFit(**settings, arm_side_gain=1e-9, arm_side_mounting_rad=1e-9).problem(
-        record, robot
+        (record,), robot
     )
     point, (block,) = np.zeros(problem.n_unknown), problem.blocks
     weights = problem.weightings(point, [whitener(block.noise(robot, problem.friction_size(point)))])
@@ -239,7 +241,7 @@ def test_derivatives_of_inertial_rows_are_differences() -> None:
     robot = with_units(quiet("six_axis"), ("axis_3", "axis_6"))
     record = record_of(robot, POSES, 1, 1, units=(2, 5))
     problem = TorqueResidualFit(arm_side=("joint_position", "link_acceleration"), highest_hz=90.0).problem(
-        record, robot
+        (record,), robot
     )
     generator, point = np.random.default_rng(3), np.zeros(problem.n_unknown)
     n_robot, n_sensor = problem.n_unknown - problem.n_delay - 2 * 12 - 6, 12
@@ -311,7 +313,7 @@ def test_axes_without_a_sensor_and_one_that_is_late_are_known() -> None:
     some[..., 3:] = np.nan
     fewer = {**run.channels, "joint_position": run.channels["joint_position"].replace(values=some)}
     problem = TorqueResidualFit(arm_side=BOTH, highest_hz=90.0).problem(
-        record.replace(runs=(run.replace(channels=fewer),)), robot
+        (record.replace(runs=(run.replace(channels=fewer),)),), robot
     )
     assert [(one.channel, one.axis) for one in problem.sensors] == [
         *(("joint_position", axis) for axis in range(3)), *(("joint_torque", axis) for axis in range(6)),

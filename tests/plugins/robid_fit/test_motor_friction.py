@@ -49,7 +49,7 @@ def test_levels_hold_within_their_errors_where_friction_turns_round_within_anoth
     for number in range(4):
         plant = plant_of(nominal, width * generator.uniform(0.9, 1.1), generator)
         record = record_of(plant, nominal, generator.uniform(-0.8, 0.8, (2, 1)), seed=200 + number)
-        fit = TorqueResidualFit().run(record, nominal, context(number))
+        fit = TorqueResidualFit().run((record,), nominal, context(number))
         off.append(list(deviations(fit, plant).values()))
         # What the page shows and the robot file says are one number.
         assert fit.model is not None
@@ -70,9 +70,9 @@ def test_functions_of_speed_are_laid_about_narrower_friction_and_the_misfit_fall
     record = record_of(plant, nominal, np.array([[0.3], [-0.5]]), seed=31)
     said: list[str] = []
     own = Context(np.random.default_rng(1), map_in_process, lambda *a, **k: None, Log("friction", said))
-    found = TorqueResidualFit().run(record, nominal, own)
+    found = TorqueResidualFit().run((record,), nominal, own)
     widths = tuple(0.5 * one for one in (0.5, 0.75, 1.1, 1.7, 3, 6, 12))
-    before = TorqueResidualFit(friction_widths=widths).run(record, nominal, context(1))
+    before = TorqueResidualFit(friction_widths=widths).run((record,), nominal, context(1))
     assert any("laid about" in line for line in said)
     assert found.misfit < 0.9 * before.misfit
     assert found.parameters.value("friction.axis_1.speed") == pytest.approx(0.12, rel=0.1)
@@ -92,7 +92,7 @@ class Log(logging.Logger):
 def test_a_speed_that_is_fixed_stays(nominal: Robot) -> None:
     plant = plant_of(nominal, 0.8, np.random.default_rng(13))
     record = record_of(plant, nominal, np.array([[0.3], [-0.5]]), seed=32)
-    fit = TorqueResidualFit(fixed=("friction.*.speed",)).run(record, nominal, context(1))
+    fit = TorqueResidualFit(fixed=("friction.*.speed",)).run((record,), nominal, context(1))
     assert fit.model is not None
     assert "friction.axis_1.speed" not in fit.model.names
     assert Robot.of_model(fit.model).parameter("friction.axis_1.speed") == 0.5
@@ -108,7 +108,7 @@ def test_friction_that_falls_with_speed_is_drawn_and_told(nominal: Robot) -> Non
         {"coulomb": 0.0, "breakaway": 0.2, "stribeck_speed": 4.0},
     )
     record = record_of(plant, nominal, np.array([[0.3], [-0.5]]), seed=33)
-    fit = TorqueResidualFit().run(record, nominal, context(1))
+    fit = TorqueResidualFit().run((record,), nominal, context(1))
     remark = next(doubt for doubt in fit.doubts if doubt.kind == "friction")
     assert remark.is_remark
     assert "axis_1" in remark.sentence

@@ -24,7 +24,7 @@ def relative_deviation(fit: Fit, robot: Robot) -> dict[str, float]:
 def test_a_coupled_arm_with_a_slide_is_recovered(tmp_path: Path) -> None:
     robot = loaded(tmp_path, ARM)
     fit = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500).run(
-        recording(robot, 1), robot
+        (recording(robot, 1),), robot
     )
     assert fit.converged
     # The start values are the truth here. Errors left are those of central differences at 1.2 Hz, (w h)^2/3 = 2e-5, of
@@ -41,11 +41,11 @@ def test_a_torque_of_the_wrong_sign_gives_no_fit_and_still_a_robot_that_can_be(t
     robot = loaded(tmp_path, ARM)
     right = recording(robot, 1, noise=0.05)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
-    assert [doubt.kind for doubt in settings.run(right, robot).doubts] == []
+    assert [doubt.kind for doubt in settings.run((right,), robot).doubts] == []
     flipped = record_of(
         robot, *(right.run.values(f"motor_{n}")[0, 0, 0, 0] * s for n, s in (("position", 1), ("torque", -1)))
     )
-    fit = settings.run(flipped, robot)
+    fit = settings.run((flipped,), robot)
     assert not fit.converged
     assert "more than half of the torque unexplained" in fit.status
     assert {doubt.kind for doubt in fit.doubts} >= {"convergence", "tolerance"}
@@ -69,7 +69,7 @@ def test_the_mass_matrix_is_positive_everywhere_however_little_a_motion_shows(tm
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=100, drop_last=100, fixed=offsets)
     angle = np.random.default_rng(0).uniform(-3, 3, (300, 3)) * [1, 1, 0.1]
     for seed in range(5):
-        fit = settings.run(recording(truth, seed, seconds=1.0, noise=0.3), robot)
+        fit = settings.run((recording(truth, seed, seconds=1.0, noise=0.3),), robot)
         assert fit.model is not None
         assert (np.linalg.eigvalsh(Robot.of_model(fit.model).second_order(angle).mass) > 0).all()
 
@@ -82,8 +82,8 @@ def test_what_was_fitted_predicts_another_motion(tmp_path: Path) -> None:
         body["mass"] *= 1.4
     robot = loaded(tmp_path, wrong)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
-    fitted = settings.run(recording(truth, 1), robot).base
-    again = settings.run(recording(truth, 2), robot).base
+    fitted = settings.run((recording(truth, 1),), robot).base
+    again = settings.run((recording(truth, 2),), robot).base
     assert fitted is not None
     assert again is not None
     assert fitted.names == again.names
@@ -91,7 +91,7 @@ def test_what_was_fitted_predicts_another_motion(tmp_path: Path) -> None:
     assert (np.abs(fitted.estimate - again.estimate) / scale).max() < 0.03
     # The mass of the slide stands alone; the wrong file does not reach it.
     assert fitted.value("mass.j3") == pytest.approx(2.0, rel=0.01)
-    known = settings.run(recording(truth, 1), truth).base
+    known = settings.run((recording(truth, 1),), truth).base
     assert known is not None
     assert (np.abs(fitted.estimate - known.start) / scale).max() < 0.03
 
@@ -99,7 +99,7 @@ def test_what_was_fitted_predicts_another_motion(tmp_path: Path) -> None:
 def test_held_parameters_keep_the_robot_files_values(tmp_path: Path) -> None:
     robot = loaded(tmp_path, ARM)
     record = recording(robot, 3)
-    fit = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20).run(record, robot)
+    fit = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20).run((record,), robot)
     assert tuple(fit.parameters.as_mapping()) == tuple(
         f"friction.j{i}.{kind}" for kind in ("viscous", "coulomb") for i in (1, 2, 3)
     )
@@ -109,7 +109,7 @@ def test_held_parameters_keep_the_robot_files_values(tmp_path: Path) -> None:
 
 def test_rotor_inertia_of_a_slide_goes_with_its_mass_and_keeps_its_value(tmp_path: Path) -> None:
     robot = slide(tmp_path)
-    fit = RigidBodyFit(cutoff_hz=50.0).run(recording(robot, 4), robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((recording(robot, 4),), robot)
     assert fit.base is not None
     assert fit.base.names == ("mass.x", "friction.x.viscous", "friction.x.coulomb", "friction.x.offset")
     assert fit.base.units == ("kg", "N s/m", "N", "N")
@@ -130,13 +130,13 @@ def test_standard_errors_cover_the_truth(tmp_path: Path, repeats: int) -> None:
     clean = recording(robot, 5, seconds=5.0, smooth_friction=False)
     draw = np.random.default_rng(6)
     settings = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0)
-    bias = settings.run(clean, robot).base.estimate - true
+    bias = settings.run((clean,), robot).base.estimate - true
     normalised = []
     for _ in range(repeats):
         values = clean.run.values("motor_torque")[0, 0, 0, 0]
         position = clean.run.values("motor_position")[0, 0, 0, 0]
         noisy = record_of(robot, position, values + draw.normal(size=values.shape))
-        table = settings.run(noisy, robot).base
+        table = settings.run((noisy,), robot).base
         normalised.append((table.estimate - true - bias) / table.standard_error)
     # White torque noise, band-limited and decimated by ten, is white again but for the filter's edge: the mean of four
     # squares a record scatters by sqrt(2 / (4 repeats)) about 1: 0.1 of 50 records.
@@ -147,8 +147,8 @@ def test_smooth_friction_of_the_robot_file_is_the_default(tmp_path: Path) -> Non
     robot = slide(tmp_path, axes={"x": {**DRIVE, "rotor_inertia": 5.0, "friction": {
         "coulomb": 20.0, "viscous": 200.0, "offset": -3.0, "speed": 0.1}}})  # fmt: skip
     record = recording(robot, 7)
-    smooth = RigidBodyFit(cutoff_hz=50.0).run(record, robot)
-    plain = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0).run(record, robot)
+    smooth = RigidBodyFit(cutoff_hz=50.0).run((record,), robot)
+    plain = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0).run((record,), robot)
     assert smooth.parameters.value("friction.x.coulomb") == pytest.approx(20.0, rel=1e-3)
     assert plain.time[0].relative_error > 10 * smooth.time[0].relative_error
 
@@ -156,7 +156,7 @@ def test_smooth_friction_of_the_robot_file_is_the_default(tmp_path: Path) -> Non
 def test_the_comparison_shows_measured_and_predicted_force_at_the_kept_samples(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     record = recording(robot, 8, seconds=3.0, noise=1.0)
-    (time,) = RigidBodyFit(cutoff_hz=50.0, drop_first=100, drop_last=200).run(record, robot).time
+    (time,) = RigidBodyFit(cutoff_hz=50.0, drop_first=100, drop_last=200).run((record,), robot).time
     # Samples 100 to 2799 are kept, and of these the last of every ten.
     np.testing.assert_allclose(time.time_s, np.arange(109, 2800, 10) * STEP)
     error = np.linalg.norm(time.measured - time.modelled) / np.linalg.norm(time.measured)
@@ -172,7 +172,7 @@ def test_an_axis_that_stands_still_cannot_be_identified(tmp_path: Path) -> None:
     with pytest.raises(
         NotIdentifiable, match=r"does not excite mass\.x, friction\.x\.viscous, friction\.x\.coulomb"
     ):
-        RigidBodyFit().run(record, robot)
+        RigidBodyFit().run((record,), robot)
 
 
 def test_torque_of_the_wrong_sign_does_not_pass_as_a_robot(tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_torque_of_the_wrong_sign_does_not_pass_as_a_robot(tmp_path: Path) -> No
     good = recording(robot, 9)
     values = good.run.values("motor_torque")[0, 0, 0, 0]
     record = record_of(robot, good.run.values("motor_position")[0, 0, 0, 0], -values)
-    fit = RigidBodyFit(cutoff_hz=50.0).run(record, robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((record,), robot)
     assert not fit.converged
     assert fit.parameters.value("mass.x") > 0
     at_bound = [n for n, own in zip(fit.parameters.names, fit.parameters.at_bound, strict=True) if own]
@@ -192,7 +192,7 @@ def test_torque_that_has_nothing_to_do_with_the_motion_is_not_a_fit(tmp_path: Pa
     good = recording(robot, 10)
     position = good.run.values("motor_position")[0, 0, 0, 0]
     torque = 1e3 * np.sin(2 * np.pi * 7 * np.arange(len(position)) * STEP)[:, None]
-    fit = RigidBodyFit(cutoff_hz=50.0).run(record_of(robot, position, torque), robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((record_of(robot, position, torque),), robot)
     assert not fit.converged
 
 
@@ -200,16 +200,16 @@ def test_holes_and_short_recordings_are_rejected(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     values = np.random.default_rng(0).normal(size=(105, 1))
     with pytest.raises(DataRejected, match="105 samples only"):
-        RigidBodyFit().run(record_of(robot, values, values), robot)
+        RigidBodyFit().run((record_of(robot, values, values),), robot)
     values = np.random.default_rng(0).normal(size=(1000, 1))
     with pytest.raises(DataRejected, match="holes"):
-        RigidBodyFit().run(record_of(robot, values, values, valid=False), robot)
+        RigidBodyFit().run((record_of(robot, values, values, valid=False),), robot)
 
 
 def test_the_same_record_gives_the_same_bytes(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     record = recording(robot, 11, seconds=3.0, noise=1.0)
-    first, second = (RigidBodyFit(cutoff_hz=50.0).run(record, robot) for _ in range(2))
+    first, second = (RigidBodyFit(cutoff_hz=50.0).run((record,), robot) for _ in range(2))
     assert first.parameters.estimate.tobytes() == second.parameters.estimate.tobytes()
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
@@ -226,7 +226,9 @@ def test_elastic_coordinates_do_not_take_the_mass_away_from_its_joint(tmp_path: 
     bearing = {"joint": "j1", "axis": [1.0, 0.0, 0.0], "stiffness": 1e5, "damping": 10.0}
     elastic = loaded(tmp_path, {**ARM, "name": "elastic", "bearings": {"j1_x": bearing}})
     record = recording(stiff, 1, seconds=5.0)
-    first, second = (RigidBodyFit(cutoff_hz=50.0).run(record, robot).parameters for robot in (stiff, elastic))
+    first, second = (
+        RigidBodyFit(cutoff_hz=50.0).run((record,), robot).parameters for robot in (stiff, elastic)
+    )
     assert first.names == second.names
     np.testing.assert_allclose(first.estimate, second.estimate, rtol=1e-9)
     np.testing.assert_array_equal(first.start, second.start)
@@ -250,7 +252,7 @@ def test_effects_that_mean_nothing_in_a_rigid_robot_are_refused_by_name(
     bare = loaded(tmp_path, ARM)
     robot = loaded(tmp_path, {**ARM, "name": "elastic", "axes": axes, "effects": {"grease": effect}})
     with pytest.raises(ConfigurationError, match=told):
-        RigidBodyFit().run(recording(bare, 1, seconds=1.0), robot)
+        RigidBodyFit().run((recording(bare, 1, seconds=1.0),), robot)
 
 
 @pytest.mark.parametrize("unknowns", [("viscous", "coulomb"), ("inertia", "viscous", "coulomb")])
@@ -260,7 +262,7 @@ def test_a_payload_is_known(tmp_path: Path, unknowns: Any) -> None:
     robot = loaded(tmp_path, {**ARM, "name": "loaded", "effects": {"tool": tool}})
     record = recording(robot, 3)
     settings = RigidBodyFit(unknowns=unknowns, cutoff_hz=50.0, decimation=20, drop_first=200, drop_last=200)
-    told, untold = settings.run(record, robot), settings.run(record, bare)
+    told, untold = settings.run((record,), robot), settings.run((record,), bare)
     for name, deviation in relative_deviation(told, robot).items():
         assert abs(deviation) < 0.005, name
     if "inertia" in unknowns:
@@ -279,12 +281,12 @@ def test_a_payload_that_the_record_states_is_known(tmp_path: Path) -> None:
     run = record.run.replace(constant_names=("payload_kg",), constants=np.full((1, 1, 1, 1), 4.0))
     settings = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20)
     stated = settings.model_copy(update={"constants": {"payload_kg": "effect.tool.mass"}})
-    fit = stated.run(record.replace(runs=(run,)), nominal)
-    assert fit.parameters.estimate.tolist() == settings.run(record, truth).parameters.estimate.tolist()
+    fit = stated.run((record.replace(runs=(run,)),), nominal)
+    assert fit.parameters.estimate.tolist() == settings.run((record,), truth).parameters.estimate.tolist()
     assert fit.model is not None
     assert Robot.of_model(fit.model).parameter("effect.tool.mass") == 4.0
     with pytest.raises(DataRejected, match="payload_kg"):
-        stated.run(record, nominal)
+        stated.run((record,), nominal)
 
 
 def test_the_model_has_the_bodies_that_were_measured(tmp_path: Path) -> None:
@@ -297,7 +299,7 @@ def test_the_model_has_the_bodies_that_were_measured(tmp_path: Path) -> None:
         body["centre_of_mass"] = [1.1 * x for x in body.get("centre_of_mass", [0, 0, 0])]
     robot = loaded(tmp_path, wrong)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500)
-    model = settings.run(recording(truth, 1, noise=0.02), robot).model
+    model = settings.run((recording(truth, 1, noise=0.02),), robot).model
     assert model is not None
     found = Robot.of_model(model)
     angle = np.random.default_rng(3).uniform(-0.5, 0.5, (20, 3)) * [1, 1, 0.05]
@@ -321,7 +323,7 @@ def test_friction_that_scatters_below_zero_is_none_in_the_model(tmp_path: Path) 
     values = record.run.values("motor_torque")[0, 0, 0, 0]
     position = record.run.values("motor_position")[0, 0, 0, 0]
     push = 0.05 * np.sign(np.gradient(position, axis=0))  # the other way: a level of -0.05 N
-    fit = RigidBodyFit(cutoff_hz=50.0).run(record_of(robot, position, values - push), robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((record_of(robot, position, values - push),), robot)
     assert fit.parameters.value("friction.x.coulomb") == 0
     assert fit.parameters.at_bound[fit.parameters.names.index("friction.x.coulomb")]
     assert fit.model is not None
@@ -342,9 +344,9 @@ def test_friction_that_one_speed_in_one_direction_cannot_tell_apart_is_refused(t
     force = 95.0 * acceleration + 200.0 * speed + 20.0 - 3.0
     force = force + 0.1 * np.random.default_rng(1).standard_normal(force.shape)
     with pytest.raises(NotIdentifiable, match=r"friction\.x\.coulomb, friction\.x\.offset"):
-        RigidBodyFit(cutoff_hz=50.0).run(record_of(robot, position, force), robot)
+        RigidBodyFit(cutoff_hz=50.0).run((record_of(robot, position, force),), robot)
     held = RigidBodyFit(cutoff_hz=50.0, fixed=("friction.x.offset",)).run(
-        record_of(robot, position, force), robot
+        (record_of(robot, position, force),), robot
     )
     assert held.parameters.value("friction.x.coulomb") == pytest.approx(20.0, abs=1.0)
 
@@ -353,7 +355,7 @@ def test_friction_that_one_speed_in_one_direction_cannot_tell_apart_is_refused(t
 def test_what_is_held_needs_no_tolerance(tmp_path: Path, fixed: str) -> None:
     robot = loaded(tmp_path, ARM)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500, fixed=(fixed,))
-    fit = settings.run(recording(robot, 1), robot)
+    fit = settings.run((recording(robot, 1),), robot)
     assert fit.converged
     assert not [name for name in fit.parameters.names if name.startswith(fixed[:-1])]
 
@@ -366,7 +368,7 @@ def test_one_block_left_out_is_nothing_to_fit_to() -> None:
 def test_essential_parameters_predict_as_well_with_fewer(tmp_path: Path) -> None:
     robot = loaded(tmp_path, ARM)
     record = recording(robot, 1, seconds=6.0, noise=0.3)
-    fit = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=200, drop_last=200).run(record, robot)
+    fit = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=200, drop_last=200).run((record,), robot)
     found, base = fit.essential, fit.base
     assert found is not None
     assert base is not None
@@ -381,3 +383,33 @@ def test_essential_parameters_predict_as_well_with_fewer(tmp_path: Path) -> None
             assert abs(value - known[name]) < 4 * error
     text = "\n".join(artifact_lines(fit))
     assert f"{found.removed[0]} " in text.partition("left out")[2]
+
+
+def test_recordings_of_different_lengths_are_fitted_together(tmp_path: Path) -> None:
+    """Equations of all count: the errors are those of as many equations, and a copy of a recording is refused."""
+    truth = loaded(tmp_path, ARM)
+    settings = RigidBodyFit(cutoff_hz=50.0, decimation=20)
+    records = [
+        recording(truth, seed, seconds=own, noise=0.05) for seed, own in ((1, 5.0), (2, 8.0), (3, 14.0))
+    ]
+    together = settings.run(tuple(records), truth)
+    alone = [settings.run((one,), truth) for one in records]
+    assert len(together.time[0].measured) == sum(len(one.time[0].measured) for one in alone)
+    assert together.base is not None
+    error, known = together.base.standard_error, truth.parameters()
+    # What three independent recordings tell of a number adds up, but for what was known before any.
+    separate = [1 / one.base.standard_error**2 for one in alone if one.base is not None]
+    np.testing.assert_allclose(error, np.sum(separate, axis=0) ** -0.5, rtol=0.35)
+    table = together.parameters
+    off = [
+        (table.value(name) - known[name]) / table.standard_error[table.names.index(name)]
+        for name in (
+            "friction.j1.coulomb",
+            "friction.j2.coulomb",
+            "friction.j1.viscous",
+            "friction.j2.viscous",
+        )
+    ]
+    assert np.abs(off).max() < 4
+    with pytest.raises(DataRejected, match="holds the samples of experiment 1 of block 1, configuration 1"):
+        settings.run((records[0], records[0].replace(source="again")), truth)

@@ -45,7 +45,7 @@ def fitted(folder: Path, effect: dict[str, Any], law: Law, axis: int, seed: int 
     for body in nominal["bodies"]:
         body["mass"] *= 1.1
     robot = loaded(folder, nominal)
-    return SETTINGS.run(with_law(recording(truth, seed), truth, axis, law), robot), robot
+    return SETTINGS.run((with_law(recording(truth, seed), truth, axis, law),), robot), robot
 
 
 def z_of(fit: Fit, name: str, true: float) -> float:
@@ -66,7 +66,7 @@ def test_friction_that_grows_with_the_load_is_found_beside_wrong_masses(tmp_path
     assert abs(z_of(fit, "effect.law.load_coulomb", 0.06)) < 4
     assert abs(z_of(fit, "friction.j1.coulomb", 0.4)) < 4
     bare = SETTINGS.model_copy(update={"fixed": ()}).run(
-        with_law(recording(loaded(tmp_path, ARM), 1), loaded(tmp_path, ARM), 0, load_dependent),
+        (with_law(recording(loaded(tmp_path, ARM), 1), loaded(tmp_path, ARM), 0, load_dependent),),
         loaded(tmp_path, ARM),
     )
     assert bare.time[0].relative_error > 4 * fit.time[0].relative_error
@@ -89,7 +89,7 @@ def test_a_bristle_is_run_along_the_motion_and_its_stiffness_found(tmp_path: Pat
     truth = loaded(tmp_path, ARM)
     robot = loaded(tmp_path, {**ARM, "name": "nominal", "effects": {"law": effect}})
     settings = SETTINGS.model_copy(update={"fixed": ("friction.j2.coulomb",)})
-    fit = settings.run(with_law(recording(truth, 1), truth, 1, dahl), robot)
+    fit = settings.run((with_law(recording(truth, 1), truth, 1, dahl),), robot)
     assert fit.converged
     assert fit.parameters.value("effect.law.coulomb") == pytest.approx(level, rel=0.03)
     assert fit.parameters.value("effect.law.stiffness") == pytest.approx(stiffness, rel=0.05)
@@ -123,7 +123,7 @@ def test_a_cable_at_a_joint_is_found_and_its_load_reaches_the_friction(tmp_path:
                 "with": {"coulomb": 0.0, "load_coulomb": 0.02, "load_excess": 0.0, "speed": 0.05}},
     }  # fmt: skip
     robot = loaded(tmp_path, {**ARM, "name": "nominal", "effects": effects})
-    fit = SETTINGS.run(with_law(recording(truth, 3), truth, 0, both), robot)
+    fit = SETTINGS.run((with_law(recording(truth, 3), truth, 0, both),), robot)
     assert fit.converged
     assert fit.parameters.value("effect.cable.stiffness") == pytest.approx(40.0, rel=0.05)
     assert fit.parameters.value("effect.law.load_coulomb") == pytest.approx(0.06, rel=0.03)

@@ -55,7 +55,7 @@ def row(fit: Fit, name: str) -> tuple[float, float]:
 def test_waves_are_found_with_size_and_phase_and_go_into_the_model(tmp_path: Path) -> None:
     off = []
     for seed in (1, 2, 3):
-        fit = SETTINGS.run(waved(tmp_path, seed), told(tmp_path))
+        fit = SETTINGS.run((waved(tmp_path, seed),), told(tmp_path))
         assert fit.converged
         for axis, (_, amplitude, phase) in WAVES.items():
             size, error = row(fit, f"effect.cog_{axis}.amplitude")
@@ -72,8 +72,8 @@ def test_waves_are_found_with_size_and_phase_and_go_into_the_model(tmp_path: Pat
 
 def test_a_wave_that_is_not_told_is_left_and_a_held_one_counts(tmp_path: Path) -> None:
     record = waved(tmp_path, 1)
-    free = SETTINGS.run(record, told(tmp_path))
-    bare = SETTINGS.run(record, loaded(tmp_path, ARM))
+    free = SETTINGS.run((record,), told(tmp_path))
+    bare = SETTINGS.run((record,), loaded(tmp_path, ARM))
     right = told(tmp_path).with_parameters(
         {f"effect.cog_{axis}.{name}": value for axis, (_, a, p) in WAVES.items()
          for name, value in (("amplitude", a), ("phase", p))}
@@ -82,7 +82,7 @@ def test_a_wave_that_is_not_told_is_left_and_a_held_one_counts(tmp_path: Path) -
         update={"unknowns": ("inertia", "rotor_inertia", "viscous", "coulomb", "offset")}
     )
     assert bare.time[0].relative_error > 2 * free.time[0].relative_error
-    known = held.run(record, right)
+    known = held.run((record,), right)
     assert known.time[0].relative_error == pytest.approx(free.time[0].relative_error, rel=0.02)
     assert not any("cog" in name for name in known.parameters.names)
 

@@ -53,11 +53,11 @@ def test_intervals_hold_the_truth_where_residuals_are_coloured(
     clean = recording(robot, 5, seconds=10.0, smooth_friction=False)
     position, force = (clean.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
     settings, draw = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0), np.random.default_rng(6)
-    bias = settings.run(clean, robot).base.estimate - TRUE  # type: ignore[union-attr]
+    bias = settings.run((clean,), robot).base.estimate - TRUE  # type: ignore[union-attr]
     held, remarked = [], []
     for _ in range(repeats):
         noise = 2.0 * coloured(len(force), 0.99, draw)[:, None]
-        fit = settings.run(record_of(robot, position, force + noise), robot)
+        fit = settings.run((record_of(robot, position, force + noise),), robot)
         assert fit.base is not None
         off = np.abs(fit.base.estimate - TRUE - bias)
         held.append(off < 1.96 * fit.base.standard_error)
@@ -74,11 +74,11 @@ def test_a_memory_that_a_record_is_too_short_for_is_doubted(tmp_path: Path) -> N
     clean = recording(robot, 5, seconds=10.0, smooth_friction=False)
     position, force = (clean.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
     settings, draw = RigidBodyFit(cutoff_hz=50.0, friction_speed=0.0), np.random.default_rng(6)
-    offset, doubted = settings.run(clean, robot).base.estimate[3], 0  # type: ignore[union-attr]
+    offset, doubted = settings.run((clean,), robot).base.estimate[3], 0  # type: ignore[union-attr]
     held = []
     for _ in range(30):
         noise = 2.0 * coloured(len(force), 0.9995, draw)[:, None]
-        fit = settings.run(record_of(robot, position, force + noise), robot)
+        fit = settings.run((record_of(robot, position, force + noise),), robot)
         assert fit.base is not None
         held.append(abs(fit.base.estimate[3] - offset) < 1.96 * fit.base.standard_error[3])
         doubted += fit.is_doubted
@@ -95,12 +95,12 @@ def test_standard_errors_cover_with_axes_of_different_noise(
     clean = recording(robot, 1, seconds=8.0)
     position, torque = (clean.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=10, drop_first=200, drop_last=200)
-    draw, true = np.random.default_rng(4), settings.run(clean, robot).base
+    draw, true = np.random.default_rng(4), settings.run((clean,), robot).base
     assert true is not None
     normalised = []
     for _ in range(repeats):
         noise = [0.5, 0.005, 0.5] * draw.standard_normal(torque.shape)
-        base = settings.run(record_of(robot, position, torque + noise), robot).base
+        base = settings.run((record_of(robot, position, torque + noise),), robot).base
         assert base is not None
         normalised.append((base.estimate - true.estimate) / base.standard_error)
     # The mean of 240 squares scatters by 0.1 where all are independent, of 100 by 0.14; tolerances keep some below one.
@@ -109,7 +109,7 @@ def test_standard_errors_cover_with_axes_of_different_noise(
 
 def test_a_record_of_white_noise_has_no_inflation_to_speak_of(tmp_path: Path) -> None:
     robot = slide(tmp_path)
-    fit = RigidBodyFit(cutoff_hz=50.0).run(recording(robot, 8, seconds=10.0, noise=1.0), robot)
+    fit = RigidBodyFit(cutoff_hz=50.0).run((recording(robot, 8, seconds=10.0, noise=1.0),), robot)
     assert [doubt.kind for doubt in fit.doubts] == []
 
 
@@ -136,15 +136,15 @@ def test_experiments_that_disagree_are_told(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     alike = [recording(robot, seed, seconds=4.0, noise=1.0) for seed in (1, 2, 3, 4)]
     settings = RigidBodyFit(cutoff_hz=50.0)
-    assert [d.kind for d in settings.run(of_experiments(robot, alike), robot).doubts] == []
+    assert [d.kind for d in settings.run((of_experiments(robot, alike),), robot).doubts] == []
     warm = []
     for k, one in enumerate(alike):
         position, force = (one.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
         more = 2.0 * k * np.tanh(np.gradient(position, STEP, axis=0) / 1e-3)
         warm.append(record_of(robot, position, force + more))
-    kinds = [d.kind for d in settings.run(of_experiments(robot, warm), robot).doubts]
+    kinds = [d.kind for d in settings.run((of_experiments(robot, warm),), robot).doubts]
     assert "experiments disagree" in kinds
-    (doubt,) = [d for d in settings.run(of_experiments(robot, warm), robot).doubts if "disagree" in d.kind]
+    (doubt,) = [d for d in settings.run((of_experiments(robot, warm),), robot).doubts if "disagree" in d.kind]
     assert "friction.x.coulomb " in doubt.sentence
     assert not doubt.is_remark
 
@@ -163,7 +163,7 @@ def test_experiments_that_are_alike_are_hardly_ever_said_to_disagree(
             position, force = (one.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
             noise = 2.0 * coloured(len(force), 0.98, draw)[:, None]
             noisy.append(record_of(robot, position, force + noise))
-        fit = settings.run(of_experiments(robot, noisy), robot)
+        fit = settings.run((of_experiments(robot, noisy),), robot)
         told += "experiments disagree" in [doubt.kind for doubt in fit.doubts]
     assert told <= most  # with a chance of 0.01 more than one of 10: 0.004; more than two of 40: 0.008
 
@@ -171,16 +171,16 @@ def test_experiments_that_are_alike_are_hardly_ever_said_to_disagree(
 def test_tolerances_widen_as_far_as_the_data_ask_and_no_further(tmp_path: Path) -> None:
     truth = loaded(tmp_path, ARM)
     settings = RigidBodyFit(cutoff_hz=50.0, decimation=20, drop_first=500, drop_last=500, widen=True)
-    kept = settings.run(recording(truth, 1, noise=0.02), truth)
+    kept = settings.run((recording(truth, 1, noise=0.02),), truth)
     assert "widened" not in kept.status
     wrong = json.loads(json.dumps({**ARM, "name": "nominal"}))
     for body, factor in zip(wrong["bodies"], (3.0, 0.3, 3.0), strict=True):
         body["mass"] *= factor
-    fit = settings.run(recording(truth, 1, noise=0.02), loaded(tmp_path, wrong))
+    fit = settings.run((recording(truth, 1, noise=0.02),), loaded(tmp_path, wrong))
     # A third and three times: logarithms of 1.1, where a tenth was promised.
     assert 4 < float(fit.status.rpartition("widened ")[2].partition(" times")[0]) < 20
     held = settings.model_copy(update={"widen": False}).run(
-        recording(truth, 1, noise=0.02), loaded(tmp_path, wrong)
+        (recording(truth, 1, noise=0.02),), loaded(tmp_path, wrong)
     )
     for one in (fit, held):
         assert "tolerance" in [doubt.kind for doubt in one.doubts]
@@ -197,7 +197,7 @@ def test_knocks_do_not_move_a_robust_fit(tmp_path: Path) -> None:
     record = record_of(robot, position, knocked)
     far = {}
     for loss in ("squares", "huber"):
-        base = RigidBodyFit(cutoff_hz=50.0, loss=loss).run(record, robot).base
+        base = RigidBodyFit(cutoff_hz=50.0, loss=loss).run((record,), robot).base
         assert base is not None
         far[loss] = np.abs(base.estimate - TRUE)
     assert (far["huber"] < 0.4 * far["squares"])[[2, 3]].all()
@@ -217,7 +217,7 @@ def test_instruments_take_away_what_noise_of_the_position_costs(tmp_path: Path) 
     record = noisy.replace(runs=(noisy.run.replace(channels=channels),))
     found = {}
     for instruments in ("none", "reference"):
-        base = RigidBodyFit(cutoff_hz=50.0, instruments=instruments).run(record, robot).base
+        base = RigidBodyFit(cutoff_hz=50.0, instruments=instruments).run((record,), robot).base
         assert base is not None
         found[instruments] = (float(base.estimate[0]), float(base.standard_error[0]))
     # Twice differentiated, the noise below 50 Hz outweighs the motion's acceleration several times.
@@ -232,16 +232,16 @@ def test_blocks_that_are_left_out_are_predicted_by_a_fit_to_the_others(tmp_path:
     robot = slide(tmp_path)
     record = recording(robot, 5, seconds=12.0, noise=2.0)
     settings = RigidBodyFit(cutoff_hz=50.0, drop_first=100, drop_last=100)
-    whole = settings.model_copy(update={"blocks": 2}).run(record, robot)
+    whole = settings.model_copy(update={"blocks": 2}).run((record,), robot)
     told = float(whole.status.rpartition("x ")[2].removesuffix(" %")) / 100
     position, force = (record.run.values(f"motor_{n}")[0, 0, 0, 0] for n in ("position", "torque"))
     left, power = 0.0, 0.0
     for own, other in ((slice(None, 6000), slice(6000, None)), (slice(6000, None), slice(None, 6000))):
-        fit = settings.run(record_of(robot, position[other], force[other]), robot)
+        fit = settings.run((record_of(robot, position[other], force[other]),), robot)
         assert fit.model is not None
         model = Robot.of_model(fit.model)
-        equations = RigidEquations.of_record(
-            record_of(model, position[own], force[own]),
+        equations = RigidEquations.of_records(
+            (record_of(model, position[own], force[own]),),
             model,
             model.drives.friction_speed,
             Sampling(50.0, 4, 10, 100, 100, 0),

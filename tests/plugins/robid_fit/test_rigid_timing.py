@@ -65,7 +65,7 @@ def test_intervals_hold_hidden_lags(tmp_path: Path, lag: np.ndarray) -> None:
     shifted, normalised = late(torque, lag), []
     for seed in range(14):
         noise = 0.05 * np.random.default_rng(seed).standard_normal(torque.shape)
-        found, error = lags(SETTINGS.run(record_of(robot, position, shifted + noise), robot))
+        found, error = lags(SETTINGS.run((record_of(robot, position, shifted + noise),), robot))
         normalised.append((found - lag) / error)
     # Decimated noise fills 0.8 of the band, so that squares are 1.25 (1.3 over 150 seeds, by hand); the mean of 42
     # scatters by 0.3 about that, the means of 14 by 0.3 about zero.
@@ -83,7 +83,7 @@ def test_the_half_sample_of_a_held_force_is_known(tmp_path: Path) -> None:
     noise = 0.1 * np.random.default_rng(0).standard_normal(force.shape)
     record = record_of(robot, position[:-1, None], (force + noise)[:, None])
     for hold, expected in (("zero_order_hold", 0.0), ("continuous", -0.5)):
-        found, error = lags(RigidBodyFit(cutoff_hz=50.0).run(record.replace(torque_hold=hold), robot))
+        found, error = lags(RigidBodyFit(cutoff_hz=50.0).run((record.replace(torque_hold=hold),), robot))
         assert abs(found[0] - expected) < 4 * error[0]
         assert error[0] < 0.1
 
@@ -100,7 +100,7 @@ def test_a_model_that_lacks_much_states_a_wide_interval(tmp_path: Path, delays: 
         lacking = 0.05 * np.abs(torque) * np.tanh(speed / 0.05) + 0.1 * torque.std(axis=0) * np.sin(
             3 * position
         )
-        fit = settings.run(record_of(robot, position, late(torque + lacking, np.full(3, 0.37))), robot)
+        fit = settings.run((record_of(robot, position, late(torque + lacking, np.full(3, 0.37))),), robot)
         found, error = lags(fit)
         outside.extend(np.abs(found - 0.37) > 3 * error)
         width.extend(error)
@@ -111,15 +111,15 @@ def test_a_model_that_lacks_much_states_a_wide_interval(tmp_path: Path, delays: 
 def test_torques_are_taken_as_recorded_where_no_delay_is_asked_for(tmp_path: Path) -> None:
     robot = loaded(tmp_path, ARM)
     record = recording(robot, 1, seconds=5.0, noise=0.05)
-    fit = SETTINGS.model_copy(update={"delays": "none"}).run(record, robot)
+    fit = SETTINGS.model_copy(update={"delays": "none"}).run((record,), robot)
     assert not [name for name in fit.parameters.names if name.startswith("torque_delay")]
     assert fit.model is not None
-    assert not [n for n in SETTINGS.run(record, robot).model.names if n.startswith("torque_delay")]  # type: ignore[union-attr]
+    assert not [n for n in SETTINGS.run((record,), robot).model.names if n.startswith("torque_delay")]  # type: ignore[union-attr]
 
 
 def test_a_torque_that_is_late_by_samples_is_doubted(tmp_path: Path) -> None:
     robot: Robot = loaded(tmp_path, ARM)
     position, torque = signals(recording(robot, 1, seconds=10.0, noise=0.01))
-    fit = SETTINGS.run(record_of(robot, position[3:], torque[:-3]), robot)
+    fit = SETTINGS.run((record_of(robot, position[3:], torque[:-3]),), robot)
     (doubt,) = [doubt for doubt in fit.doubts if doubt.kind == "timing"]
     assert "lags the angles by 3" in doubt.sentence

@@ -21,7 +21,7 @@ def test_priors_are_stated_in_the_units_of_the_parameters() -> None:
     context = Context(
         np.random.default_rng(0), map_in_process, lambda *a, **k: None, logging.getLogger("test")
     )
-    fit = TorqueResidualFit(passes=1, prior={"gear_stiffness.*_1": 0.3}).run(record, robot, context)
+    fit = TorqueResidualFit(passes=1, prior={"gear_stiffness.*_1": 0.3}).run((record,), robot, context)
     table = fit.parameters
     assert table.prior is not None
     prior = dict(zip(table.names, table.prior.tolist(), strict=True))

@@ -61,7 +61,7 @@ def fit_of(record: Record, robot: Robot) -> Fit:
     context = Context(
         np.random.default_rng(1), map_in_process, lambda *a, **k: None, logging.getLogger("test")
     )
-    return TorqueResidualFit(free=("gear_*", "friction.*.viscous")).run(record, robot, context)
+    return TorqueResidualFit(free=("gear_*", "friction.*.viscous")).run((record,), robot, context)
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def six(plant: Robot, nominal: Robot) -> Record:
 def test_springs_of_a_plant_with_other_bodies_and_friction_are_found(
     plant: Robot, nominal: Robot, six: Record
 ) -> None:
-    fit = TorqueResidualFit(passes=4).run(six, nominal, context())
+    fit = TorqueResidualFit(passes=4).run((six,), nominal, context())
     table, true = fit.parameters, plant.parameters()
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
@@ -101,7 +101,7 @@ def test_a_hidden_effect_is_found_where_the_file_frees_it(tmp_path: Path) -> Non
     nominal = robot(told, "told")
     record = record_of(robot(true, "hidden"), nominal, np.array([[0.4], [-0.8], [1.5]]), 5, blocks=2)
     stage = TorqueResidualFit(free=("gear_*", "friction.*.viscous", "effect.hard.cubic"), passes=12)
-    fit = stage.run(record, nominal, context())
+    fit = stage.run((record,), nominal, context())
     found, error = (
         fit.parameters.value("effect.hard.cubic"),
         fit.parameters.standard_error[fit.parameters.names.index("effect.hard.cubic")],
@@ -132,7 +132,7 @@ def test_a_cut_that_does_not_repeat_is_fitted_as_well(plant: Robot, nominal: Rob
         channels[name] = Channel(channel.side, channel.unit, joined)
     time = T * np.arange(last - first)
     cut = DenseRun(T, channels, time, np.ones((2, 1, 6, 1, last - first), dtype=bool))
-    fit = TorqueResidualFit(passes=3).run(six.replace(runs=(cut,), line=None), nominal, context())
+    fit = TorqueResidualFit(passes=3).run((six.replace(runs=(cut,), line=None),), nominal, context())
     table, true = fit.parameters, plant.parameters()
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
@@ -151,7 +151,7 @@ def test_ripple_that_nobody_told_is_seen_and_bins_that_hold_it_count_less(
     stated = []
     for doubtful in (np.inf, passes.DOUBTFUL):
         monkeypatch.setattr(passes, "DOUBTFUL", doubtful)
-        fit = TorqueResidualFit().run(record, nominal, context())
+        fit = TorqueResidualFit().run((record,), nominal, context())
         stated.append(fit.parameters.standard_error[fit.parameters.names.index(spring)])
         assert abs(fit.parameters.value(spring) - plant.parameter(spring)) < 3 * stated[-1]
         assert fit.misfit > 1.5
@@ -182,14 +182,14 @@ def test_laws_on_signals_are_known_to_the_fit_and_their_sizes_are_found() -> Non
     plant, told = with_laws(1.0).with_parameters({spring: 1.3 * bare.parameter(spring)}), with_laws(0.5)
     record = record_of(plant, bare, np.array([[0.4], [-0.8]]), 7, blocks=2)
     names = ("effect.ripple.amplitude", "effect.wave.amplitude")
-    fit = TorqueResidualFit(free=("gear_*", "friction.*.viscous", *names)).run(record, told, context())
+    fit = TorqueResidualFit(free=("gear_*", "friction.*.viscous", *names)).run((record,), told, context())
     table = fit.parameters
     for name in (spring, *names):
         error = table.standard_error[table.names.index(name)]
         assert error < 0.05 * plant.parameter(name)
         assert abs(table.value(name) - plant.parameter(name)) < 3 * error, name
     assert fit.misfit == pytest.approx(1.0, abs=0.1)
-    assert TorqueResidualFit(free=("gear_*", "friction.*.viscous")).run(record, told, context()).misfit > 2
+    assert TorqueResidualFit(free=("gear_*", "friction.*.viscous")).run((record,), told, context()).misfit > 2
 
 
 def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: Robot) -> None:
@@ -212,16 +212,40 @@ def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: R
     both = parts[0].replace(
         runs=(DenseRun(T, channels, parts[0].run.time_s, valid),), angle=POSES, variants=("bare", "loaded")
     )
-    fit = TorqueResidualFit(robots={"loaded": str(path)}, fixed=BODIES).run(both, nominal, context())
+    fit = TorqueResidualFit(robots={"loaded": str(path)}, fixed=BODIES).run((both,), nominal, context())
     table, true = fit.parameters, plant.parameters()
     index = [table.names.index(name) for name in nominal.stiffness_names]
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
     assert np.sqrt((error**2).mean()) < 1e-3
     assert fit.misfit == pytest.approx(1.0, abs=0.05)
     with pytest.raises(ConfigurationError, match="tell the robot of each that is not the nominal one"):
-        TorqueResidualFit().run(both, nominal, context())
+        TorqueResidualFit().run((both,), nominal, context())
     with pytest.raises(ConfigurationError, match="nothing was measured as 'heavy'"):
-        TorqueResidualFit(robots={"heavy": str(path)}).run(both, nominal, context())
+        TorqueResidualFit(robots={"heavy": str(path)}).run((both,), nominal, context())
+
+
+def test_cuts_of_different_lengths_are_fitted_together() -> None:
+    """Recordings of 3.5 s, 6 s and 5 s in three poses: as one record of as many would be, nearer than each alone."""
+    nominal = Robot.load("one_axis")
+    (name,) = nominal.stiffness_names
+    plant = nominal.with_parameters({name: 0.8 * nominal.parameter(name), "friction.axis_1.coulomb": 0.4})
+    records = []
+    for number, (pose, last) in enumerate(((0.3, 3500), (-0.8, 6000), (0.9, 5000))):
+        whole = record_of(plant, nominal, np.array([[pose]]), 40 + number)
+        channels = {
+            own: Channel(one.side, one.unit, one.values.reshape(1, 1, 1, 1, -1, 1)[:, :, :, :, :last])
+            for own, one in whole.run.channels.items()
+        }
+        run = DenseRun(T, channels, T * np.arange(last), np.ones((1, 1, 1, 1, last), dtype=bool))
+        records.append(whole.replace(runs=(run,), line=None))
+    together, *alone = [
+        TorqueResidualFit().run(own, nominal, context()).parameters
+        for own in (tuple(records), *((one,) for one in records))
+    ]
+    error = [table.standard_error[table.names.index(name)] for table in (together, *alone)]
+    assert abs(together.value(name) - plant.parameter(name)) < 4 * error[0]
+    # Independent recordings: what each tells of the spring adds up, times what three groups make of it (a jackknife).
+    assert error[0] == pytest.approx(np.sum(1 / np.square(error[1:])) ** -0.5, rel=0.5)
 
 
 @pytest.mark.parametrize(
@@ -239,7 +263,7 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason(
     nominal: Robot, six: Record, settings: dict[str, Any], error: type[Exception], told: str
 ) -> None:
     with pytest.raises(error, match=told):
-        TorqueResidualFit(**settings).run(six, nominal, context())
+        TorqueResidualFit(**settings).run((six,), nominal, context())
 
 
 def test_a_record_and_a_robot_file_that_are_sampled_otherwise_are_refused(
@@ -248,7 +272,7 @@ def test_a_record_and_a_robot_file_that_are_sampled_otherwise_are_refused(
     (run,) = six.runs
     slower = six.replace(runs=(run.replace(sample_time_s=2 * run.sample_time_s, time_s=2 * run.time_s),))
     with pytest.raises(ConfigurationError, match="set sample_time_s in the robot file"):
-        TorqueResidualFit().run(slower, nominal, context())
+        TorqueResidualFit().run((slower,), nominal, context())
 
 
 @pytest.mark.parametrize(("late", "doubted"), [(1, False), (5, True), (20, True)])
@@ -259,7 +283,7 @@ def test_channels_that_are_samples_apart_are_doubted(late: int, doubted: bool) -
     run, torque = record.run, record.run.channels["motor_torque"]
     moved = Channel(torque.side, torque.unit, np.roll(torque.values, late, axis=4))
     runs = (DenseRun(T, {**run.channels, "motor_torque": moved}, run.time_s, run.valid),)
-    fit = TorqueResidualFit().run(record.replace(runs=runs), nominal, context())
+    fit = TorqueResidualFit().run((record.replace(runs=runs),), nominal, context())
     (name,) = nominal.stiffness_names
     if not doubted:
         assert fit.parameters.value("torque_delay") == pytest.approx(late * T, abs=0.01 * T)

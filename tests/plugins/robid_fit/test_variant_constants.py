@@ -74,11 +74,11 @@ def test_a_fit_of_two_payloads_that_a_table_tells_finds_the_spring(robot: Robot,
         np.random.default_rng(0), map_in_process, lambda *_, **__: None, logging.getLogger("test")
     )
     fit = TorqueResidualFit(free=(spring, "friction.*.viscous"), constants=CONSTANTS).run(
-        measured, robot, context
+        (measured,), robot, context
     )
     assert fit.parameters.value(spring) == pytest.approx(1.2 * robot.parameter(spring), rel=2e-3)
     untold = measured.replace(variants=())
-    wrong = TorqueResidualFit(free=(spring, "friction.*.viscous")).run(untold, robot, context)
+    wrong = TorqueResidualFit(free=(spring, "friction.*.viscous")).run((untold,), robot, context)
     assert wrong.misfit > 5 * fit.misfit
 
 

@@ -114,7 +114,7 @@ def fit_of(record: Record, robot: Robot, arm_side: tuple[str, ...], **settings: 
     context = Context(
         np.random.default_rng(1), map_in_process, lambda *a, **k: None, logging.getLogger("test")
     )
-    return TorqueResidualFit(free=FREE, arm_side=arm_side, **settings).run(record, robot, context)
+    return TorqueResidualFit(free=FREE, arm_side=arm_side, **settings).run((record,), robot, context)
 
 
 @pytest.mark.parametrize("swing", [0.15, 0.8], ids=["little", "far"])
@@ -122,7 +122,7 @@ def test_a_right_robot_leaves_next_to_nothing_behind_the_gear(swing: float) -> N
     """The simulator under its controller, and a motion that is prescribed: zeros and what rings are taken off."""
     robot = nominal()
     problem = TorqueResidualFit(arm_side=BOTH + UNIT, free=FREE).problem(
-        record_of(robot, 1, swing=swing, noise=0.0), robot
+        (record_of(robot, 1, swing=swing, noise=0.0),), robot
     )
     (block,), point = problem.blocks, np.zeros(problem.n_unknown)
     point[-7:-1] = np.tile(TILT, 2)
@@ -142,7 +142,7 @@ def test_a_right_robot_leaves_next_to_nothing_behind_the_gear(swing: float) -> N
 def test_what_delays_gains_and_mountings_move_is_what_differences_say() -> None:
     """Of an encoder, a torque sensor and a unit that is turned by a degree."""
     robot = nominal()
-    problem = TorqueResidualFit(arm_side=BOTH + UNIT, free=FREE).problem(record_of(robot, 1), robot)
+    problem = TorqueResidualFit(arm_side=BOTH + UNIT, free=FREE).problem((record_of(robot, 1),), robot)
     (block,), point = problem.blocks, np.zeros(problem.n_unknown)
     point[-7:-1] = 0.01, -0.015, 0.02, 0.015, 0.01, -0.02
     block.renew(problem.free, point[: problem.n_free])
@@ -224,7 +224,7 @@ def deviations(
 def test_derivatives_of_a_cut_are_those_of_whole_motions() -> None:
     """Along each of them alone, and where they nearly cancel: stiffness, damping and mass in one."""
     robot = nominal()
-    problem = TorqueResidualFit(arm_side=BOTH + UNIT, free=FREE).problem(record_of(robot, 1), robot)
+    problem = TorqueResidualFit(arm_side=BOTH + UNIT, free=FREE).problem((record_of(robot, 1),), robot)
     (block,), point = problem.blocks, np.zeros(problem.n_unknown)
     point[-7:-1] = np.tile(TILT, 2)
     names = list(problem.free.names)

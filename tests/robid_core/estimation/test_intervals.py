@@ -2,7 +2,11 @@
 
 import numpy as np
 
-from robid_core.estimation.intervals import covariance_with_model_error, jackknife_shifts
+from robid_core.estimation.intervals import (
+    covariance_of_curves,
+    covariance_with_model_error,
+    jackknife_shifts,
+)
 
 
 def linear_problem(rng: np.random.Generator, common: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,7 +84,7 @@ def test_functions_that_make_a_curve_are_widened_together() -> None:
         total = matrices.sum(axis=0)
         formal, shifts = np.linalg.inv(total), jackknife_shifts(total, gradients, matrices)
         known = np.ones(3) @ formal @ np.ones(3)
-        stated = covariance_with_model_error(formal, shifts, curve)
+        stated = covariance_of_curves(formal, total, gradients, matrices, curve)
         together.append(np.ones(3) @ stated @ np.ones(3) / known)
         torn.append(np.ones(3) @ covariance_with_model_error(formal, shifts) @ np.ones(3) / known)
         assert (np.linalg.eigvalsh(stated - formal * (1 - 1e-6)) > -1e-9 * np.trace(stated)).all()

@@ -267,3 +267,25 @@ def test_lack_of_memory_is_a_message(
         main()
     assert end.value.code == 2
     assert "not enough memory: Unable to allocate 283. GiB; ask for less" in capsys.readouterr().err
+
+
+def test_a_fit_takes_several_records_only_where_they_are_named(tmp_path: Path) -> None:
+    """One of two might be kept to judge by."""
+    again = "{use: acquisition.drives, with: {periods: 3}}"
+
+    def read(fit: str, **stages: str) -> Pipeline:
+        (tmp_path / "pipeline.yaml").write_text(text_of(**stages, fit=f"{{use: {fit}}}"), encoding="utf-8")
+        return Pipeline.load(tmp_path / "pipeline.yaml")
+
+    frf = "{use: frf.log, inputs: {record: acquire}}"
+    ((place, message),) = problems(tmp_path, text_of(again=again, frf=frf, fit="{use: fit.torque_residual}"))
+    assert place == "stages.fit.inputs.record"
+    assert message == (
+        "ambiguous: acquire and again each make a Record; write `inputs: {record: acquire}` or "
+        "`inputs: {record: again}`, or of several a list, `inputs: {record: [acquire, again]}`"
+    )
+    for plugin in ("fit.torque_residual", "fit.rigid"):
+        for named, taken in (("again", ("again",)), ("[again, acquire]", ("again", "acquire"))):
+            pipeline = read(f"{plugin}, inputs: {{record: {named}}}", again=again, frf=frf)
+            assert pipeline.stage("fit").inputs == {"record": taken}
+        assert read(plugin).stage("fit").inputs == {"record": ("acquire",)}
