@@ -1,8 +1,9 @@
 """The draft of a robot file for a URDF: what the model file knows is taken, what it cannot know is a line to fill in.
 
-A URDF knows bodies, joints and limits at the joint. Gear ratios, rotors, torque constants and controllers are written
-as `fill_in`, which the reader of robot files refuses at its line; elastic coordinates are proposed (`file.proposal`),
-each with where its number comes from. What is not taken over is told: locked joints, meshes that are not found.
+A URDF knows bodies, joints and limits at the joint; one that robid wrote gear ratios and rotors, too. What it does not
+say of these, torque constants and controllers are written as `fill_in`, which the reader of robot files refuses at its
+line; elastic coordinates are proposed (`file.proposal`), each with where its number comes from. What is not taken over
+is told: locked joints, meshes that are not found.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from robid_core.robot.file.proposal import (
     proposed_gear,
     proposed_sensors,
 )
+from robid_core.robot.file.urdf_motors import UrdfMotor, urdf_motors
 from robid_core.robot.file.wording import PLACEHOLDER
 from robid_core.yaml_file.problems import suggestion
 
@@ -76,7 +78,7 @@ def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
     if path.suffix.lower() != SUFFIX:
         expand = ": expand it first (xacro FILE > robot.urdf)" if path.suffix.lower() == ".xacro" else ""
         raise ConfigurationError(f"{path}: not a URDF file (*{SUFFIX}){expand}; give one")
-    locked, remarks = _look(path)
+    locked, motors, remarks = _look(path)
     locked |= dict.fromkeys(lock, "asked for")
     model = read_model(path, dict.fromkeys(locked, 0.0))
     unknown = [joint for joint in lock if joint not in model.joints]
@@ -97,17 +99,17 @@ def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
         for body in bodies
         if len(behind := [other.joint for other in bodies if other.parent == body.joint]) > 1
     ]
-    robot, plant, told = _texts(path.name, name, model, bodies, locked)
+    robot, plant, told = _texts(path.name, name, model, bodies, locked, motors)
     meshes = {shape.name: shape.file for shape in model.shapes}
     return Draft(robot, plant, (*remarks, *told), robot.count(f": {PLACEHOLDER}"), meshes)
 
 
-def _look(path: Path) -> tuple[dict[str, str], list[str]]:
-    """Return the joints that mimicry locks and what is passed over; what is no XML is told by the reader."""
+def _look(path: Path) -> tuple[dict[str, str], dict[str, UrdfMotor], list[str]]:
+    """Return the joints that mimicry locks, motors, and what is passed over; what is no XML is told by the reader."""
     try:
         root = ElementTree.fromstring(path.read_bytes())
     except (OSError, ElementTree.ParseError):
-        return {}, []
+        return {}, {}, []
     mimics = {
         str(joint.get("name")): str(mimic.get("joint"))
         for joint in root.findall("joint")
@@ -117,7 +119,7 @@ def _look(path: Path) -> tuple[dict[str, str], list[str]]:
     fixed = sum(joint.get("type") == "fixed" for joint in root.findall("joint"))
     remarks = [f"{fixed} fixed joints: what they carry is part of the body before"] if fixed else []
     locked = {j: why for j, why in locked_by_mimicry(mimics).items() if j in moving}
-    return locked, remarks
+    return locked, urdf_motors(root), remarks
 
 
 def _refuse_points(bodies: Iterable[Body], file: str) -> None:
@@ -130,7 +132,12 @@ def _refuse_points(bodies: Iterable[Body], file: str) -> None:
 
 
 def _texts(
-    file: str, name: str, model: RobotModel, bodies: tuple[Body, ...], locked: dict[str, str]
+    file: str,
+    name: str,
+    model: RobotModel,
+    bodies: tuple[Body, ...],
+    locked: dict[str, str],
+    motors: Mapping[str, UrdfMotor],
 ) -> tuple[str, str, list[str]]:
     """Return robot.yaml, plant.yaml, and what was decided about springs."""
     lines = [
@@ -162,7 +169,8 @@ def _texts(
             told.append(f"gear of '{body.joint}': rigid, it would swing at {gear.frequency_hz:.0f} Hz")
         elastic = gear is not None and gear.frequency_hz <= HIGHEST_HZ
         gears |= elastic
-        lines += _axis(body, limits, gear if elastic else None, carried)
+        motor = motors.get(body.joint, UrdfMotor())
+        lines += _axis(body, limits, motor, gear if elastic else None, carried)
         if gear is None or body.type == "prismatic":
             continue
         across = proposed_bearing(bodies, body.joint, gear)
@@ -194,7 +202,9 @@ def _texts(
     return "\n".join(lines) + "\n", "\n".join(plant) + "\n", told
 
 
-def _axis(body: Body, limits: JointLimits, gear: ProposedSpring | None, carried: float) -> list[str]:
+def _axis(
+    body: Body, limits: JointLimits, motor: UrdfMotor, gear: ProposedSpring | None, carried: float
+) -> list[str]:
     slides = body.type == "prismatic"
     angle, force = ("m", "N") if slides else ("rad", "N m")
     lines = [f"  {key_text(body.joint)}:"]
@@ -214,12 +224,19 @@ def _axis(body: Body, limits: JointLimits, gear: ProposedSpring | None, carried:
     else:
         lower, upper = limits.position
         lines.append(f"    # position_limits: those of the URDF, {lower:g} to {upper:g} {angle}")
+    ratio, rotor = (
+        (PLACEHOLDER, "") if told is None else (f"{told:.9g}", "; that of the URDF")
+        for told in (motor.gear_ratio, motor.rotor_inertia)
+    )
     lines += [
         _line(
-            f"    gear_ratio: {PLACEHOLDER}",
-            f"motor turns (rad) per {angle} of the joint, negative where it reverses",
+            f"    gear_ratio: {ratio[0]}",
+            f"motor turns (rad) per {angle} of the joint, negative where it reverses{ratio[1]}",
         ),
-        _line(f"    rotor_inertia: {PLACEHOLDER}", "rotor, brake and gear input at the motor shaft, kg m^2"),
+        _line(
+            f"    rotor_inertia: {rotor[0]}",
+            f"rotor, brake and gear input at the motor shaft, kg m^2{rotor[1]}",
+        ),
         _line(
             f"    torque_constant: {PLACEHOLDER}", "N m/A, motor data sheet; 1 where the drive reports torque"
         ),
@@ -243,9 +260,7 @@ def _axis(body: Body, limits: JointLimits, gear: ProposedSpring | None, carried:
             _line(spring, f"proposed: {gear.origin}; {gear.frequency_hz:.0f} Hz with all that it carries")
         )
     lines += [
-        _line(
-            "    friction: {coulomb: 0, viscous: 0}", "at the motor, N m and N m s/rad; fit.friction finds it"
-        ),
+        _friction(motor, force, angle),
         _line(f"    sensors: {proposed_sensors(limits.effort)}", sensing),
         _line("    controller:", "speed controller of the drive, at the motor; unknown: begin as said below"),
         _line(
@@ -258,6 +273,16 @@ def _axis(body: Body, limits: JointLimits, gear: ProposedSpring | None, carried:
         ),
     ]
     return lines
+
+
+def _friction(motor: UrdfMotor, force: str, angle: str) -> str:
+    """Friction at the motor, which a URDF tells at the joint."""
+    comment = "at the motor, N m and N m s/rad; fit.friction finds it"
+    coulomb, viscous = motor.at_motor or (0.0, 0.0)
+    if motor.friction or motor.damping:
+        told = f"{motor.friction:.3g} {force} and {motor.damping:.3g} {force} s/{angle} at the joint"
+        comment += f"; the URDF has {told}"
+    return _line(f"    friction: {{coulomb: {coulomb:.6g}, viscous: {viscous:.6g}}}", comment)
 
 
 def _line(text: str, comment: str) -> str:

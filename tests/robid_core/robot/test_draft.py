@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from robid_core import ConfigurationError, Robot
 from robid_core.robot.draft import draft_of
@@ -179,6 +180,40 @@ def test_a_urdf_that_robid_wrote_keeps_its_springs_and_gets_no_others(tmp_path: 
     assert len(robot.stiffness_names) == len(written.stiffness_names)
     for name in robot.stiffness_names:
         assert plant.parameter(name) == pytest.approx(0.75 * robot.parameter(name))
+
+
+def test_a_urdf_that_robid_wrote_keeps_its_motors(tmp_path: Path) -> None:
+    """Rotors of all axes; ratios and friction of those that no other motor turns."""
+    written = Robot.load("six_axis").with_parameters({"friction.axis_1.coulomb": 0.7})
+    (tmp_path / "arm.urdf").write_text(robot_to_urdf(written))
+    draft = draft_of(tmp_path / "arm.urdf", "again").robot
+    told = YAML(typ="safe").load(draft)["axes"]
+    own = np.linalg.inv(written.drives.gear)
+    for number, axis in enumerate(written.axis_names):
+        assert told[axis]["rotor_inertia"] == pytest.approx(
+            float(written.drives.rotor_inertia[number]), rel=1e-8
+        )
+        if np.count_nonzero(written.drives.gear[number]) > 1:
+            assert told[axis]["gear_ratio"] == "fill_in"
+            continue
+        assert told[axis]["gear_ratio"] == pytest.approx(float(own[number, number]), rel=1e-8)
+        friction = told[axis]["friction"]
+        assert friction["coulomb"] == pytest.approx(float(written.drives.coulomb[number]), rel=1e-5)
+        assert friction["viscous"] == pytest.approx(float(written.drives.viscous[number]), rel=1e-5)
+
+
+def test_friction_of_a_foreign_urdf_is_told_at_the_joint(tmp_path: Path) -> None:
+    """Without a gear ratio it cannot be taken to the motor."""
+    dynamics = '<dynamics damping="12.5" friction="8"/>'
+    path = urdf(
+        tmp_path,
+        '<link name="base"/>',
+        joint("turn", "base", "arm", "0 0 1", "0 0 0.2", 200, dynamics),
+        link("arm", 6, 0.4),
+    )
+    (line,) = [line for line in draft_of(path, "arm").robot.splitlines() if "friction:" in line]
+    assert "{coulomb: 0, viscous: 0}" in line
+    assert "the URDF has 8 N m and 12.5 N m s/rad at the joint" in line
 
 
 def test_what_the_urdf_leaves_out_waits_too(tmp_path: Path) -> None:
