@@ -27,7 +27,10 @@ def error_sections(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
             for a, axis in enumerate(models[0].axis_names)
         ]
         names = [one.model for one in models]
-        sections.append({"quantity": quantity, "models": names, "rows": rows, "limited": limited})
+        drawn = any(np.isfinite(one.low + one.high).any() for one in models)
+        sections.append(
+            {"quantity": quantity, "models": names, "rows": rows, "limited": limited, "drawn": drawn}
+        )
     return sections
 
 
