@@ -106,6 +106,11 @@ def _whole_blocks(
             spare += [recording.name for e, recording in block.items() if e not in wanted]
             whole.setdefault(place, {})[number] = {e: block[e] for e in wanted}
     words = [f"incomplete blocks are left out: {listed(lost, '; ')}"] if lost else []
+    if lost and len({variant for variant, _ in blocks}) > 1:
+        words[-1] += (
+            " (variants have unequal numbers of experiments: make each a configuration of its own in the table, or "
+            "give each variant a stage of its own)"
+        )
     if spare:
         words.append(f"blocks have {len(wanted)} experiments, left out beyond these: {listed(spare)}")
     return whole, words

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid_acquisition.arrangement import Arrangement
+from robid_acquisition.arrangement import Arrangement, listed
 from robid_acquisition.assembly import Index
 from robid_core import BoolArray, DataRejected
 
@@ -72,12 +72,22 @@ def pieces_between_holes(
             )
             places[c, 0, e] = replace(piece, length=best)
         rows.append((tuple(block),))
+    kept_places = {piece.place for piece in places.values()}
+    lost = [
+        whole.name
+        for c, blocks in enumerate(arrangement.recordings)
+        for b, block in enumerate(blocks)
+        for e, whole in enumerate(block)
+        if (c, b, e) not in kept_places
+    ]
     total = sum(int(marks.size) for marks in known.values())
     kept = n_config * n_piece * best
     words = (
         f"gaps: split: {n_config * n_piece} pieces of {best * unit_s:.4g} s between holes are kept, "
         f"{100 * kept / total:.3g} % of what was recorded"
     )
+    if lost:
+        words += f"; nothing of {listed(lost)}: pieces are equally long, give short recordings a stage of their own"
     return Arrangement(tuple(rows), arrangement.shortfalls), places, words
 
 

@@ -76,7 +76,8 @@ class TimeStamps:
         whole = np.round(share)
         tolerance = np.where(whole == 1, STEP_TOLERANCE, GAP_TOLERANCE)
         on_grid = ((whole >= 1) & (np.abs(share - whole) <= tolerance)).all()
-        alone = steps[steps <= GAP * usual]
+        # Where stamps lie on a grid, a step over missing samples is no jitter.
+        alone = steps[whole == 1] if on_grid else steps[steps <= GAP * usual]
         mean = float(alone.mean())
         off = alone / mean - 1
         unevenness = float(np.abs(off).max()), float(np.sqrt((off**2).mean()))

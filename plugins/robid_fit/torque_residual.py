@@ -55,6 +55,7 @@ from robid_fit.torque_gain import common_scale_problem
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
 RELAID = 3  # times that functions of speed are laid anew
+PROMISED = 3.0  # times the tolerances of bodies
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
@@ -297,7 +298,7 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=_late(problem, point),
+            stated_doubts=(*_late(problem, point), *_unlike(problem, solution)),
         )
 
 
@@ -322,3 +323,33 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
         remedy = "look at the clocks of both channels, and shift the recorded one until a fit finds less than a sample"
         found.append(Doubt("timing", sentence, remedy))
     return tuple(found)
+
+
+def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
+    """Doubt bodies that differ from the robot file by more than was promised: their errors then count a wrong promise.
+
+    By how much tolerances would have to be wider for the data to be most likely (empirical Bayes; MacKay, Neural
+    Computation 4, 1992): squares of what was found over the freedom that data, not tolerances, have decided.
+    """
+    free, n = problem.free, problem.n_free
+    bodies = np.array([free.robot.parameter_kind(name) == "inertia" for name in free.names], dtype=bool)
+    if not bodies.any():
+        return ()
+    prior, point = problem.prior[:n][bodies], solution.point[:n][bodies]
+    error = np.sqrt(np.diag(solution.covariance)[:n][bodies])
+    seen = float((1 - np.minimum((error / prior) ** 2, 1.0)).sum())
+    far = np.abs(point / prior)
+    times = float(np.sqrt((far**2).sum() / max(seen, 1.0)))
+    if times <= PROMISED:
+        return ()
+    names = [name for name, own in zip(free.names, bodies.tolist(), strict=True) if own]
+    worst = names[int(np.argmax(far))]
+    return (
+        Doubt(
+            "tolerance",
+            f"bodies differ from the robot file {times:.3g} times as much as their tolerances promise, "
+            f"{worst} by {far.max():.3g} of them",
+            'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; 0.01 '
+            "unless set), or look for what the model lacks (robid diagnose)",
+        ),
+    )

@@ -80,10 +80,15 @@ def _misfit(fit: Fit) -> Iterator[Doubt]:
         return
     places = fit.misfit_table.worst(LARGEST_MISFIT) if fit.misfit_table is not None else ()
     where = f": {', '.join(places)}" if places else ""
+    noise = (
+        "; or its sensors are noisier than it states (position_noise, torque_noise)"
+        if "robot file states" in fit.misfit_against
+        else ""
+    )
     yield Doubt(
         "misfit",
         f"misfit {fit.misfit:.4g} against {fit.misfit_against}, more than {LARGEST_MISFIT}{where}",
-        "the data show what the model lacks; robid diagnose looks for it, or add or free what acts there",
+        f"the data show what the model lacks; robid diagnose looks for it, or add or free what acts there{noise}",
     )
 
 

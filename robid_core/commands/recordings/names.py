@@ -1,6 +1,7 @@
 """What the name of a column says: quantity, side of the gear, reference or measurement, unit.
 
-Words are those of logs and data sets in English and some German; what a name does not say stays empty.
+Words are those of logs and data sets in English, some in German, French, Spanish and Italian; what a name does not say
+stays empty.
 """
 
 from __future__ import annotations
@@ -9,14 +10,16 @@ import re
 from dataclasses import dataclass
 
 QUANTITIES = {
-    "time": {"time", "t", "timestamp", "timestamps", "stamp", "clock", "seconds", "secs", "zeit"},
+    "time": {"time", "t", "timestamp", "timestamps", "stamp", "clock", "seconds", "secs", "zeit", "tiempo", "tempo"},
     "temperature": {"temp", "temps", "temperature", "temperatures", "temperatur"},
     "voltage": {"volt", "volts", "voltage", "voltages", "vin", "vbus", "spannung"},
-    "torque": {"torque", "torques", "tau", "effort", "efforts", "trq", "moment", "drehmoment", "force", "forces"},
-    "current": {"cur", "curr", "current", "currents", "iq", "i", "amps", "strom"},
+    "torque": {"torque", "torques", "tau", "effort", "efforts", "trq", "moment", "drehmoment", "couple", "coppia",
+               "force", "forces"},
+    "current": {"cur", "curr", "current", "currents", "iq", "i", "amps", "strom", "courant", "corriente",
+                "corrente"},
     "acceleration": {"acc", "accel", "acceleration", "accelerations", "ddq", "qdd", "qddot", "beschleunigung"},
     "speed": {"vel", "velocity", "velocities", "speed", "speeds", "dq", "qd", "qdot", "omega", "rpm", "geschwindigkeit",
-              "drehzahl"},
+              "drehzahl", "vitesse", "velocidad"},
     "position": {"pos", "position", "positions", "angle", "angles", "q", "qm", "theta", "phi", "enc", "encoder",
                  "winkel", "lage"},
 }  # fmt: skip
@@ -118,6 +121,8 @@ def said_by(name: str, unit: str = "", hint: str = "") -> Said:
     stated = known_unit(unit) or next(
         (one for text in _BRACKETS.findall(name) if (one := known_unit(text))), ""
     )
+    if quantity == "temperature" and stated in _OF_QUANTITY["time"]:
+        quantity = "time"  # temps in French
     found = stated or _unit_in(last, quantity)
     if not quantity and found:
         quantity = next((one for one, units in _OF_QUANTITY.items() if found in units), "")

@@ -271,6 +271,24 @@ def test_variants_are_configurations_of_their_own_and_roles_mark_experiments(
         read(pattern=pattern, variant="light")
 
 
+def test_variants_of_unequal_numbers_of_experiments_are_told_apart(
+    tmp_path: Path, read: Read, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nothing is missing: three bare runs and two with a load."""
+    for k in range(1, 6):
+        save(tmp_path, f"r{k}.npz", float(k))
+    rows = "".join(f"r{k}.npz,{'bare' if k < 4 else 'loaded'}\n" for k in range(1, 6))
+    (tmp_path / "runs.csv").write_text(f"file,variant\n{rows}")
+    read(index="runs.csv")
+    assert "variant loaded, configuration 1, block 1 lacks experiment 3" in caplog.text
+    assert "variants have unequal numbers of experiments: make each a configuration of its own" in caplog.text
+    numbered = "".join(f"r{k}.npz,{'bare' if k < 4 else 'loaded'},{k}\n" for k in range(1, 6))
+    (tmp_path / "runs.csv").write_text(f"file,variant,configuration\n{numbered}")
+    caplog.clear()
+    assert len(read(index="runs.csv").angle) == 5
+    assert "left out" not in caplog.text
+
+
 def test_where_no_variant_is_told_the_setting_names_it(tmp_path: Path, read: Read) -> None:
     save(tmp_path, "c1.npz", 1.0)
     save(tmp_path, "c2.npz", 2.0)

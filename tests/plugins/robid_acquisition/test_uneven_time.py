@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robid_acquisition.arrangement import Arrangement
+from robid_acquisition.pieces import pieces_between_holes
 from robid_acquisition.recorded import RecordedAcquisition
+from robid_acquisition.recording import Recording
 from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.time_stamps import TimeStamps
 from robid_core import Context, DataRejected, FloatArray, Record, Robot
@@ -190,6 +193,16 @@ def test_pieces_between_gaps_become_experiments_as_long_as_leaves_most_samples(r
     assert run.valid.all()
 
 
+def test_missing_samples_are_no_jitter() -> None:
+    """Stamps on a grid of which three are missing: nothing is uneven but what lacks, and that is told elsewhere."""
+    number = np.delete(np.arange(3000.0), [400, 1200, 1201])
+    stamps = TimeStamps.of(STEP * number)
+    assert stamps.number is not None
+    assert stamps.jitter() == ""
+    moved = STEP * (number + 0.02 * np.random.default_rng(3).standard_normal(len(number)))
+    assert "taken as even" in TimeStamps.of(moved).jitter()
+
+
 def test_whole_periods_between_gaps_are_kept_in_phase(read: Read) -> None:
     number = np.delete(np.arange(1000.0), slice(340, 350))
     run = read(STEP * number, number, gaps="split", period_s=0.1).run
@@ -222,3 +235,12 @@ def test_masked_samples_are_kept_out_or_refused_by_the_stages_that_follow(read: 
     robot = Robot.load("robot.yaml", tmp_path)
     with pytest.raises(DataRejected, match="gaps: split"):
         RigidBodyFit().run((record,), robot)
+
+
+def test_a_file_of_which_no_piece_is_kept_is_named() -> None:
+    """Files of 300 and 60 samples, the first with a hole: two pieces of 150 leave nothing of the short one."""
+    long, short = (Recording(f"{name}.csv", experiment=e) for e, name in ((1, "long"), (2, "short")))
+    known = {(0, 0, 0): np.arange(301) != 150, (0, 0, 1): np.ones(60, dtype=bool)}
+    _, places, words = pieces_between_holes(Arrangement((((long, short),),), ()), known, STEP)
+    assert {piece.place for piece in places.values()} == {(0, 0, 0)}
+    assert "nothing of short.csv: pieces are equally long" in words

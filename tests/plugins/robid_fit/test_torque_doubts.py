@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import logging
+import re
 
 import numpy as np
 import pytest
+from oracles.multisine import context, record_of
 
-from robid_core import Context, Record
-from robid_core.stage import map_in_process
+from robid_core import Record, Robot
 from robid_core.testing.inputs import example_artifacts
 from robid_core.testing.robots import example_robot
 from robid_fit.torque_residual import TorqueResidualFit
@@ -18,10 +18,7 @@ def test_priors_are_stated_in_the_units_of_the_parameters() -> None:
     robot = example_robot(2)
     record = example_artifacts(robot)[Record]
     assert isinstance(record, Record)
-    context = Context(
-        np.random.default_rng(0), map_in_process, lambda *a, **k: None, logging.getLogger("test")
-    )
-    fit = TorqueResidualFit(passes=1, prior={"gear_stiffness.*_1": 0.3}).run((record,), robot, context)
+    fit = TorqueResidualFit(passes=1, prior={"gear_stiffness.*_1": 0.3}).run((record,), robot, context(0))
     table = fit.parameters
     assert table.prior is not None
     prior = dict(zip(table.names, table.prior.tolist(), strict=True))
@@ -35,3 +32,26 @@ def test_priors_are_stated_in_the_units_of_the_parameters() -> None:
         assert prior[name] == pytest.approx(share * table.value(name), rel=1e-6)
     assert prior["torque_delay"] == record.run.sample_time_s
     assert fit.misfit_against == "differences between periods"
+
+
+def test_bodies_that_are_further_off_than_promised_are_doubted() -> None:
+    """An arm a tenth heavier than told: promised to 1 %, errors of the bodies are too small; to 20 %, they hold."""
+    nominal = Robot.load("one_axis")
+    moved = {
+        name: 1.1 * nominal.parameter(name)
+        for name in nominal.layout
+        if name.startswith(("mass.", "inertia."))
+    }
+    record = record_of(nominal.with_parameters(moved), nominal, np.array([[0.3], [-0.8]]), 21)
+    wide = {"mass.*": 0.2, "inertia.*": 0.2, "centre_of_mass.*": 0.2}
+    told = {
+        "narrow": TorqueResidualFit().run((record,), nominal, context()),
+        "wide": TorqueResidualFit(prior=wide).run((record,), nominal, context()),
+    }
+    (doubt,) = [one for one in told["narrow"].doubts if one.kind == "tolerance"]
+    assert float(re.findall(r"robot file ([\d.]+) times", doubt.sentence)[0]) > 3.5
+    assert not [one for one in told["wide"].doubts if one.kind == "tolerance"]
+    right = record_of(nominal, nominal, np.array([[0.3], [-0.8]]), 22)
+    assert not [
+        one for one in TorqueResidualFit().run((right,), nominal, context()).doubts if one.kind == "tolerance"
+    ]
