@@ -157,14 +157,12 @@ def model_of(robot: Robot, final: Fitted) -> Model:
     extended = final.hypothesis.robot(robot)
     width = final.case.with_fitted_width(final).friction_speed
     assert width is not None
-    extended = extended.with_parameters(
-        {f"friction.{axis}.speed": float(own) for axis, own in zip(robot.axis_names, width, strict=True)}
-    )
+    widths = dict(zip((f"friction.{axis}.speed" for axis in robot.axis_names), width.tolist(), strict=True))
     free = problem.free.without(lambda name: name not in extended.layout)
     own = [name in free.names for name in problem.free.names]
     rows = np.flatnonzero(np.append(own, np.ones(problem.n_unknown - problem.n_free, dtype=bool)))
     motions, laws = [block.motion for block in problem.blocks], problem.blocks[0].laws
     point, covariance = final.point[rows], final.solution.covariance[np.ix_(rows, rows)]
-    widths = [f"friction.{axis}.speed" for axis in robot.axis_names]
-    friction = friction_of_motors(extended, motions, laws, free, point, covariance, held=widths)
+    wide = extended.with_parameters(widths)
+    friction = friction_of_motors(wide, motions, laws, free, point, covariance, held=widths)
     return estimated_robot(extended, laws, free, point, covariance, friction)

@@ -127,30 +127,45 @@ class Selection:
         seen: Searched,
         before: Sequence[Step],
     ) -> tuple[Fitted, Step] | None:
-        """Return the best hypothesis that has one cause more, where there is one."""
+        """Return the best hypothesis that has one cause more, where there is one.
+
+        Where all that were fitted fit worse than what there is, rivals that were passed over because of them have their
+        turn. What is refused otherwise is something that no effect is, and lesser ones would be a part of it.
+        """
         least = LeastGains.beside(current, [step.gain for step in before])
         values = value_hits(current.problem, current.point, current.about)
         rivals, others = self._rivals(current, seen, values, before, least)
         fits = Trials(self.case, current, seen.search, least, self.progress)
-        trials = fits.run(rivals, others)
+        waiting = [*rivals, *others]
+        taken: tuple[Fitted, Step] | None = None
+        while rivals and taken is None:
+            trials = fits.run(rivals, others)
+            good = [trial for trial in trials if not self._fits_worse(trial, current)]
+            judged = ((trial, self._taken(trial, trials, seen, len(values))) for trial in good)
+            taken = next(((trial.fitted, step) for trial, step in judged if step is not None), None)
+            rivals, others = [hit for hit in waiting if not good and not fits.has_tried(hit)], []
         self.failures += fits.failures
-        for trial in trials:
-            if trial.loss > WORSE or trial.fitted.misfit > DOUBTS_MORE * current.misfit:
-                self._refuse(trial.hit, "with it the data fit worse")
-                continue
-            step = self._judged(trial, trials, seen, len(values))
-            if step is None:
-                self._refuse(trial.hit, "configurations do not agree about it")
-            elif step.share < PART:
-                self._refuse(
-                    trial.hit,
-                    f"free functions at its axis gain {1 / max(step.share, 1e-3):.2g} times as much",
-                )
-            else:
-                if trial.addition is not None:
-                    step = replace(step, picture=picture_of(trial.fitted, trial.addition))
-                return trial.fitted, step
-        return None
+        return taken
+
+    def _fits_worse(self, trial: Trial, current: Fitted) -> bool:
+        """Whether data fit worse with a trial, or are further from the noise that its own robot leaves."""
+        worse = trial.loss > WORSE or trial.fitted.misfit > DOUBTS_MORE * current.misfit
+        if worse:
+            self._refuse(trial.hit, "with it the data fit worse")
+        return worse
+
+    def _taken(self, trial: Trial, trials: Sequence[Trial], seen: Searched, n_value: int) -> Step | None:
+        """Return the step that a trial is, none where something speaks against it."""
+        step = self._judged(trial, trials, seen, n_value)
+        if step is None:
+            self._refuse(trial.hit, "configurations do not agree about it")
+            return None
+        if step.share < PART:
+            times = 1 / max(step.share, 1e-3)
+            self._refuse(trial.hit, f"free functions at its axis gain {times:.2g} times as much")
+            return None
+        picture = None if trial.addition is None else picture_of(trial.fitted, trial.addition)
+        return step if picture is None else replace(step, picture=picture)
 
     def _refuse(self, rival: Rival, reason: str) -> None:
         """Keep why an effect is not named."""

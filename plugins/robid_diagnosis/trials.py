@@ -111,6 +111,10 @@ class Trials:
                     break
         return trials
 
+    def has_tried(self, rival: Rival) -> bool:
+        """Whether a rival was fitted, or could not be."""
+        return key_of(rival) in self._kept
+
     def _each(self, rivals: Sequence[Rival], trials: list[Trial]) -> list[Trial]:
         """Fit one after the other, but for those that cannot overtake the best."""
         found, reach = list(trials), max((trial.gain / total(trial.hit) for trial in trials), default=0.0)

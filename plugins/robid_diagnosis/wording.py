@@ -19,6 +19,7 @@ MANY_DIGITS = 4
 BETTER = 1.005  # a gain that rounds to more than one
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
+TOGETHER = 3  # numbers of a body that are read out where none moved by itself
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
@@ -39,6 +40,9 @@ def finding_line(finding: Finding, n_config: int) -> str:
     )
     moved = [row for row in rows if not abs(row[1] - row[3]) <= MOVED * row[2]]
     sizes = ", ".join(_size(*row) for row in moved or rows)
+    if finding.kind == "value" and not moved and len(rows) > 1:
+        furthest = sorted(rows, key=lambda row: -abs(row[1] - row[3]) / row[2])[:TOGETHER]
+        sizes = f"{', '.join(_size(*row) for row in furthest)}; the data determine combinations of them alone"
     seen = ""
     if np.isfinite(finding.by_configuration).all():
         seen = f"; seen in {finding.n_seen} of {n_config} configurations"

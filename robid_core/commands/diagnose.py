@@ -177,7 +177,8 @@ def read_sources(
         raise ConfigurationError(
             "no recordings are given; name the files, or a channel map that does (path, pattern or index)"
         )
-    return find_places(Path(FILE), data).data_root, maps
+    root = find_places(Path(FILE), data).data_root
+    return root if root.is_dir() else Path.cwd(), maps  # without a data folder, paths begin where one stands
 
 
 def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list[str]]:

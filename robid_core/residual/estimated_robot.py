@@ -75,7 +75,10 @@ def estimated_robot(
     covariance: FloatArray,
     friction: Sequence[NearestFriction],
 ) -> Model:
-    """What a torque fit gives back; arguments as of `friction_of_motors`, and what that returns."""
+    """What a torque fit gives back; arguments as of `friction_of_motors`, and what that returns.
+
+    `robot` is the one that was told; widths that were held at other values are set, and not estimated.
+    """
     unknown, spread = _in_own_units(free, point, covariance)
     rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
     rows = {name: np.eye(len(point))[i] for i, name in enumerate(free.names) if name not in rubbing}
@@ -89,6 +92,8 @@ def estimated_robot(
             rows[name] = np.zeros(len(point))
             rows[name][columns] = slope
         own = scipy.linalg.block_diag(own, one.beyond)
+        if one.width != robot.drives.friction_speed[a]:
+            values.setdefault(f"friction.{axis}.speed", one.width)  # of laws that hold another one
     mapped = np.stack(list(rows.values()))
     total: FloatArray = mapped @ spread @ mapped.T
     total[len(total) - len(own) :, len(total) - len(own) :] += own

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
+from robid_core.estimation.torque.shown_noise import shown_noise
 from robid_core.estimation.torque.spectra import friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
@@ -32,6 +33,7 @@ from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
 
 LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model gives no start values
+MORE = 2.0  # times the variance that a robot file states: angles that show more are believed
 UNIFORM = 12  # step squared over the variance of what is rounded
 WIDE = 1e3  # of what a row leaves: a sensor's zero is not known
 FEW = 2  # experiments of each configuration in a first pass of prescribed motions
@@ -39,7 +41,10 @@ FEW = 2  # experiments of each configuration in a first pass of prescribed motio
 
 @dataclass(eq=False)
 class WindowedBlock(TorqueBlock[WindowedMotion]):
-    """Spectra of cuts under a window; their noise is that of the sensors in the robot file."""
+    """Spectra of cuts under a window; their noise is that of the sensors in the robot file.
+
+    Angles may show more noise than the file states, as most files that state none: that counts then.
+    """
 
     arm: WindowedArm | None = field(default=None, kw_only=True)
     deviation: FloatArray | None = None
@@ -68,7 +73,9 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         if arm is not None:
             check_sensors(robot, arm.sensors)
             _check_noise(robot, arm)
-        motion = replace(motion, angle_noise=angle_noise(robot))
+        shown = shown_noise(motion.angle, motion.sample_time_s, float(motion.omega[-1]) / (2 * np.pi))
+        told = angle_noise(robot)
+        motion = replace(motion, angle_noise=np.where(shown > MORE * told, shown, told))
         recorded, motion = motion, true_motion(robot, motion)
         middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
@@ -199,16 +206,16 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
             self.deviation = other.deviation
 
     def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance of the residual from the noise that the robot file tells, shape (n_bin, n_axis, n_axis)."""
+        """Covariance of the residual from the noise of the sensors, shape (n_bin, n_axis, n_axis)."""
         motion, drives = self.motion, robot.drives
         z = impedance(robot, self.angle, motion) * (motion.omega**2)[:, None, None]
-        moved = np.einsum("cfab,b,cfdb->fad", z, drives.position_noise**2, z.conj()) / len(z)
+        moved = np.einsum("cfab,b,cfdb->fad", z, motion.angle_noise, z.conj()) / len(z)
         if self.arm is None:
             covariance: ComplexArray = (moved + np.diag(drives.torque_noise**2)) / motion.n_sample
             return covariance
         omega = np.concatenate((motion.omega[1:2], motion.omega[1:]))
         both = np.concatenate((z, -self.arm.follow(robot, self.angle, omega)), axis=2)
-        moved = np.einsum("cfab,b,cfdb->fad", both, drives.position_noise**2, both.conj()) / len(z)
+        moved = np.einsum("cfab,b,cfdb->fad", both, motion.angle_noise, both.conj()) / len(z)
         told = np.concatenate((drives.torque_noise**2, _noise_behind(robot, self.arm) ** 2))
         covariance = (moved + np.diag(told)) / motion.n_sample
         return covariance
@@ -216,7 +223,9 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     @property
     def noise_source(self) -> str:
         """In words."""
-        return "the noise of the sensors that the robot file states"
+        told = "the noise of the sensors that the robot file states"
+        more = (self.motion.angle_noise > MORE * angle_noise(self.robot)).any()
+        return told + (", and of angles as their spectrum shows it" if more else "")
 
     @property
     def noise_freedom(self) -> float:

@@ -208,7 +208,7 @@ def _axis(
     slides = body.type == "prismatic"
     angle, force = ("m", "N") if slides else ("rad", "N m")
     lines = [f"  {key_text(body.joint)}:"]
-    sensing = "proposed; for simulation and planning only"
+    sensing = "proposed; for simulation, planning, and fits of motions that do not repeat"
     if not limits.effort:
         sensing += (
             f"; torque_noise: rms of a sample at the motor, N m, {TORQUE_NOISE:g} * torque_limit is usual"

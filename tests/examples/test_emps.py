@@ -52,7 +52,7 @@ def results() -> tuple[Robot, Record, Fit, Diagnosis]:
     context = context_of(0)
     robot = Robot.load("robot.yaml", EXAMPLE)
     record = stage("acquire").run(robot, context)
-    fit = stage("fit").run(record, robot)
+    fit = stage("fit").run((record,), robot)
     return robot, record, fit, stage("simulate").run(record, fit, robot, context)
 
 
@@ -98,7 +98,7 @@ def test_the_relative_force_error_is_that_of_the_authors() -> None:
 
 def test_the_default_settings_give_nearly_the_same() -> None:
     robot, record, fit, _ = results()
-    plain = type(stage("fit"))().run(record, robot).parameters
+    plain = type(stage("fit"))().run((record,), robot).parameters
     np.testing.assert_allclose(plain.estimate[:3], fit.parameters.estimate[:3], rtol=0.03)
 
 

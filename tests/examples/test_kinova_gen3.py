@@ -35,7 +35,7 @@ def robot() -> Robot:
 
 
 def test_half_a_move_predicts_the_other_half_and_identifies_nothing() -> None:
-    fit = stage("fit").run(stage("acquire").run(robot(), context()), robot())
+    fit = stage("fit").run((stage("acquire").run(robot(), context()),), robot())
     (picture,) = stage("predict").run((stage("later").run(robot(), context()),), robot(), context(), fit).time
     assert picture.relative_error < 0.43
     assert {"residual colour"} < {doubt.kind for doubt in fit.doubts}
@@ -56,7 +56,7 @@ def test_a_torque_of_a_model_is_no_measurement() -> None:
 
 def test_both_halves_show_one_wave(caplog: pytest.LogCaptureFixture) -> None:
     record = stage("whole").run(robot(), context())
-    model = stage("all").run(record, robot()).model
+    model = stage("all").run((record,), robot()).model
     assert model is not None
     with caplog.at_level(logging.INFO, logger=LOG):
         stage("waves").run(record, Robot.of_model(model), context())
@@ -66,7 +66,7 @@ def test_both_halves_show_one_wave(caplog: pytest.LogCaptureFixture) -> None:
 
 def explained(told: Robot, asked: Callable[[str], Any]) -> Diagnosis:
     first, later = (asked(name).run(told, context()) for name in ("acquire", "later"))
-    model = asked("fit").run(first, told).model
+    model = asked("fit").run((first,), told).model
     assert model is not None
     found: Diagnosis = asked("explain").run((first, later), Robot.of_model(model), context())
     return found
@@ -90,12 +90,12 @@ def test_joint_4_is_predicted_from_its_first_half_and_carries_no_cause_nor_wave(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     told = Robot.load("robot_joint_4.yaml", EXAMPLE)
-    fit = joint_4("fit").run(joint_4("acquire").run(told, context()), told)
+    fit = joint_4("fit").run((joint_4("acquire").run(told, context()),), told)
     (picture,) = joint_4("predict").run((joint_4("later").run(told, context()),), told, context(), fit).time
     assert picture.relative_error < 0.3
     assert refuses(explained(told, joint_4))
     record: Record = joint_4("whole").run(told, context())
-    model = joint_4("all").run(record, told).model
+    model = joint_4("all").run((record,), told).model
     assert model is not None
     with caplog.at_level(logging.INFO, logger=LOG):
         joint_4("waves").run(record, Robot.of_model(model), context())

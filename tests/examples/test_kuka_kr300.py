@@ -30,7 +30,7 @@ def recorded() -> tuple[Robot, Record, Record]:
 @functools.cache
 def fitted() -> Fit:
     robot, record, _ = recorded()
-    fit = stage("fit").run(record, robot)
+    fit = stage("fit").run((record,), robot)
     assert isinstance(fit, Fit)
     return fit
 

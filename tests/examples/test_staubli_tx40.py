@@ -31,7 +31,7 @@ def recorded() -> tuple[Robot, Record]:
 @functools.cache
 def rough() -> Fit:
     robot, record = recorded()
-    fit = stage("rough").run(record, robot)
+    fit = stage("rough").run((record,), robot)
     assert isinstance(fit, Fit)
     return fit
 
@@ -71,7 +71,7 @@ def test_each_tenth_is_predicted_by_the_others() -> None:
     robot, record = recorded()
     assert rough().model is not None
     clean = stage("smooth").run(record, Robot.of_model(rough().model), context())
-    fit = stage("fit").run(clean, robot)
+    fit = stage("fit").run((clean,), robot)
     told = [float(number) for number in re.findall(r"axis_\d ([\d.]+) %", fit.status)]
     assert (np.array(told[:4]) < [3.6, 3.6, 6.5, 6.5]).all()
     assert left(fit)[3] < 0.7 * left(rough())[3]
@@ -83,7 +83,7 @@ def test_the_verdict_names_friction_that_curves_and_no_delay() -> None:
     text = (EXAMPLE / "explain.yaml").read_text()
     robot = Robot.load("robot.yaml", EXAMPLE)
     first, later = (stage_of(text, name).run(robot, context()) for name in ("acquire", "later"))
-    model = stage_of(text, "fit").run(first, robot).model
+    model = stage_of(text, "fit").run((first,), robot).model
     assert model is not None
     found = stage_of(text, "explain").run((first, later), Robot.of_model(model), context())
     (cause,) = [one for one in found.findings if one.kind != "unknown"]

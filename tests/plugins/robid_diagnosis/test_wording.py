@@ -74,3 +74,21 @@ def test_disagreements_are_read_out_the_furthest_first_and_many_are_counted() ->
     assert "disagree about 2 of 3 stiffnesses: gear_stiffness.axis_3, 91 ± 0.8" in line
     assert line.index("axis_3") < line.index("axis_2")
     assert response_check_line(response_check(*[9.0] * 7)).endswith("; 2 more.")
+
+
+def test_of_a_body_none_of_whose_numbers_moved_by_itself_the_furthest_are_read_out() -> None:
+    names = ("mass.j1", "centre_of_mass.j1.x", "centre_of_mass.j1.z", "inertia.j1.xx", "inertia.j1.xy")
+    body = Finding(
+        kind="value", effect="body", on="j1", side=None, names=names, units=("kg", "m", "m", "kg m^2", "kg m^2"),
+        value=np.array([24.3, -0.0004, 0.466, 1.16, 0.0]), standard_error=np.array([4.6, 0.0014, 0.088, 1.0, 0.05]),
+        nominal=np.array([22.2, 0.0, 0.42, 1.09, 0.0]), gain=120.0, p_value=1e-9, share=float("nan"),
+        held_out=np.full(4, np.nan), by_configuration=np.full(4, np.nan), by_own_size=np.full(4, np.nan),
+    )  # fmt: skip
+    line = finding_line(body, 4)
+    assert "mass.j1 24.3" in line
+    assert "centre_of_mass.j1.z 0.466" in line
+    assert "inertia.j1" not in line
+    assert "the data determine combinations of them alone" in line
+    sure = body.replace(standard_error=np.array([0.1, 0.0014, 0.088, 1.0, 0.05]))
+    assert "combinations" not in finding_line(sure, 4)
+    assert "centre_of_mass" not in finding_line(sure, 4)

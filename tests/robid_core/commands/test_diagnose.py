@@ -200,3 +200,24 @@ def test_a_robot_file_may_be_named_from_anywhere_but_lies_below(
     assert robot_below_here("../cell/robot.yaml") == "robot.yaml"
     with pytest.raises(ConfigurationError, match="run the command in a folder above the robot file"):
         robot_below_here("../robot.yaml")
+
+
+def test_a_channel_map_that_names_files_begins_where_one_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without --data, ROBID_DATA and a data folder beside the project there is no other place to begin."""
+    monkeypatch.delenv("ROBID_DATA", raising=False)
+    (tmp_path / "inner").mkdir()
+    monkeypatch.chdir(tmp_path / "inner")
+    Path("channels.yaml").write_text(
+        "use: acquisition.recorded\nwith:\n  path: lab.csv\n  time_column: t\n"
+        "  channels: {motor_position: {column: q, unit: rad}}\n",
+        encoding="utf-8",
+    )
+    root, (source,) = read_sources([], Path("channels.yaml"), None)
+    assert root == tmp_path / "inner"
+    assert source["path"] == "lab.csv"
+    other = tmp_path / "data"
+    other.mkdir()
+    monkeypatch.setenv("ROBID_DATA", str(other))
+    assert read_sources([], Path("channels.yaml"), None)[0] == other
