@@ -149,8 +149,7 @@ class TorqueResidualFit(Estimator):
             self._start_points(problem.free, context.generator),
             tell=lambda seen: context.log.info("%s", seen),
         )
-        problem, solution = self._about_its_width(record, robot, robots, problem, solution, context)
-        friction = self._friction(robot, problem, solution)
+        problem, solution, friction = self._about_its_width(record, robot, robots, problem, solution, context)
         model = estimated_robot(
             robot, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, friction
         )
@@ -171,17 +170,18 @@ class TorqueResidualFit(Estimator):
         problem: TorqueProblem,
         solution: Solution,
         context: Context,
-    ) -> tuple[TorqueProblem, Solution]:
+    ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...]]:
         """Fit again with functions of speed about the width that friction has, where theirs was another one.
 
         The width in a robot file is often its default, and narrower friction is no sum of functions about it.
         """
+        friction = self._friction(robot, problem, solution)
         for _ in range(0 if self.friction_widths else RELAID):
-            found = np.array([own.width for own in self._friction(robot, problem, solution)])
-            width = resolved_width(robot, record[0].angle[0], found)
-            other = self._problem(record, robot, robots, width=width)
-            if are_alike(problem.blocks[0].laws, other.blocks[0].laws):
+            width = resolved_width(robot, record[0].angle[0], np.array([own.width for own in friction]))
+            motions = [block.motion for block in problem.blocks]
+            if are_alike(problem.blocks[0].laws, functions_of_speed(robot, motions, None, width)):
                 break
+            other = self._problem(record, robot, robots, width=width)
             told = ", ".join(f"{own:.3g}" for own in width)
             context.log.info(
                 "friction turns round within %s rad/s: functions of speed are laid about that", told
@@ -192,7 +192,8 @@ class TorqueResidualFit(Estimator):
             if misfit(other, again.point) > misfit(problem, solution.point):
                 break
             problem, solution = other, replace(again, n_agree=solution.n_agree)
-        return problem, solution
+            friction = self._friction(robot, problem, solution)
+        return problem, solution, friction
 
     def _friction(
         self, robot: Robot, problem: TorqueProblem, solution: Solution

@@ -22,7 +22,7 @@ def fitted(chain: Sequence[str], record: Record, nominal: Robot, seed: int, **se
     made: Any = record
     for name in chain:
         stage = load_plugin(STAGES, name)(**(settings if name == chain[-1] else {}))
-        made = stage.run(made, nominal, context(seed))
+        made = stage.run((made,) if stage.inputs()[0].many else made, nominal, context(seed))
     assert isinstance(made, Fit)
     return made
 
@@ -68,7 +68,7 @@ def compared(
         fit = fitted(chain, record, nominal, seed, **settings)
         seconds = time.perf_counter() - started
         same = settings if chain == TORQUE_RESIDUAL else {}
-        problem = load_plugin(STAGES, TORQUE_RESIDUAL[0])(**same).problem(record, nominal)
+        problem = load_plugin(STAGES, TORQUE_RESIDUAL[0])(**same).problem((record,), nominal)
     index = [fit.parameters.names.index(name) for name in names]
     estimate = fit.parameters.estimate[index]
     row = {"fit_s": f"{seconds:.0f}", "converged": str(fit.converged), "misfit": f"{fit.misfit:.4f}"}

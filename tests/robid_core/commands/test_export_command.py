@@ -122,7 +122,10 @@ def test_what_cannot_be_exported_is_told(
 
 
 def test_a_project_around_a_urdf_waits_and_then_holds(tmp_path: Path, told: Told) -> None:
-    """A UR-like arm as URDF: the bearing on the line of axis 2 is not proposed, and remarked where it is added."""
+    """A UR-like arm as URDF: the bearing on the line of axis 2 is not proposed, and remarked where it is added.
+
+    Gear ratios and rotors stand in the file that robid wrote; torque constants and controllers wait.
+    """
     urdf = tmp_path / "arm.urdf"
     plain = changed(Robot.load("universal_arm"), bearings={}, every_axis={"gear": None})
     urdf.write_text(plain.to_urdf())
@@ -131,10 +134,10 @@ def test_a_project_around_a_urdf_waits_and_then_holds(tmp_path: Path, told: Told
     lines = told().splitlines()
     assert lines[0] == f"{project}: pipeline.yaml, README.md, robot.yaml, plant.yaml, arm.urdf"
     assert "- no bearing 'axis_1_z': the line of axis_2, whose gear would be the same spring" in lines
-    assert lines[-1].startswith(f"next: cd {project}, fill in the 30 values that robid validate lists")
+    assert lines[-1].startswith(f"next: cd {project}, fill in the 18 values that robid validate lists")
     with pytest.raises(ConfigurationError) as refused:
         validate.command(project / "pipeline.yaml")
-    assert str(refused.value).count("still to fill in: a number") == 30
+    assert str(refused.value).count("still to fill in: a number") == 18
     text = (project / "robot.yaml").read_text()
     text = filled(text, 101, 1e-4, 0.008)
     spring = "  tilt: {joint: axis_1, axis: [0, 0, 1], stiffness: 9.0e+4, damping: 30}\n"
