@@ -11,10 +11,8 @@ from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.residual import TorqueProblem
 
-NARROWER, WIDER = (
-    0.67,
-    4.0,
-)  # times a zero-speed width: functions about it are narrow and wide enough in between
+NARROWER = 0.67  # times a zero-speed width, and more: functions about it are narrow enough
+WIDER = 4.0  # likewise, and less: wide enough
 THINNED = 5  # every so many samples of the speeds
 POINTS = 61  # of a curve, closer to one another where friction turns round
 LEFT = 0.02  # of the friction: less is drawn and not told

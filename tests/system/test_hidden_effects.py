@@ -109,7 +109,11 @@ def wired(configurations: str, excitation: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.full] * name.endswith("whole")) for name in CASES]
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.full] * (name.endswith("whole") or name == "hardening_elbow"))
+        for name in CASES
+    ],
 )
 def test_what_only_the_plant_has_is_named_and_the_extended_robot_predicts(
     name: str, tmp_path: Path, robid

@@ -33,7 +33,7 @@ def diagnosed(told: Robot, record: Record, only: tuple[str, ...]) -> Diagnosis:
 @pytest.mark.parametrize(
     ("use", "size", "share", "seed", "factor", "misfit"),
     [
-        (UNEVEN, "coulomb_forwards", 0.2, 61, 0.3, 1.25),
+        pytest.param(UNEVEN, "coulomb_forwards", 0.2, 61, 0.3, 1.25, marks=pytest.mark.full),
         pytest.param(UNEVEN, "coulomb_forwards", 0.2, 61, 3.0, 1.1, marks=pytest.mark.full),
         pytest.param(FALLING, "breakaway", 0.4, 71, 0.3, 1.2, marks=pytest.mark.full),
     ],
