@@ -9,6 +9,7 @@ import pytest
 
 from robid_core import Record, Robot
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.results import model_of
 from robid_diagnosis.search import Failure
 from robid_diagnosis.zero_speed import MOVED, with_own_width
 
@@ -58,6 +59,15 @@ def test_friction_is_fitted_with_the_width_that_it_has(fitted: Fitted, found: Fi
     assert found.misfit < min(1.05, fitted.misfit)
     size, error = found.estimate("effect.uneven.coulomb_forwards")
     assert abs(size - 0.12) < 4 * error < 0.02 * 0.12
+
+
+def test_the_robot_that_is_written_tells_the_width_that_was_told(told: Robot, found: Fitted) -> None:
+    """It is set and not estimated, and its file says what it was before."""
+    model = model_of(told, found)
+    place = model.names.index("friction.axis_1.speed")
+    assert model.value[place] == pytest.approx(0.3, rel=0.02)
+    assert model.start[place] == told.parameter("friction.axis_1.speed") == 0.5
+    assert "friction.axis_1.speed" not in model.free_names
 
 
 def test_a_spring_that_hardens_is_as_stiff_as_its_error_says(found: Fitted) -> None:
