@@ -13,9 +13,9 @@ from robid_fit.disagreement_doubt import disagreement_doubt
 from robid_fit.rigid_equations import RigidEquations
 from robid_fit.rigid_solution import RigidSolution
 from robid_fit.rigid_unknowns import RigidUnknowns
+from robid_fit.tolerances import WIDENED
 
 COLOURED = 0.5  # from one sample to the next
-WIDENED = 3.0  # times the tolerances that were stated
 WEAK = 0.5  # of what was known before
 WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence

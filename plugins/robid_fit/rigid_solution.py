@@ -25,6 +25,7 @@ from robid_core.estimation.rigid.coloured import (
 from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_fit.rigid_equations import RigidEquations
 from robid_fit.rigid_unknowns import RigidUnknowns
+from robid_fit.tolerances import tolerance_factor
 
 ROUNDS = 40
 STAYS = 0.02  # standard errors, and share of a weight or a tolerance: less is no change
@@ -311,9 +312,8 @@ class RigidProblem:
         among = self.unknowns.promised
         if not among.any():
             return 1.0
-        seen = float((1 - np.minimum((error / prior)[among] ** 2, 1.0)).sum())
-        far = float((((point - self.unknowns.start) / prior)[among] ** 2).sum())
-        return float(np.clip(before * np.sqrt(far / max(seen, 1e-9)), 1.0, WIDEST))
+        asked = tolerance_factor((point - self.unknowns.start)[among], error[among], prior[among])
+        return float(np.clip(before * asked, 1.0, WIDEST))
 
     # The end
 

@@ -50,12 +50,12 @@ from robid_core.residual import (
     variant_robots,
 )
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
+from robid_fit.tolerances import WIDENED, tolerance_factor
 from robid_fit.torque_gain import common_scale_problem
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
 RELAID = 3  # times that functions of speed are laid anew
-PROMISED = 3.0  # times the tolerances of bodies
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
@@ -327,21 +327,15 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
 
 
 def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
-    """Doubt bodies that differ from the robot file by more than was promised: their errors then count a wrong promise.
-
-    By how much tolerances would have to be wider for the data to be most likely (empirical Bayes; MacKay, Neural
-    Computation 4, 1992): squares of what was found over the freedom that data, not tolerances, have decided.
-    """
+    """Doubt bodies that differ from the robot file by more than was promised: then their errors are too small."""
     free, n = problem.free, problem.n_free
     bodies = np.array([free.robot.parameter_kind(name) == "inertia" for name in free.names], dtype=bool)
     if not bodies.any():
         return ()
     prior, point = problem.prior[:n][bodies], solution.point[:n][bodies]
     error = np.sqrt(np.diag(solution.covariance)[:n][bodies])
-    seen = float((1 - np.minimum((error / prior) ** 2, 1.0)).sum())
-    far = np.abs(point / prior)
-    times = float(np.sqrt((far**2).sum() / max(seen, 1.0)))
-    if times <= PROMISED:
+    times, far = tolerance_factor(point, error, prior, least_seen=1.0), np.abs(point / prior)
+    if times <= WIDENED:
         return ()
     names = [name for name, own in zip(free.names, bodies.tolist(), strict=True) if own]
     worst = names[int(np.argmax(far))]
