@@ -164,8 +164,9 @@ class Selection:
             times = 1 / max(step.share, 1e-3)
             self._refuse(trial.hit, f"free functions at its axis gain {times:.2g} times as much")
             return None
-        picture = None if trial.addition is None else picture_of(trial.fitted, trial.addition)
-        return step if picture is None else replace(step, picture=picture)
+        if trial.addition is None:
+            return step
+        return replace(step, picture=picture_of(trial.fitted, trial.addition))
 
     def _refuse(self, rival: Rival, reason: str) -> None:
         """Keep why an effect is not named."""

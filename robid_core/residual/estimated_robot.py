@@ -17,6 +17,7 @@ from robid_core.estimation.torque.nearest_friction import NearestFriction, neare
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
+from robid_core.residual.problem import friction_columns
 from robid_core.robot import Robot
 
 NOT_NEGATIVE = (".coulomb", ".viscous")
@@ -51,9 +52,8 @@ def friction_of_motors(
     """
     unknown, spread = _in_own_units(free, point, covariance)
     speed = np.concatenate([motion.rate(1).reshape(-1, robot.n_axis) for motion in motions])
-    found = []
-    for a, axis in enumerate(robot.axis_names):
-        columns = _columns(robot, laws, free, a)
+    of_motors, found = friction_columns(free, len(laws.names)), []
+    for a, (axis, columns) in enumerate(zip(robot.axis_names, of_motors, strict=True)):
         found.append(
             nearest_friction(
                 laws.of_axis(a),
@@ -83,9 +83,8 @@ def estimated_robot(
     rubbing = [f"friction.{axis}.viscous" for axis in robot.axis_names]
     rows = {name: np.eye(len(point))[i] for i, name in enumerate(free.names) if name not in rubbing}
     values = {name: float(row @ unknown) for name, row in rows.items()}
-    own = np.zeros((0, 0))
-    for a, (axis, one) in enumerate(zip(robot.axis_names, friction, strict=True)):
-        columns = _columns(robot, laws, free, a)
+    of_motors, own = friction_columns(free, len(laws.names)), np.zeros((0, 0))
+    for a, (axis, one, columns) in enumerate(zip(robot.axis_names, friction, of_motors, strict=True)):
         for kind, value, slope in zip(one.names, one.value.tolist(), one.slope, strict=True):
             name = f"friction.{axis}.{kind}"
             values[name] = max(value, 0.0) if name.endswith(NOT_NEGATIVE) else value
@@ -108,10 +107,3 @@ def _in_own_units(
     slope = np.eye(len(point))
     slope[:n, :n] = free.jacobian(point[:n])
     return np.concatenate((list(free.values(point[:n]).values()), point[n:])), slope @ covariance @ slope.T
-
-
-def _columns(robot: Robot, laws: SpeedFunctions, free: FreeParameters, axis: int) -> list[int]:
-    """Numbers of the unknowns that are friction of one motor: functions of speed, a constant, viscous if it is free."""
-    columns = [len(free.names) + number * robot.n_axis + axis for number in range(len(laws.names))]
-    viscous = f"friction.{robot.axis_names[axis]}.viscous"
-    return [*columns, free.names.index(viscous)] if viscous in free.names else columns

@@ -154,14 +154,7 @@ class TorqueProblem:
     @property
     def friction_curves(self) -> list[list[int]]:
         """Numbers of the unknowns that are friction of one motor: functions of speed, a constant, viscous if free."""
-        robot, n_law = self.free.robot, len(self.friction_names)
-        curves = [
-            [self.n_free + number * robot.n_axis + a for number in range(n_law)] for a in range(robot.n_axis)
-        ]
-        for curve, axis in zip(curves, robot.axis_names, strict=True):
-            name = f"friction.{axis}.viscous"
-            curve += [self.free.names.index(name)] if name in self.free.names else []
-        return curves
+        return friction_columns(self.free, len(self.friction_names))
 
     def sensing(self, point: FloatArray) -> FloatArray:
         """Errors of gains, delays, s, and mounting angles, rad, of sensors behind the gears, shape (3, n_sensor)."""
@@ -225,3 +218,16 @@ class TorqueProblem:
         """``J^T r`` of each group for weighted residuals of a point, shape (n_group, n_unknown)."""
         groups = (own.ravel() for block in weighted for own in block)
         return np.stack([rows.T @ own for rows, own in zip(about.rows, groups, strict=True)])
+
+
+def friction_columns(free: FreeParameters, n_law: int) -> list[list[int]]:
+    """Numbers of the unknowns that are friction, motor by motor: functions of speed, a constant, viscous if it is free.
+
+    `n_law`: how many functions there are, the constant among them; they stand behind the free parameters.
+    """
+    n_free, n_axis = len(free.names), free.robot.n_axis
+    columns = [[n_free + number * n_axis + a for number in range(n_law)] for a in range(n_axis)]
+    for own, axis in zip(columns, free.robot.axis_names, strict=True):
+        name = f"friction.{axis}.viscous"
+        own += [free.names.index(name)] if name in free.names else []
+    return columns
