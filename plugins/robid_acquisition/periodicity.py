@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid_acquisition.assembly import Index
+from robid_acquisition.claimed_period import doubts_of_period, samples_of_period
 from robid_acquisition.excited_lines import doubts_of_lines, find_lines
-from robid_acquisition.repetition import doubts_of_period, samples_of_period
 from robid_core import DataRejected, FloatArray, IntArray
+from robid_core.estimation.repetition import steady_repetition
 
 # In this order: a reference has neither noise nor harmonics of friction.
 TELLING = ("speed_reference", "position_reference", "motor_torque")
@@ -39,6 +40,29 @@ def clock_of_period(values: Mapping[str, FloatArray], period_s: float) -> str:
         f"; the recording repeats every {n_sample} samples: sample_time_s is {period_s / n_sample:.6g} where period_s "
         "is right"
     )
+
+
+def words_of_untold_period(
+    channels: Mapping[str, FloatArray], sample_time_s: float
+) -> tuple[Index, str] | None:
+    """Say that an experiment repeats though no period was given, and which does, by its place in the channels.
+
+    Channels are (n_config, n_block, n_exp, 1, n_sample, n_axis).
+    """
+    if "motor_position" not in channels:
+        return None
+    position, torque = channels["motor_position"], channels.get("motor_torque")
+    for c, b, e in np.ndindex(*position.shape[:3]):
+        place = c, b, e
+        found = steady_repetition(position[place][0], None if torque is None else torque[place][0])
+        if found is not None:
+            n_period = position.shape[-2] // found.lag
+            return place, (
+                f"it repeats every {found.lag * sample_time_s:.6g} s ({n_period} times), and no period_s is given; "
+                "with period_s: auto its periods are kept apart, which tells the noise and makes fits, and diagnoses "
+                "of four experiments or more, several times faster (period_s: null: taken as one long motion)"
+            )
+    return None
 
 
 def doubts_of_claimed_period(

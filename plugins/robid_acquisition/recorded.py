@@ -26,6 +26,7 @@ from robid_acquisition.periodicity import (
     doubts_of_claimed_period,
     found_lines,
     found_period,
+    words_of_untold_period,
 )
 from robid_acquisition.pieces import pieces_between_holes
 from robid_acquisition.poses import mean_angle, reach_about_mean, unlike_poses
@@ -77,7 +78,8 @@ class RecordedAcquisition(ReadFiles):
     """
 
     period_s: PositiveFloat | Literal["auto"] | None = None
-    """Period of the excitation: whole periods are kept apart; auto: found in the first experiment; null: no period."""
+    """Period of the excitation: whole periods are kept apart; auto: found in the first experiment; null: no period, and
+    a recording that repeats is not reported."""
     lines: tuple[NonNegativeInt, ...] | Literal["auto"] = ()
     """Excited bins of one period, for frequency responses; auto: found in the spectra of the references, or torques."""
     torque_hold: Literal["zero_order_hold", "continuous"] | None = None
@@ -201,6 +203,10 @@ class RecordedAcquisition(ReadFiles):
                     "lines: auto needs records without holes; give the lines, or set gaps: split"
                 )
             lines = np.array(self.lines, dtype=np.int64)
+        elif "period_s" not in self.model_fields_set and not splits and assembly.known.all():
+            untold = words_of_untold_period(assembly.channels, assembly.sample_time_s)
+            if untold is not None:
+                context.log.warning("%s: %s", _at(arrangement, untold[0]).name, untold[1])
         names = arrangement.variants if any(arrangement.variants) else (self.variant,) * arrangement.shape[0]
         channels = {
             name: Channel(side_of(name), self.channels[name].symbol, frozen(values))

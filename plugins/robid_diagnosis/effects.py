@@ -367,7 +367,8 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
     if n_experiment < FEWEST:
         raise DataRejected(
             f"{n_experiment} experiments: what is found must hold in data that were held out; measure at least "
-            f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10)"
+            f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10, of `robid diagnose` "
+            f"--blocks 10{'; read without periods, period_s: null' if any(run.n_period > 1 for run in runs) else ''})"
         )
     for run in runs:
         levels = _levels(run.lanes("motor_torque").reshape(1, -1, robot.n_axis))

@@ -28,7 +28,10 @@ def cut_into_parts(record: Record, n_part: int, skip_s: float = 0.0) -> Record:
         return record
     run = record.run
     if record.line is not None or run.n_period > 1:
-        raise DataRejected("blocks: a record of periods stays whole; leave blocks and skip_s away")
+        raise DataRejected(
+            "blocks: a record of periods stays whole; leave blocks and skip_s away, or read one long motion without "
+            "periods (period_s: null)"
+        )
     first = round(skip_s / run.sample_time_s)
     length = (len(run.time_s) - first) // n_part
     if length < 2:

@@ -30,12 +30,16 @@ class Asked:
     """Robot files of records that have one of their own, by the record's name."""
     apart: list[str] = field(default_factory=list)
     """Names of records that are kept for the last judgement."""
+    blocks: int = 1
+    """Pieces into which each record is cut."""
 
     @property
     def settings(self) -> dict[str, Any]:
         """Settings of the stage."""
         every = (("only", self.only), ("exclude", self.exclude), ("robots", self.robots))
-        return {key: value for key, value in every if value}
+        return {key: value for key, value in every if value} | (
+            {"blocks": self.blocks} if self.blocks > 1 else {}
+        )
 
 
 def command(
@@ -46,7 +50,8 @@ def command(
         list[Path] | None,
         typer.Argument(
             metavar="RECORD...",
-            help="Recordings with at least four experiments: records of robid, or with --channels any that it reads.",
+            help="Recordings with at least four experiments, or one long motion and --blocks: records of robid, or "
+            "with --channels any that it reads.",
         ),
     ] = None,
     more: Annotated[
@@ -90,6 +95,16 @@ def command(
             help="A further record that only the last judgement sees: how well the robot predicts it.",
         ),
     ] = None,
+    blocks: Annotated[
+        int,
+        typer.Option(
+            "--blocks",
+            metavar="NUMBER",
+            min=1,
+            max=100,
+            help="Cut each record, one long motion without periods, into so many experiments.",
+        ),
+    ] = 1,
     continued: Annotated[
         Path | None,
         typer.Option(
@@ -117,6 +132,10 @@ def command(
 
     if test and (only or exclude):
         raise ConfigurationError("--test asks for one law; leave --only and --exclude away")
+    if blocks > 1 and continued is not None:
+        raise ConfigurationError(
+            "--blocks cuts every record, and what --continue measures has periods and stays whole; leave one away"
+        )
     robot = robot_below_here(robot)
     apart = keep_apart or []
     files = [*(records or []), *(more or []), *apart]
@@ -127,6 +146,7 @@ def command(
         exclude or [],
         robots_of(variant or [], files, names),
         names[len(names) - len(apart) :],
+        blocks,
     )
     drives = drives_of(continued) if continued is not None else None
 

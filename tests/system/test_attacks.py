@@ -20,7 +20,7 @@ def attack(*options: str) -> None:
 
 @pytest.mark.system
 def test_runs_that_were_attacked_end_with_the_bytes_of_an_undisturbed_one() -> None:
-    attack("--kill", "6", "--fail", "10", "--corrupt", "6", "--seed", "20")
+    attack("--kill", "4", "--fail", "6", "--corrupt", "4", "--seed", "20")
 
 
 @pytest.mark.full

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
-from robid_core.commands.recordings.screen import clock_text, listed
+from robid_core.commands.recordings.screen import clock_text, listed, step_of
 from robid_core.robot.file.wording import PLACEHOLDER
 
+FEWEST = 4  # experiments of a diagnosis; fewer are cut, which periods are not
 SAMPLE_TIME_S = 0.001  # written where no file tells the sampling time
 FIELDS = {
     "config": {"c", "cfg", "config", "configuration", "pose"},
@@ -80,7 +81,7 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
     lines.append(f"  format: {first.reader_name}")
     if first.guesses is None:
         return lines
-    lines += _time_lines(first)
+    lines += [*_time_lines(first), *_period_lines([one for group in groups for one in group])]
     taken = {channel.meaning for group in groups for channel in _chosen(group[0])}
     if first.guesses.constants:
         pairs = [f"{name} = {value:g}" for name, value in first.guesses.constants.items()]
@@ -111,6 +112,29 @@ def _time_lines(one: Inspected) -> list[str]:
     if clock.unit != "s":
         lines.append(f"  time_unit: {clock.unit}  # guess: from its name, or the size of its steps")
     return lines
+
+
+def _period_lines(recordings: Sequence[Inspected]) -> list[str]:
+    """Return the period of recordings that all repeat after as many samples; files without a position do not count."""
+    moving = [
+        one
+        for one in recordings
+        if one.guesses is not None and any(channel.quantity == "position" for channel in one.guesses.chosen)
+    ]
+    found = [one.repeats for one in moving]
+    first = found[0] if found else None
+    if first is None or any(one is None or one.lag != first.lag for one in found):
+        return []
+    clock = moving[0].guesses.clock if moving[0].guesses is not None else None
+    told = first.text(step_of(clock))
+    if len(recordings) < FEWEST:
+        return [
+            f"  # period_s: auto  # it {told}; without, a diagnosis can cut one long motion (blocks: 10)",
+        ]
+    return [
+        f"  period_s: auto  # guess: it {told}",
+        "  # lines: auto  # for frequency responses, where multisines excited it",
+    ]
 
 
 def _channel_line(channel: Guess, taken: set[str], file: str) -> str:

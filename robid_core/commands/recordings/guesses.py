@@ -270,7 +270,7 @@ def _unit_of_position(guess: Guess, samples: FloatArray) -> tuple[str, str]:
         return "rad", "unit not stated, within a turn if rad"
     if guess.side == "motor":
         return "rad", f"unit not stated, reaches {reach:.3g}: rad of a motor behind a gear, or deg"
-    return "deg", f"unit not stated, reaches {reach:.3g}, more than a turn in rad"
+    return "deg", f"unit not stated, reaches {reach:.3g}, more than a turn in rad; rad where it is a motor's"
 
 
 def _of_time(guess: Guess, clocks: list[tuple[int, Clock]]) -> Guess:

@@ -11,6 +11,7 @@ from typing import Any
 
 from robid_core.arrays import FloatArray
 from robid_core.commands.recordings.guesses import Guesses, guess_channels
+from robid_core.commands.recordings.repeats import Repeats, repeats_of
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.foreign import guarded_reader
 from robid_core.foreign.limits import BAG_METADATA
@@ -26,6 +27,7 @@ class Inspected:
     lines: tuple[str, ...]
     guesses: Guesses | None = None
     is_record: bool = False
+    repeats: Repeats | None = None
 
     @property
     def kind(self) -> tuple[object, ...]:
@@ -85,7 +87,8 @@ def inspect(file: Path, form: str = "") -> Inspected:
         except RobidError as error:
             return Inspected(file, name, (*lines, str(error)))
     units = reader.units(file) if hasattr(reader, "units") else {}
-    return Inspected(file, name, _further(lines, columns), guess_channels(columns, units, file.stem))
+    guesses = guess_channels(columns, units, file.stem)
+    return Inspected(file, name, _further(lines, columns), guesses, repeats=repeats_of(guesses, columns))
 
 
 def is_record(file: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -15,6 +16,7 @@ from robid_core.yaml_file.problems import FileProblems, ProblemList
 
 SOURCES = ("path", "pattern", "index")
 _STAGE = "acquisition.recorded"
+_FIELD = re.compile(r"\{[a-z]+\}")  # of a pattern: stands for a number
 
 
 def read_map(file: Path) -> list[dict[str, Any]]:
@@ -67,10 +69,10 @@ def settings_of_record(
             f"{file}: needs a channel map, which says in what columns the motors' angles and torques are; "
             f"{advice(str(file))}"
         )
-    suffix = PurePosixPath(name).suffix
-    named = [one for one in maps if PurePosixPath(_source(one)).name == PurePosixPath(name).name]
-    alike = [one for one in maps if PurePosixPath(_source(one)).suffix == suffix]
-    chosen = next((some for some in (named, alike, maps) if len(some) == 1), None)
+    common = [_common_parts(_source(one), name) for one in maps]
+    nearest = [one for one, n_part in zip(maps, common, strict=True) if n_part == max(common) > 0]
+    alike = [one for one in maps if PurePosixPath(_source(one)).suffix == PurePosixPath(name).suffix]
+    chosen = next((some for some in (nearest, alike, maps) if len(some) == 1), None)
     if chosen is None:
         raise ConfigurationError(
             f"{map_file}: has {len(maps)} channel maps, and none alone fits {file}; name the file as the path of one"
@@ -81,6 +83,16 @@ def settings_of_record(
 
 def _source(settings: Mapping[str, Any]) -> str:
     return str(next((settings[key] for key in SOURCES if settings.get(key)), ""))
+
+
+def _common_parts(source: str, name: str) -> int:
+    """Return how many parts of a file's name, from its last on, are those of a path, or of a pattern of paths."""
+    n_part = 0
+    for told, part in zip(reversed(PurePosixPath(source).parts), reversed(PurePosixPath(name).parts)):  # noqa: B905
+        if not re.fullmatch("[0-9]+".join(re.escape(one) for one in _FIELD.split(told)), part):
+            break
+        n_part += 1
+    return n_part
 
 
 def advice(recordings: str) -> str:

@@ -27,6 +27,8 @@ def recording_lines(one: Inspected) -> list[str]:
         lines.append(f"  time: {clock_text(guesses.clock)}")
     else:
         lines.append("  time: no column rises as a clock does")
+    if one.repeats is not None:
+        lines.append(f"  motion: {one.repeats.text(step_of(guesses.clock))}")
     if guesses.constants:
         pairs = [f"{name} = {value:g}" for name, value in guesses.constants.items()]
         lines.append(f"  constants: {listed(pairs, 12)}")
@@ -42,11 +44,18 @@ def short_line(one: Inspected) -> str:
         words.append(f"{max(channel.n_sample for channel in one.guesses.channels)} samples")
         if one.guesses.clock is not None:
             words.append(clock_text(one.guesses.clock))
+        if one.repeats is not None:
+            words.append(one.repeats.text(step_of(one.guesses.clock)))
         missing = sum(channel.n_missing for channel in one.guesses.channels)
         if missing:
             words.append(f"{missing} values missing")
     damage = [f"  {line}" for line in one.lines if DAMAGE.match(line)]
     return "\n".join([", ".join(words), *damage])
+
+
+def step_of(clock: Clock | None) -> float | None:
+    """Return the sampling time in s, None where it is not known."""
+    return None if clock is None or clock.counts else clock.step_s
 
 
 def clock_text(clock: Clock) -> str:

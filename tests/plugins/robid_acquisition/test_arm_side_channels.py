@@ -134,7 +134,9 @@ def with_unit(file: Path, turned: tuple[float, float, float] = (0.0, 0.0, 0.0)) 
     return target
 
 
-@pytest.mark.parametrize("repeats", [True, False], ids=["periods", "cuts"])
+@pytest.mark.parametrize(
+    "repeats", [True, pytest.param(False, marks=pytest.mark.full)], ids=["periods", "cuts"]
+)
 def test_an_inertial_unit_makes_springs_surer_and_is_found_turned(tmp_path: Path, repeats: bool) -> None:
     """With gravity, friction, a control loop and a slow sine; it is turned by 1 to 2 degrees, unknown to the fit.
 

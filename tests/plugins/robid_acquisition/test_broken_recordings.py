@@ -167,9 +167,10 @@ TURNED = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
     ("change", "told"),
     [
         ({"tau": TURNED}, "refused: e{exp}.npz: e3.npz: .*the torque of axis_3 has the opposite sign"),
-        (
+        pytest.param(
             {"q": np.pi / 180},
             "refused: e{exp}.npz: e3.npz: .*the angles look like radians that were taken for degrees",
+            marks=pytest.mark.full,
         ),
         ({"tau": 1 + 0.7 * (TURNED < 0)}, "e3.npz is not like the others: .* of the torque of axis_3 there"),
     ],
@@ -201,7 +202,7 @@ def test_a_clock_in_milliseconds(lab: Lab, sound: dict[str, FloatArray]) -> None
     assert told.startswith("refused: ")
     assert "t goes by 1 s from sample to sample, and the drives of six_axis are sampled every 0.001 s" in told
     assert "set time_unit: ms" in told
-    settings = {"time_column": "t", "sample_time_s": None, "torque_hold": "zero_order_hold"}
+    settings = {"time_column": "t", "sample_time_s": None, "period_s": 1.0, "torque_hold": "zero_order_hold"}
     assert lab.told("run.npz", **settings, time_unit="ms") == ""  # type: ignore[arg-type]
 
 

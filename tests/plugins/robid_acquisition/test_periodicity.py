@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from robid_acquisition.claimed_period import doubts_of_period, samples_of_period
 from robid_acquisition.excited_lines import doubts_of_lines, find_lines
 from robid_acquisition.recorded import RecordedAcquisition
-from robid_acquisition.repetition import doubts_of_period, samples_of_period
 from robid_core import Context, DataRejected, FloatArray, Record, Robot
 from robid_core.stage import map_in_process
 
@@ -91,6 +91,20 @@ def test_period_and_lines_are_found_through_friction_and_a_slow_sine(
     )
     assert "line 1 is left out as the slow sine" in caplog.text
     assert "run.npz: the first period differs from the last by" in caplog.text
+
+
+def test_a_record_that_repeats_and_has_no_period_is_told_so(
+    read: Read, caplog: pytest.LogCaptureFixture
+) -> None:
+    read(reference=False)
+    assert (
+        "run.npz: it repeats every 1 s (4 times), and no period_s is given; with period_s: auto"
+        in caplog.text
+    )
+    caplog.clear()
+    read(reference=False, period_s=1.0)
+    read(reference=False, drop_first_s=1.5, drop_last_s=1.0)  # a period and a half
+    assert "no period_s is given" not in caplog.text
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])

@@ -43,6 +43,18 @@ def test_the_pipeline_reads_every_record_and_explains_them_together(tmp_path: Pa
     assert stages["explain"].stage.only == ("friction.stribeck@axis_1",)  # type: ignore[attr-defined]
 
 
+def test_one_long_motion_is_cut_and_what_is_measured_later_is_not(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"")
+    (tmp_path / FILE).write_text(
+        pipeline_text("one_axis", [{"path": "a.mcap"}], Asked(blocks=8)), encoding="utf-8"
+    )
+    pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
+    (explain,) = (node.stage for node in pipeline.stages if node.name == "explain")
+    assert explain.blocks == 8  # type: ignore[attr-defined]
+    with pytest.raises(ConfigurationError, match="what --continue measures has periods and stays whole"):
+        command("one_axis", [tmp_path / "a.mcap"], blocks=8, continued=tmp_path / FILE)
+
+
 def test_a_record_of_another_payload_has_its_robot(tmp_path: Path) -> None:
     """It is read as a variant of that name, which the diagnosis knows; a robot for no record is refused."""
     records = [tmp_path / "bare.mcap", tmp_path / "loaded.mcap"]
@@ -185,6 +197,30 @@ def test_of_several_maps_the_one_that_fits_the_file_is_taken(tmp_path: Path) -> 
     channels.write_text(channels.read_text().replace("b.npz", "c.csv"), encoding="utf-8")
     with pytest.raises(ConfigurationError, match="name the file as the path of one"):
         read_sources(files, channels, None)
+
+
+def test_of_maps_for_files_of_one_name_or_for_patterns_the_nearest_is_taken(tmp_path: Path) -> None:
+    """Five stages that `robid records` wrote for five folders, and a pattern beside another one."""
+    names = ["monday/log.csv", "tuesday/log.csv", "tuesday/run12.csv", "tuesday/sweep_3.csv"]
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        recording(tmp_path / name)
+    told = (
+        "path: monday/log.csv",
+        "path: lab/tuesday/log.csv",
+        'pattern: "run{exp}.csv"',
+        'pattern: "sweep_{exp}.csv"',
+    )
+    stages = (
+        f"  read_{k}: {{use: acquisition.recorded, with: {{{source}, sample_time_s: {k}, channels: {{}}}}}}"
+        for k, source in enumerate(told, 1)
+    )
+    channels = tmp_path / "channels.yaml"
+    channels.write_text("\n".join(("stages:", *stages)) + "\n", encoding="utf-8")
+    _, sources = read_sources([tmp_path / name for name in names], channels, None)
+    assert [(one["path"], one["sample_time_s"]) for one in sources] == list(
+        zip(names, (1, 2, 3, 4), strict=True)
+    )
 
 
 def test_a_robot_file_may_be_named_from_anywhere_but_lies_below(

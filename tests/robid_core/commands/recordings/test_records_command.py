@@ -296,3 +296,29 @@ def test_a_cut_table_among_many_alike_is_told(tmp_path: Path, capsys: pytest.Cap
     assert "b.csv: the same columns" in out
     assert "  A01: line 51 has no end" in out
     assert out.count("A01") == 1
+
+
+def test_a_period_is_proposed_where_all_files_repeat_after_as_many_samples(tmp_path: Path) -> None:
+    """It is found again by the stage that is proposed; files with another period get none."""
+    for number, period in enumerate((500, 500, 500, 500, 400), start=1):
+        turns = 2 * np.pi * np.arange(2300)[:, None] / period * np.array([1, 3, 7])
+        angle = np.cos(turns + number).sum(axis=1)[:, None] * np.linspace(1, 2, 6)
+        moved = {f"q{k}": one for k, one in enumerate(angle.T, 1)} | {
+            f"tau{k}": one for k, one in enumerate(angle.T**3, 1)
+        }
+        np.savez(tmp_path / f"exp{number}.npz", t=0.004 * np.arange(2300), **moved)
+    found = [inspect(tmp_path / f"exp{number}.npz") for number in range(1, 6)]
+    assert any(
+        "motion: repeats every 2 s (500 samples); 4 periods" in line for line in recording_lines(found[0])
+    )
+    text = "\n".join(stage_lines(found[:4], tmp_path))
+    assert "period_s: auto  # guess: it repeats every 2 s (500 samples)" in text
+    assert settings(pasted(tmp_path, found[:4], tmp_path))["period_s"] == "auto"
+    assert "period_s" not in "\n".join(stage_lines(found, tmp_path))
+    assert "# period_s: auto  # it repeats every 2 s" in "\n".join(
+        stage_lines(found[:1], tmp_path)
+    )  # to be cut
+    with np.load(tmp_path / "exp1.npz") as whole:
+        late = {name: np.delete(values, np.arange(700, 730)) for name, values in whole.items()}
+    np.savez(tmp_path / "late.npz", **late)  # a gap: samples a period later are those of another phase
+    assert inspect(tmp_path / "late.npz").repeats is None
