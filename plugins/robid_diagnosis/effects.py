@@ -158,7 +158,9 @@ class Effects(DiagnosisStage):
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
         discard = leading_periods(record, self.discard, context.log)
         case, tests = self._case(record, robot, robots, discard)
-        selection = Selection(case, uses, self._places(), context.generator, context.progress, self.most)
+        selection = Selection(
+            case, uses, self._places(), context.generator, context.progress, self.most, context.log
+        )
         outcome = selection.run()
         _check_related(outcome.final)
         for one in self.only:

@@ -7,6 +7,7 @@ the search begins again about that robot, until nothing is significant. Wrong va
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -22,6 +23,7 @@ from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.pictures import picture_of
 from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
+from robid_diagnosis.search_log import SearchLog
 from robid_diagnosis.steps import Outcome, Searched, Step
 from robid_diagnosis.ties import with_final_ties
 from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, total
@@ -56,7 +58,9 @@ class Selection:
         generator: np.random.Generator,
         progress: Progress,
         most: int,
+        log: logging.Logger | None = None,
     ) -> None:
+        self.log = SearchLog(log)
         self.case, self.uses, self.places = case, list(uses), places
         self.generator, self.progress, self.most = generator, progress, most
         self.failures: list[Failure] = []
@@ -66,12 +70,14 @@ class Selection:
     def run(self) -> Outcome:
         """Search until nothing is significant."""
         current = base = self._refitted()
+        self.log.refitted(base)
         steps, searches = list[Step](), list[Found]()
         motion: Motion | None = None
         while True:
             seen = self.searched(current, motion)
             motion = seen.motion
             searches.append(seen.found)
+            self.log.searched(seen.found, current)
             taken = self.next_cause(current, seen, steps) if len(steps) < self.most else None
             if taken is None:
                 break
@@ -79,7 +85,10 @@ class Selection:
             current = with_own_width(current, self.failures, self.progress)
             self.case = current.case
             revision = Revision(self.case, self.searched, self.next_cause, base, self.failures, self.progress)
-            current, steps = revision.run(current, [*steps, step], motion)
+            before = [*steps, step]
+            current, steps = revision.run(current, before, motion)
+            self.log.named(step, before, steps, current)
+        self.log.ended(self.refused)
         axes = tuple(range(self.case.told.n_axis))
         free = [one for asked in (ceilings, drifts) for one in asked(motion, seen.search.projection, axes)]
         left = sorted(free, key=lambda one: -one.gain)

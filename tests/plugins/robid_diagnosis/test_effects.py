@@ -55,9 +55,10 @@ HIDDEN: dict[str, tuple[str, Values, str]] = {
     ],
 )
 def test_a_hidden_effect_is_named_and_sized(
-    told: Robot, plant_of: Plants, measured: Measured, case: str
+    told: Robot, plant_of: Plants, measured: Measured, case: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """First and alone, its size within four standard errors and 5 %; the extended robot leaves only noise."""
+    caplog.set_level(logging.INFO)
     use, values, name = HIDDEN[case]
     on = "base" if case == "pedestal" else "axis_1"
     plant = plant_of(told, 3).with_effect("hidden", use, on, values=values)
@@ -82,6 +83,14 @@ def test_a_hidden_effect_is_named_and_sized(
     assert diagnosis.model is not None
     extended = Robot.of_model(diagnosis.model)
     assert [entry.use for entry in extended.description.effects.values()] == [use]
+    course = (one.getMessage() for one in caplog.records if one.module == "search_log")
+    refitted, first, named, left, again, ended = (line for line in course if not line.startswith("not named"))
+    assert refitted.startswith("all values refitted: misfit ")
+    assert f": {use} at {on} ({finding.side}) gains " in first
+    assert named.startswith(f"named {use} at {on} ({finding.side}): gain ")
+    assert left.startswith("causes: 1, misfit ")
+    assert again.split(":")[0] == first.split(":")[0]
+    assert ended == "nothing more is named"
 
 
 def test_a_limit_that_one_configuration_reaches_is_named_and_said_to_be_seen_there(

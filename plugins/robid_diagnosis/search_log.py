@@ -1,0 +1,65 @@
+"""The course of a diagnosis in the log of its run: each fit, each search, what was named, and why others were not."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+
+from robid_diagnosis.hypothesis import Fitted
+from robid_diagnosis.search import Found, Hit
+from robid_diagnosis.steps import Step
+
+SHOWN = 3  # candidates of a search
+
+
+class SearchLog:
+    """Writes lines into a log; into none where it is None."""
+
+    def __init__(self, log: logging.Logger | None = None) -> None:
+        self.log = log
+
+    def refitted(self, fitted: Fitted) -> None:
+        """Say how well the robot file fits with all its values."""
+        self._line("all values refitted: misfit %.3g", fitted.misfit)
+
+    def searched(self, found: Found, fitted: Fitted) -> None:
+        """Say how many candidates there were, and which promise most."""
+        best = "; ".join(self._promise(hit, found, fitted) for hit in found.hits[:SHOWN])
+        self._line(
+            "search among %d candidates: %s",
+            found.n_tried,
+            best or "none promises anything",
+        )
+
+    def named(self, step: Step, before: Sequence[Step], after: Sequence[Step], fitted: Fitted) -> None:
+        """Say what was named, and what was dropped of all causes `before` a backward pass, or came in exchange."""
+        self._line("named %s: gain %.4g of twice the log-likelihood", self._place(step.key), step.gain)
+        gone = [one for one in before if one not in after]
+        for one in gone:
+            self._line("looked at again beside it and no longer named: %s", self._place(one.key))
+        for one in after:
+            if one not in before:
+                self._line("named in exchange: %s", self._place(one.key))
+        self._line("causes: %d, misfit %.3g", len(after), fitted.misfit)
+
+    def ended(self, refused: Mapping[tuple[str, str | None, str | None], str]) -> None:
+        """Say that nothing more is named, and why what gains more than chance is not."""
+        self._line("nothing more is named")
+        for key, reason in refused.items():
+            self._line("not named, %s: %s", self._place(key), reason)
+
+    def _promise(self, hit: Hit, found: Found, fitted: Fitted) -> str:
+        """Gain and p-value after the search, in the noise that the fit leaves."""
+        noise = max(1.0, fitted.misfit)
+        p_value = found.p_value(hit, noise)
+        chance = "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
+        return f"{self._place(hit.candidate.key)} gains {hit.gain.total / noise:.3g}, {chance}"
+
+    @staticmethod
+    def _place(key: tuple[str, str | None, str | None]) -> str:
+        use, on, side = key
+        return use + (f" at {on}" if on else "") + (f" ({side})" if side else "")
+
+    def _line(self, text: str, *values: object) -> None:
+        if self.log is not None:
+            self.log.info(text, *values)
