@@ -94,6 +94,7 @@ def errors_of_models(
     record: Record,
     still: BoolArray,
     generator: np.random.Generator,
+    noise: FloatArray | None = None,
 ) -> tuple[list[PredictionErrors], FloatArray]:
     """Errors of models from sums of squares, and the interval of what the last gains on the first, (2,).
 
@@ -113,6 +114,8 @@ def errors_of_models(
         Axes that hardly moved, (n_axis,).
     generator
         Draws blocks.
+    noise
+        Sum of squares that a right model would leave in all blocks, (n_axis,), where it is known.
     """
     stacked = np.stack(list(error.values()))
     found = intervals(stacked, power, generator)
@@ -128,6 +131,7 @@ def errors_of_models(
             low=found.relative[0, m],
             high=found.relative[1, m],
             still=still,
+            noise=None if noise is None else relative_errors(noise, power.sum(axis=0)),
         )
         for m, name in enumerate(error)
     ]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid_core import ComplexArray, DataRejected, FloatArray, PredictionErrors, Record, Robot
-from robid_core.residual import linearise_at
+from robid_core.residual import TorqueProblem, linearise_at
 from robid_diagnosis.comparison import errors_of_models, still_axes
 from robid_diagnosis.held_out import held_out_residuals, unweighted
 from robid_diagnosis.hypothesis import Case, Fitted
@@ -49,7 +49,7 @@ def errors_of(
     Experiments are drawn again for the intervals.
     """
     models = outcome.models
-    where, power, left = _judged(case, tests, list(models.values()))
+    where, power, left, noise = _judged(case, tests, list(models.values()))
     runs = [run for record in tests or case.records for run in record.runs]
     error = {name: _sums(one) for name, one in zip(models, left, strict=True)}
     rows, gain = errors_of_models(
@@ -61,38 +61,60 @@ def errors_of(
         case.records[0],
         still_axes(robot, tests or case.records),
         generator,
+        noise,
     )
     return tuple(rows), gain
 
 
 def _judged(
     case: Case, tests: tuple[Record, ...], models: Sequence[Fitted]
-) -> tuple[str, FloatArray, list[list[ComplexArray]]]:
-    """In which data, the power of their torque, (n_experiment, n_axis), and what each model leaves in their blocks."""
+) -> tuple[str, FloatArray, list[list[ComplexArray]], FloatArray]:
+    """In which data; the power of their torque, (n_experiment, n_axis); what each model leaves in their blocks.
+
+    And the power that noise alone would leave there, of the last model, (n_axis,).
+    """
+    last = models[-1]
     if tests:
         blocks = case.problem(models[0].hypothesis, tests).blocks
-        left = [left_in(fitted, tests) for fitted in models]
-        return "experiments of the role test", _sums([block.motion.torque_spectrum for block in blocks]), left
+        power = _sums([block.motion.torque_spectrum for block in blocks])
+        judged = [left_in(fitted, tests) for fitted in models]
+        return "experiments of the role test", power, [left for left, _ in judged], judged[-1][1]
     power = _sums([block.motion.torque_spectrum for block in models[0].problem.blocks])
+    noise = noise_power(last.problem, last.point)
     held_out = [held_out_residuals(fitted) for fitted in models]
     known = [one for one in held_out if one is not None]
     if len(known) == len(models):
-        part = "experiments" if len(models[0].about.rows) == 1 else "configurations"
-        return f"{part} left out of its fit", power, known
-    return "the data of its fit", power, [one.problem.residuals(one.point) for one in models]
+        part = "experiments" if len(last.about.rows) == 1 else "configurations"
+        return f"{part} left out of its fit", power, known, noise
+    left = [one.problem.residuals(one.point) for one in models]
+    return "the data of its fit", power, left, noise
 
 
-def left_in(fitted: Fitted, records: tuple[Record, ...]) -> list[ComplexArray]:
+def left_in(fitted: Fitted, records: tuple[Record, ...]) -> tuple[list[ComplexArray], FloatArray]:
     """Measured less predicted torque in records that were not fitted, N m, (n_config, n_exp, n_bin, n_axis) each.
 
-    What rings on from before the first sample is no error of the model, and is taken off.
+    With the power that noise alone would leave, (n_axis,). What rings on from before the first sample is no error of
+    the model, and is taken off.
     """
     problem, point = fitted.case.problem(fitted.hypothesis, records), fitted.point
     about = linearise_at(problem, point, fitted.model_error, improve=True)
     if any(robot.signals for robot in problem.robots(point)):  # along torques that the first round expects
         about = linearise_at(problem, point, fitted.model_error, improve=True)
     weighted = problem.weighted(point, about.weights)
-    return [unweighted(weight, own) for weight, own in zip(about.weights, weighted, strict=True)]
+    left = [unweighted(weight, own) for weight, own in zip(about.weights, weighted, strict=True)]
+    return left, noise_power(problem, point)
+
+
+def noise_power(problem: TorqueProblem, point: FloatArray) -> FloatArray:
+    """Power that noise leaves in all experiments of a problem where the model is right, the mean left out, (n_axis,).
+
+    With it what samples do not resolve of friction, as in the misfit.
+    """
+    size, total = problem.friction_size(point), np.zeros(problem.free.robot.n_axis)
+    for block, robot in zip(problem.blocks, problem.robots(point), strict=True):
+        n_experiment = int(np.prod(block.measured.shape[:2]))
+        total += n_experiment * np.einsum("faa->a", block.noise(robot, size)[1:]).real[: len(total)]
+    return total
 
 
 def _sums(spectra: Sequence[ComplexArray]) -> FloatArray:

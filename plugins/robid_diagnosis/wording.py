@@ -201,6 +201,8 @@ def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
             if np.isfinite(gain).all()
             else ")"
         )
+    if last.noise is not None:
+        text += f"; noise alone leaves {100 * float(over_axes(last.noise)):.3g} %"
     worst = int(np.argmax(np.nan_to_num(last.relative)))
     text += f"; worst on {last.axis_names[worst]}, {last.rms[worst]:.3g} {last.unit_symbol} rms."
     resting = [name for name, still in zip(last.axis_names, last.still, strict=True) if still]

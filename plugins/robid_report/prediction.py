@@ -16,7 +16,10 @@ SIZES = ("time in the run, s", "order, waves in a turn of the motor")  # variabl
 
 
 def error_sections(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
-    """Return for each quantity its models and a row for each axis; a cell is (error in its unit, share, interval)."""
+    """Return for each quantity its models and a row for each axis; a cell is (error in its unit, share, interval).
+
+    And the share that noise alone would leave, for each axis, where it is known.
+    """
     errors = diagnosis.errors if diagnosis is not None else ()
     sections = []
     for quantity, group in itertools.groupby(errors, key=lambda one: one.quantity):
@@ -26,10 +29,18 @@ def error_sections(diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
             (axis, bool(models[0].still[a]), [_cell(one, a, limited) for one in models])
             for a, axis in enumerate(models[0].axis_names)
         ]
-        names = [one.model for one in models]
+        names, floor = [one.model for one in models], models[-1].noise
+        noise = None if floor is None else [percent(float(share)) for share in floor]
         drawn = any(np.isfinite(one.low + one.high).any() for one in models)
         sections.append(
-            {"quantity": quantity, "models": names, "rows": rows, "limited": limited, "drawn": drawn}
+            {
+                "quantity": quantity,
+                "models": names,
+                "rows": rows,
+                "limited": limited,
+                "drawn": drawn,
+                "noise": noise,
+            }
         )
     return sections
 

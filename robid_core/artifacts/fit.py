@@ -107,7 +107,8 @@ class PredictionErrors(Artifact):
 
     `model` and `quantity` in words ("fit", "torque in open loop"); `rms` in `unit_symbol`; `relative` is over the rms
     of what was measured, `of_limit` over the torque limit of the robot file; `still` marks
-    axes that hardly moved, of which a percentage says little.
+    axes that hardly moved, of which a percentage says little. `noise` is what noise alone would leave of a right model,
+    as `relative`.
     """
 
     model: str
@@ -120,6 +121,7 @@ class PredictionErrors(Artifact):
     high: FloatArray = array("n_axis", finite=False)
     still: BoolArray = array("n_axis")
     of_limit: FloatArray | None = array("n_axis", optional=True, finite=False)
+    noise: FloatArray | None = array("n_axis", optional=True, finite=False)
 
 
 @dataclass(frozen=True, eq=False)

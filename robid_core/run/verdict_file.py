@@ -1,17 +1,17 @@
 """The verdict of a diagnosis as JSON, for programs: `verdict.<stage>.json` in the folder of a run.
 
 Fields: `verdict` (sentences), `robot` (name and hash of the nominal one), `data` (experiments in how many
-configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side, parameters
-with nominal value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood, p-value after
-the search, share of the gain of free functions, ties, the experiment that separates them with the expected log-
-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own), `values` (all
-that was estimated, with its tolerance in the robot file), `response_check` (stiffnesses by responses and by torques,
-their difference in standard errors and whether they agree within the limit, or the reason why there is none), `timing`
-(by how many samples the torque of each axis lags), `errors` (torque that each model leaves; where references were
-recorded, speed in closed loop), `left` (misfit of each axis in each band, on the excited lines and in the bins
-between), `residuals` (which part of what the refitted robot leaves, squared, functions of speed, angle, load and
-acceleration would do, odd and even ones), `searched` (how many, which, excluded, failed, smallest sizes that would have
-been found).
+configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side,
+parameters with nominal value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood,
+p-value after the search, share of the gain of free functions, ties, the experiment that separates them with the
+expected log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own),
+`values` (all that was estimated, with its tolerance in the robot file), `response_check` (stiffnesses by responses
+and by torques, their difference in standard errors and whether they agree within the limit, or the reason why there
+is none), `timing` (by how many samples the torque of each axis lags), `errors` (torque that each model leaves, and as
+`of_noise` what noise alone would; where references were recorded, speed in closed loop), `left` (misfit of each axis
+in each band, on the excited lines and in the bins between), `residuals` (which part of what the refitted robot
+leaves, squared, functions of speed, angle, load and acceleration would do, odd and even ones), `searched` (how many,
+which, excluded, failed, smallest sizes that would have been found).
 Numbers that do not exist are null.
 """
 
@@ -72,9 +72,20 @@ def verdict_json(diagnosis: Diagnosis, robot: str, sha256: str) -> str:
                 "quantity": one.quantity,
                 "unit": one.unit_symbol,
                 "axes": {
-                    axis: {"rms": rms, "relative": _number(share), "interval": [_number(low), _number(high)]}
-                    for axis, rms, share, low, high in zip(
-                        one.axis_names, one.rms.tolist(), one.relative, one.low, one.high, strict=True
+                    axis: {
+                        "rms": rms,
+                        "relative": _number(share),
+                        "interval": [_number(low), _number(high)],
+                        "of_noise": _number(noise),
+                    }
+                    for axis, rms, share, low, high, noise in zip(
+                        one.axis_names,
+                        one.rms.tolist(),
+                        one.relative,
+                        one.low,
+                        one.high,
+                        np.full(len(one.rms), np.nan) if one.noise is None else one.noise,
+                        strict=True,
                     )
                 },
             }

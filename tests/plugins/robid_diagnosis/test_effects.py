@@ -80,6 +80,10 @@ def test_a_hidden_effect_is_named_and_sized(
         assert np.abs(finding.residual - finding.explained).max() < 0.1 * height
     before, after = (errors.relative[0] for errors in diagnosis.errors)
     assert after < 0.6 * before
+    noise = diagnosis.errors[-1].noise
+    assert noise is not None  # of 300 bins in 8 experiments, by differences of two periods each: good to 2 %
+    assert after == pytest.approx(noise[0], rel=0.1)
+    assert f"noise alone leaves {100 * noise[0]:.3g} %" in diagnosis.verdict
     assert diagnosis.model is not None
     extended = Robot.of_model(diagnosis.model)
     assert [entry.use for entry in extended.description.effects.values()] == [use]

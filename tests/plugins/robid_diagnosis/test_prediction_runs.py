@@ -145,7 +145,7 @@ def test_the_page_begins_with_the_table_and_has_runs_in_two_colours(robot: Robot
     assert table < runs < page.index("Residuals of the prediction") < page.index("<h2>Parameters")
     assert "of the limit" in page
     assert not np.isfinite(found.errors[0].low).any()  # of seconds
-    assert "No intervals: they are drawn from blocks" in page
+    assert "No intervals: they are drawn from experiments, or from blocks" in page
     longer = tuple(one.replace(low=0.9 * one.relative, high=1.1 * one.relative) for one in found.errors)
     page = HtmlReport().run(robot, fit=fit, record=whole, diagnosis=found.replace(errors=longer)).html
     assert "No intervals" not in page
