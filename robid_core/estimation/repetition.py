@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from robid_core.arrays import FloatArray, IntArray
+from robid_core.arrays import BoolArray, FloatArray, IntArray
 from robid_core.errors import DataRejected
 
 REPEATS = 0.1  # of d: above, nothing repeats
@@ -58,12 +58,11 @@ def differences(signals: FloatArray) -> FloatArray:
 
     Raises DataRejected where none moves.
     """
-    centred = signals - signals.mean(axis=0)
-    size = centred.std(axis=0)
-    moving = size > 1e-12 * np.maximum(np.abs(signals).max(axis=0), 1e-300)
+    moving = _moving(signals)
     if not moving.any():
         raise DataRejected("nothing moves in the recording, and no period can be found")
-    unit = centred[:, moving] / size[moving]
+    centred = signals[:, moving] - signals[:, moving].mean(axis=0)
+    unit = centred / centred.std(axis=0)
     n = len(unit)
     spectrum = np.fft.rfft(unit, scipy.fft.next_fast_len(2 * n), axis=0)
     product = np.fft.irfft((np.abs(spectrum) ** 2).sum(axis=1), scipy.fft.next_fast_len(2 * n))
@@ -72,6 +71,13 @@ def differences(signals: FloatArray) -> FloatArray:
     energy = power[n - lag] + power[n] - power[lag]
     result: FloatArray = np.maximum(1 - 2 * product[lag] / energy, 0.0)
     return result
+
+
+def _moving(signals: FloatArray) -> BoolArray:
+    """Which signals are more than rounding about their mean; none whose squares no number holds."""
+    size = signals.std(axis=0)
+    moving: BoolArray = np.isfinite(size) & (size > 1e-12 * np.maximum(np.abs(signals).max(axis=0), 1e-300))
+    return moving
 
 
 def shortest_lag(d: FloatArray) -> int | None:
@@ -95,7 +101,7 @@ def repetition_of(signals: FloatArray) -> Repetition | None:
     """
     d = differences(signals)
     lag = shortest_lag(d)
-    if lag is None or d[lag] > REPEATS:
+    if lag is None or not d[lag] <= REPEATS:
         return None
     exact, error = _refined(d, lag, len(signals))
     return Repetition(round(exact), float(d[lag]), exact, error, len(signals))
@@ -116,7 +122,7 @@ def steady_repetition(position: FloatArray, torque: FloatArray | None = None) ->
     """
     known = position if torque is None else torque
     known = known[:, np.isfinite(known).all(axis=0)]
-    if len(known) < FEWEST or len(known) != len(position) or not np.ptp(known, axis=0).any():
+    if len(known) < FEWEST or len(known) != len(position) or not _moving(known).any():
         return None
     found = repetition_of(known)
     if found is None or not found.is_whole or len(known) < 2 * found.lag:

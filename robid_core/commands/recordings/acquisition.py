@@ -9,6 +9,7 @@ from pathlib import Path
 
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
+from robid_core.commands.recordings.motion import poses_differ
 from robid_core.commands.recordings.screen import clock_text, listed, step_of
 from robid_core.robot.file.wording import PLACEHOLDER
 
@@ -69,9 +70,12 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
     first = groups[0][0]
     names = [_below(one.file, root) for one in groups[0]]
     lines = ["use: acquisition.recorded", "with:"]
-    pattern = pattern_of(names) if len(names) > 1 else ""
+    motions = [one.motion for one in groups[0] if one.motion is not None]
+    differ = len(motions) == len(names) and poses_differ(motions)
+    pattern = pattern_of(names, differ) if len(names) > 1 else ""
     if pattern:
-        lines.append(f"  pattern: {json.dumps(pattern)}  # guess: which number counts what")
+        why = "; the poses differ" if differ else ""
+        lines.append(f"  pattern: {json.dumps(pattern)}  # guess: which number counts what{why}")
     else:
         lines.append(f"  path: {scalar(names[0])}")
         if len(names) > 1:
@@ -173,8 +177,11 @@ def _left_lines(channels: Iterable[Guess]) -> list[str]:
     return lines + ([f"    # not recognised: {listed(unknown)}"] if unknown else [])
 
 
-def pattern_of(names: Sequence[str]) -> str:
-    """Return the pattern of names that differ in up to three numbers, empty where there is none."""
+def pattern_of(names: Sequence[str], poses_differ: bool = False) -> str:
+    """Return the pattern of names that differ in up to three numbers, empty where there is none.
+
+    `poses_differ`: a single number counts configurations, whatever the name calls it.
+    """
     parts = [re.split(r"([0-9]+)", name) for name in names]
     if len({tuple(part[::2]) for part in parts}) > 1:
         return ""
@@ -186,6 +193,8 @@ def pattern_of(names: Sequence[str]) -> str:
         place: next((one for one, known in FIELDS.items() if word in known), "")
         for place, word in words.items()
     }
+    if poses_differ and len(places) == 1:
+        fields = dict.fromkeys(places, "config")
     named = [field for field in fields.values() if field]
     if len(set(named)) < len(named):
         fields, named = dict.fromkeys(places, ""), []

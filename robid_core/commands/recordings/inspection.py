@@ -11,7 +11,7 @@ from typing import Any
 
 from robid_core.arrays import FloatArray
 from robid_core.commands.recordings.guesses import Guesses, guess_channels
-from robid_core.commands.recordings.repeats import Repeats, repeats_of
+from robid_core.commands.recordings.motion import Motion, Repeats, motion_of
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.foreign import guarded_reader
 from robid_core.foreign.limits import BAG_METADATA
@@ -27,7 +27,13 @@ class Inspected:
     lines: tuple[str, ...]
     guesses: Guesses | None = None
     is_record: bool = False
-    repeats: Repeats | None = None
+    motion: Motion | None = None
+    """None where no position was recognised."""
+
+    @property
+    def repeats(self) -> Repeats | None:
+        """How it repeats, if it does."""
+        return self.motion.repeats if self.motion is not None else None
 
     @property
     def kind(self) -> tuple[object, ...]:
@@ -88,7 +94,7 @@ def inspect(file: Path, form: str = "") -> Inspected:
             return Inspected(file, name, (*lines, str(error)))
     units = reader.units(file) if hasattr(reader, "units") else {}
     guesses = guess_channels(columns, units, file.stem)
-    return Inspected(file, name, _further(lines, columns), guesses, repeats=repeats_of(guesses, columns))
+    return Inspected(file, name, _further(lines, columns), guesses, motion=motion_of(guesses, columns))
 
 
 def is_record(file: Path) -> bool:

@@ -322,3 +322,21 @@ def test_a_period_is_proposed_where_all_files_repeat_after_as_many_samples(tmp_p
         late = {name: np.delete(values, np.arange(700, 730)) for name, values in whole.items()}
     np.savez(tmp_path / "late.npz", **late)  # a gap: samples a period later are those of another phase
     assert inspect(tmp_path / "late.npz").repeats is None
+
+
+def test_a_number_counts_configurations_where_the_poses_differ(tmp_path: Path) -> None:
+    """Whatever it is called; where all are in one pose it is what it is called."""
+    for pose in (0.0, 8.0):
+        for number in range(1, 5):
+            swing = np.cos(0.02 * np.arange(900)[:, None] * [1, 2, 3] + number)
+            moved = {"q": swing + pose * number * np.array([0, 1, 0]), "tau": swing**3}
+            np.savez(tmp_path / f"run{pose:g}_exp{number}.npz", t=0.004 * np.arange(900), **moved)
+    for pose, field in ((0, "exp"), (8, "config")):
+        found = [inspect(tmp_path / f"run{pose}_exp{number}.npz") for number in range(1, 5)]
+        assert f'pattern: "run{pose}_exp{{{field}}}.npz"' in "\n".join(stage_lines(found, tmp_path))
+
+
+def test_numbers_near_the_largest_of_all_move_nothing(tmp_path: Path) -> None:
+    values = np.full((300, 2), 1.7e308) * np.where(np.arange(300)[:, None] % 2, 1.0, -1.0)
+    np.savez(tmp_path / "wild.npz", t=0.01 * np.arange(300), q=values, tau=values)
+    assert inspect(tmp_path / "wild.npz").repeats is None
