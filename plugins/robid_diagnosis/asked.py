@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from robid_core import Finding
 from robid_diagnosis.selection import Key
 from robid_diagnosis.steps import Outcome
+from robid_diagnosis.wording import chance_text, place_text
+
+SMALLEST = 1e-300  # p-value that is told
 
 
 def asked_lines(outcome: Outcome, causes: Sequence[Finding], refused: Mapping[Key, str]) -> list[str]:
@@ -24,6 +27,7 @@ def _line(
     use: str, on: str | None, side: str | None, gain: float, p_value: float, refused: Mapping[Key, str]
 ) -> str:
     """Gain and p-value in the noise that the robot leaves."""
-    text = f"{use} at {on} ({side}): p = {p_value:.2g}, gain {max(gain, 0.0):.1f} of twice the log-likelihood"
+    chance = chance_text(p_value, SMALLEST)
+    text = f"{place_text(use, on, side)}: {chance}, gain {max(gain, 0.0):.1f} of twice the log-likelihood"
     reason = refused.get((use, on, side))
     return f"{text}; not named: {reason}." if reason else f"{text}."

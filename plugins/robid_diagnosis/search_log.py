@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Found, Hit
 from robid_diagnosis.steps import Step
+from robid_diagnosis.wording import chance_text, place_text
 
 SHOWN = 3  # candidates of a search
 
@@ -33,32 +34,26 @@ class SearchLog:
 
     def named(self, step: Step, before: Sequence[Step], after: Sequence[Step], fitted: Fitted) -> None:
         """Say what was named, and what was dropped of all causes `before` a backward pass, or came in exchange."""
-        self._line("named %s: gain %.4g of twice the log-likelihood", self._place(step.key), step.gain)
+        self._line("named %s: gain %.4g of twice the log-likelihood", place_text(*step.key), step.gain)
         gone = [one for one in before if one not in after]
         for one in gone:
-            self._line("looked at again beside it and no longer named: %s", self._place(one.key))
+            self._line("looked at again beside it and no longer named: %s", place_text(*one.key))
         for one in after:
             if one not in before:
-                self._line("named in exchange: %s", self._place(one.key))
+                self._line("named in exchange: %s", place_text(*one.key))
         self._line("causes: %d, misfit %.3g", len(after), fitted.misfit)
 
     def ended(self, refused: Mapping[tuple[str, str | None, str | None], str]) -> None:
         """Say that nothing more is named, and why what gains more than chance is not."""
         self._line("nothing more is named")
         for key, reason in refused.items():
-            self._line("not named, %s: %s", self._place(key), reason)
+            self._line("not named, %s: %s", place_text(*key), reason)
 
     def _promise(self, hit: Hit, found: Found, fitted: Fitted) -> str:
         """Gain and p-value after the search, in the noise that the fit leaves."""
         noise = max(1.0, fitted.misfit)
-        p_value = found.p_value(hit, noise)
-        chance = "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
-        return f"{self._place(hit.candidate.key)} gains {hit.gain.total / noise:.3g}, {chance}"
-
-    @staticmethod
-    def _place(key: tuple[str, str | None, str | None]) -> str:
-        use, on, side = key
-        return use + (f" at {on}" if on else "") + (f" ({side})" if side else "")
+        chance = chance_text(found.p_value(hit, noise))
+        return f"{place_text(*hit.candidate.key)} gains {hit.gain.total / noise:.3g}, {chance}"
 
     def _line(self, text: str, *values: object) -> None:
         if self.log is not None:

@@ -48,9 +48,14 @@ def finding_line(finding: Finding, n_config: int) -> str:
         seen = f"; seen in {finding.n_seen} of {n_config} configurations"
         if finding.by_configuration.sum() < RESIDUAL * finding.gain:
             seen = "; without it parameters of the robot file would leave their tolerances"
-    chance = "p < 0.001" if finding.p_value < 1e-3 else f"p = {finding.p_value:.2g}"
+    chance = chance_text(finding.p_value)
     ties = f"these data cannot distinguish it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
     return f"{finding.where}: {what} ({sizes}){seen}; {chance} after the search; {ties}."
+
+
+def chance_text(p_value: float, least: float = 1e-3) -> str:
+    """A p-value, or that it is below what is told."""
+    return f"p < {least:g}" if p_value < least else f"p = {p_value:.2g}"
 
 
 def separation_line(finding: Finding) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck
-from robid_diagnosis.wording import data_line, finding_line, response_check_line, values_line
+from robid_diagnosis.wording import chance_text, data_line, finding_line, response_check_line, values_line
 
 
 def table(estimate: list[float], error: list[float], group: str = "stiffness") -> ParameterTable:
@@ -23,6 +23,11 @@ def test_values_that_are_surely_and_clearly_off_are_read_out_the_furthest_first(
         "Values: gear_stiffness.axis_2 is 50 ± 0.1 % smaller than in the robot file; "
         "gear_stiffness.axis_1 is 30 ± 0.2 % larger than in the robot file."
     )
+
+
+def test_a_chance_that_no_number_holds_is_below_the_least() -> None:
+    assert [chance_text(p) for p in (0.0, 2e-5, 0.034)] == ["p < 0.001", "p < 0.001", "p = 0.034"]
+    assert [chance_text(p, 1e-300) for p in (0.0, 2e-5)] == ["p < 1e-300", "p = 2e-05"]
 
 
 def test_one_experiment_is_no_plural() -> None:
