@@ -59,8 +59,8 @@ def words_of_untold_period(
             n_period = position.shape[-2] // found.lag
             return place, (
                 f"it repeats every {found.lag * sample_time_s:.6g} s ({n_period} times), and no period_s is given; "
-                "with period_s: auto its periods are kept apart, which tells the noise and makes fits, and diagnoses "
-                "of four experiments or more, several times faster (period_s: null: taken as one long motion)"
+                "with period_s: auto and lines: auto its periods are kept apart, which tells the noise and makes fits, "
+                "and diagnoses of four experiments or more, several times faster (period_s: null: one long motion)"
             )
     return None
 

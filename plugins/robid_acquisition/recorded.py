@@ -59,6 +59,12 @@ MOVES = (
 )
 
 
+WITHOUT_LINES = (
+    "period_s is given and no lines: fits and diagnoses take the motion for one that does not repeat; with lines: auto "
+    "they keep its periods apart, which tells the noise (lines: []: as it is)"
+)
+
+
 class RecordedAcquisition(ReadFiles):
     """Reads recordings through a channel map: one file, a pattern of files, or those that a table lists.
 
@@ -81,7 +87,8 @@ class RecordedAcquisition(ReadFiles):
     """Period of the excitation: whole periods are kept apart; auto: found in the first experiment; null: no period, and
     a recording that repeats is not reported."""
     lines: tuple[NonNegativeInt, ...] | Literal["auto"] = ()
-    """Excited bins of one period, for frequency responses; auto: found in the spectra of the references, or torques."""
+    """Excited bins of one period, which frequency responses are made of; without them fits and diagnoses take the
+    motion for one that does not repeat. auto: found in the spectra of the references, or torques."""
     torque_hold: Literal["zero_order_hold", "continuous"] | None = None
     """How torque goes between samples: held by a digital controller, or continuous (measured, filtered). To be said
     where lines are given: half a sample of phase costs percents of a stiffness."""
@@ -230,6 +237,9 @@ class RecordedAcquisition(ReadFiles):
     def _lines(self, channels: Mapping[str, FloatArray], context: Context) -> IntArray | None:
         """Return the lines: those that are given, held against the spectra, or those that are found."""
         if not self.lines:
+            several = next(iter(channels.values())).shape[3] > 1
+            if several and "lines" not in self.model_fields_set:
+                context.log.warning("%s", WITHOUT_LINES)
             return None
         if self.lines != "auto":
             lines = np.array(self.lines, dtype=np.int64)

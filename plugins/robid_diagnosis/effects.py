@@ -64,6 +64,7 @@ from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
     data_line,
     errors_line,
+    experiments_text,
     finding_line,
     held_line,
     response_check_line,
@@ -368,7 +369,7 @@ def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) 
     n_experiment = sum(run.valid[..., 0, 0].size for record in training for run in record.runs)
     if n_experiment < FEWEST:
         raise DataRejected(
-            f"{n_experiment} experiments: what is found must hold in data that were held out; measure at least "
+            f"{experiments_text(n_experiment)}: what is found must hold in data that were held out; measure at least "
             f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10, of `robid diagnose` "
             f"--blocks 10{'; read without periods, period_s: null' if any(run.n_period > 1 for run in runs) else ''})"
         )

@@ -178,16 +178,17 @@ def silent_line(
 
 def data_line(data: DiagnosedData) -> str:
     """Say what was looked at, and against what."""
-    apart = f"; {_experiments(data.n_test)} kept apart" if data.n_test else ""
+    apart = f"; {experiments_text(data.n_test)} kept apart" if data.n_test else ""
     loads = f" with {', '.join(data.variants)}" if data.variants else ""
     where = "1 configuration" if data.n_config == 1 else f"{data.n_config} configurations"
     return (
-        f"Data: {_experiments(data.n_experiment)} in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise: "
+        f"Data: {experiments_text(data.n_experiment)} in {where}{loads}, bins to {data.highest_hz:.4g} Hz, noise: "
         f"{' and '.join(data.noise)}{apart}."
     )
 
 
-def _experiments(count: int) -> str:
+def experiments_text(count: int) -> str:
+    """How many experiments."""
     return "1 experiment" if count == 1 else f"{count} experiments"
 
 

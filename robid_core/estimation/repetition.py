@@ -73,6 +73,7 @@ def differences(signals: FloatArray) -> FloatArray:
     return result
 
 
+@np.errstate(over="ignore", invalid="ignore")  # squares of numbers near the largest of all
 def _moving(signals: FloatArray) -> BoolArray:
     """Which signals are more than rounding about their mean; none whose squares no number holds."""
     size = signals.std(axis=0)
@@ -132,6 +133,7 @@ def steady_repetition(position: FloatArray, torque: FloatArray | None = None) ->
     return found if last_change(position, found.lag) <= FAITHFUL * within else None
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def last_change(signals: FloatArray, lag: int) -> float:
     """Return the rms difference of the last two periods of `lag` samples, over the rms of the last one less its mean.
 

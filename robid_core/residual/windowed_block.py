@@ -68,7 +68,8 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         if not (robot.drives.torque_noise > 0).all():
             raise DataRejected(
                 f"{robot.name}: a motion that does not repeat shows no noise, and the robot file has none; give each "
-                "axis sensors: {torque_noise: ...}, the rms in N m of the measured torque at standstill"
+                "axis sensors: {torque_noise: ...}, the rms in N m of the measured torque at standstill (a record with "
+                "periods shows it where it has lines, too: lines: auto beside period_s)"
             )
         if arm is not None:
             check_sensors(robot, arm.sensors)

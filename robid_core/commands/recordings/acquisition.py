@@ -133,11 +133,12 @@ def _period_lines(recordings: Sequence[Inspected]) -> list[str]:
     told = first.text(step_of(clock))
     if len(recordings) < FEWEST:
         return [
-            f"  # period_s: auto  # it {told}; without, a diagnosis can cut one long motion (blocks: 10)",
+            f"  # period_s: auto  # it {told}; with `lines: auto` for fits. A diagnosis of fewer than {FEWEST} "
+            "files cuts one long motion (blocks: 10)",
         ]
     return [
         f"  period_s: auto  # guess: it {told}",
-        "  # lines: auto  # for frequency responses, where multisines excited it",
+        "  lines: auto  # the excited frequencies; without lines periods are not kept apart",
     ]
 
 

@@ -54,9 +54,10 @@ def motion_of(guesses: Guesses, columns: Mapping[str, FloatArray]) -> Motion | N
     position = _samples(guesses.chosen, columns, "position")
     if position is None or not np.isfinite(position).any(axis=0).all():
         return None
-    return Motion(
-        np.nanmean(position, axis=0), np.nanstd(position, axis=0), _repeats(guesses, columns, position)
-    )
+    mean, rms = np.nanmean(position, axis=0), np.nanstd(position, axis=0)
+    if not (np.isfinite(mean).all() and np.isfinite(rms).all()):
+        return None
+    return Motion(mean, rms, _repeats(guesses, columns, position))
 
 
 def poses_differ(motions: Sequence[Motion]) -> bool:

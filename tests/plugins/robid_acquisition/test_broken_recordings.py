@@ -202,7 +202,8 @@ def test_a_clock_in_milliseconds(lab: Lab, sound: dict[str, FloatArray]) -> None
     assert told.startswith("refused: ")
     assert "t goes by 1 s from sample to sample, and the drives of six_axis are sampled every 0.001 s" in told
     assert "set time_unit: ms" in told
-    settings = {"time_column": "t", "sample_time_s": None, "period_s": 1.0, "torque_hold": "zero_order_hold"}
+    settings = {"time_column": "t", "sample_time_s": None, "period_s": 1.0, "lines": "auto"}
+    settings["torque_hold"] = "zero_order_hold"
     assert lab.told("run.npz", **settings, time_unit="ms") == ""  # type: ignore[arg-type]
 
 

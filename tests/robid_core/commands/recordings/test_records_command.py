@@ -313,7 +313,8 @@ def test_a_period_is_proposed_where_all_files_repeat_after_as_many_samples(tmp_p
     )
     text = "\n".join(stage_lines(found[:4], tmp_path))
     assert "period_s: auto  # guess: it repeats every 2 s (500 samples)" in text
-    assert settings(pasted(tmp_path, found[:4], tmp_path))["period_s"] == "auto"
+    proposed = settings(pasted(tmp_path, found[:4], tmp_path))
+    assert (proposed["period_s"], proposed["lines"]) == ("auto", "auto")
     assert "period_s" not in "\n".join(stage_lines(found, tmp_path))
     assert "# period_s: auto  # it repeats every 2 s" in "\n".join(
         stage_lines(found[:1], tmp_path)
