@@ -84,5 +84,5 @@ def _transient(signals: FloatArray, n_per_period: int) -> list[str]:
         return []
     return [
         f"the first period differs from the last by {100 * away[0]:.2g} % (rms), later ones by {100 * later:.2g} %: "
-        "the motion has not settled; drop_first_s, or discard: 1 in the stages that follow"
+        "the motion has not settled; stages that follow leave such periods out (discard: null, the default)"
     ]
