@@ -131,7 +131,7 @@ def test_a_wrong_period(lab: Lab, sound: dict[str, FloatArray]) -> None:
 def test_a_transient(lab: Lab, sound: dict[str, FloatArray]) -> None:
     np.savez(lab.folder / "run.npz", **sound)
     told = lab.told("run.npz", torque_hold="zero_order_hold", **PERIODIC)
-    assert "the motion has not settled; drop_first_s, or discard: 1" in told
+    assert "the motion has not settled; stages that follow leave such periods out" in told
 
 
 def test_a_missing_experiment(lab: Lab, sound: dict[str, FloatArray]) -> None:
