@@ -1,4 +1,4 @@
-"""The course of a diagnosis in the log of its run: each fit, each search, what was named, and why others were not."""
+"""The course of a diagnosis in the log of its run: each search, what was named, and why others were not."""
 
 from __future__ import annotations
 

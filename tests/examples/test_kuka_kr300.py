@@ -6,6 +6,7 @@ import functools
 from typing import Any
 
 import numpy as np
+import pytest
 from oracles.example_stages import PROJECT, context, needs, stage_of
 
 from robid_core import Diagnosis, Fit, Record, Robot
@@ -84,6 +85,7 @@ def half(record: Record, part: slice) -> Record:
     return record.replace(runs=(cut,))
 
 
+@pytest.mark.full
 def test_encoders_tell_a_time_shift_and_hardly_a_stiffness() -> None:
     """The link's channel is 2.9 ms late on all three axes; only axis 3 bends surely."""
     robot, record = both_encoders()
