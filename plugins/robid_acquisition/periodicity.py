@@ -56,11 +56,10 @@ def words_of_untold_period(
         place = c, b, e
         found = steady_repetition(position[place][0], None if torque is None else torque[place][0])
         if found is not None:
-            n_period = position.shape[-2] // found.lag
             return place, (
-                f"it repeats every {found.lag * sample_time_s:.6g} s ({n_period} times), and no period_s is given; "
-                "with period_s: auto and lines: auto its periods are kept apart, which tells the noise and makes fits, "
-                "and diagnoses of four experiments or more, several times faster (period_s: null: one long motion)"
+                f"it repeats every {found.lag * sample_time_s:.6g} s ({found.n_period} times), and no period_s is "
+                "given; with period_s: auto and lines: auto its periods are kept apart, which tells the noise and makes "
+                "fits, and diagnoses of four experiments or more, several times faster (period_s: null: one long motion)"
             )
     return None
 

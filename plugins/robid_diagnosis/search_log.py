@@ -26,25 +26,22 @@ class SearchLog:
     def searched(self, found: Found, fitted: Fitted) -> None:
         """Say how many candidates there were, and which promise most."""
         best = "; ".join(self._promise(hit, found, fitted) for hit in found.hits[:SHOWN])
-        self._line(
-            "search among %d candidates: %s",
-            found.n_tried,
-            best or "none promises anything",
-        )
+        self._line("search among %d candidates: %s", found.n_tried, best or "none promises anything")
 
     def named(self, step: Step, before: Sequence[Step], after: Sequence[Step], fitted: Fitted) -> None:
         """Say what was named, and what was dropped of all causes `before` a backward pass, or came in exchange."""
         self._line("named %s: gain %.4g of twice the log-likelihood", place_text(*step.key), step.gain)
-        gone = [one for one in before if one not in after]
-        for one in gone:
+        for one in (one for one in before if one not in after):
             self._line("looked at again beside it and no longer named: %s", place_text(*one.key))
-        for one in after:
-            if one not in before:
-                self._line("named in exchange: %s", place_text(*one.key))
+        for one in (one for one in after if one not in before):
+            self._line("named in exchange: %s", place_text(*one.key))
         self._line("causes: %d, misfit %.3g", len(after), fitted.misfit)
 
-    def ended(self, refused: Mapping[tuple[str, str | None, str | None], str]) -> None:
-        """Say that nothing more is named, and why what gains more than chance is not."""
+    def ended(self, refused: Mapping[tuple[str, str | None, str | None], str], full: bool) -> None:
+        """Say that nothing more is named, and why what gains more than chance is not; `full`: no more may be."""
+        if full:
+            self._line("as many causes as may be named (most)")
+            return
         self._line("nothing more is named")
         for key, reason in refused.items():
             self._line("not named, %s: %s", place_text(*key), reason)

@@ -88,7 +88,7 @@ class Selection:
             before = [*steps, step]
             current, steps = revision.run(current, before, motion)
             self.log.named(step, before, steps, current)
-        self.log.ended(self.refused)
+        self.log.ended(self.refused, len(steps) >= self.most)
         axes = tuple(range(self.case.told.n_axis))
         free = [one for asked in (ceilings, drifts) for one in asked(motion, seen.search.projection, axes)]
         left = sorted(free, key=lambda one: -one.gain)

@@ -48,6 +48,11 @@ class Repetition:
     """Of the signals."""
 
     @property
+    def n_period(self) -> int:
+        """Whole periods that were recorded."""
+        return self.n_sample // self.lag
+
+    @property
     def is_whole(self) -> bool:
         """Whether the period is a whole number of samples, as far as the recording can tell."""
         return abs(self.exact - round(self.exact)) <= WHOLE * self.exact / self.n_sample + SIGMAS * self.error
@@ -121,16 +126,21 @@ def steady_repetition(position: FloatArray, torque: FloatArray | None = None) ->
     torque
         The same; where it is given, it tells the period, of which it has more than a position.
     """
-    known = position if torque is None else torque
-    known = known[:, np.isfinite(known).all(axis=0)]
-    if len(known) < FEWEST or len(known) != len(position) or not _moving(known).any():
+    moves = position[:, np.isfinite(position).all(axis=0)]
+    known = moves if torque is None else torque[:, np.isfinite(torque).all(axis=0)]
+    if (
+        len(known) < FEWEST
+        or len(known) != len(moves)
+        or not _moving(known).any()
+        or not _moving(moves).any()
+    ):
         return None
     found = repetition_of(known)
-    if found is None or not found.is_whole or len(known) < 2 * found.lag:
+    if found is None or not found.is_whole or found.n_period < 2:
         return None
-    moves = position[:, np.isfinite(position).all(axis=0)][-found.lag :]
-    within = np.sqrt((np.diff(moves, axis=0) ** 2).mean() / np.maximum(moves.var(axis=0).mean(), 1e-300))
-    return found if last_change(position, found.lag) <= FAITHFUL * within else None
+    last = moves[-found.lag :]
+    within = np.sqrt((np.diff(last, axis=0) ** 2).mean() / np.maximum(last.var(axis=0).mean(), 1e-300))
+    return found if last_change(moves, found.lag) <= FAITHFUL * within else None
 
 
 @np.errstate(over="ignore", invalid="ignore")

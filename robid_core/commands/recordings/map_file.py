@@ -88,7 +88,9 @@ def _source(settings: Mapping[str, Any]) -> str:
 def _common_parts(source: str, name: str) -> int:
     """Return how many parts of a file's name, from its last on, are those of a path, or of a pattern of paths."""
     n_part = 0
-    for told, part in zip(reversed(PurePosixPath(source).parts), reversed(PurePosixPath(name).parts)):  # noqa: B905
+    for told, part in zip(
+        reversed(PurePosixPath(source).parts), reversed(PurePosixPath(name).parts), strict=False
+    ):
         if not re.fullmatch("[0-9]+".join(re.escape(one) for one in _FIELD.split(told)), part):
             break
         n_part += 1

@@ -11,9 +11,7 @@ from robid_core.arrays import FloatArray
 from robid_core.commands.recordings.guesses import Guess, Guesses
 from robid_core.estimation.repetition import last_change, steady_repetition
 
-APART = (
-    0.5  # of the rms motion of the axis that moves most: means that differ by more are those of other poses
-)
+APART = 0.5  # of the rms motion of the axis that moves most: means further apart are those of other poses
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def _repeats(guesses: Guesses, columns: Mapping[str, FloatArray], position: Floa
     found = steady_repetition(position, _samples(guesses.chosen, columns, "torque", "current"))
     if found is None:
         return None
-    return Repeats(found.lag, len(position) // found.lag, last_change(position, found.lag))
+    return Repeats(found.lag, found.n_period, last_change(position, found.lag))
 
 
 def _samples(chosen: list[Guess], columns: Mapping[str, FloatArray], *quantities: str) -> FloatArray | None:

@@ -87,6 +87,9 @@ def test_what_is_short_or_still_or_not_known_has_none() -> None:
     assert steady_repetition(np.ones((4 * N, 2))) is None
     assert steady_repetition(np.full((4 * N, 2), np.nan)) is None
     assert steady_repetition(position, motion(3 * N)) is None  # of another length
+    broken = position.copy()
+    broken[7] = np.nan  # a sample is missing, of the torques none
+    assert steady_repetition(broken, position**3) is None
     half = np.where([[True, False]], position, np.nan)
     found = steady_repetition(half)
     assert found is not None
