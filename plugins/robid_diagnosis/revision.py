@@ -16,7 +16,7 @@ from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LEAST
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Searched, Step
-from robid_diagnosis.trials import WRONG, nearness
+from robid_diagnosis.trials import WRONG, clearly_less, nearness
 
 BETTER = 0.1  # of what a cause gains: another one must gain so much more, where the misfit says that something lacks
 
@@ -66,17 +66,17 @@ class Revision:
         left = len(steps) if exchanges is None else exchanges
         for place, step in enumerate(steps[:-1]):
             before, after = steps[:place], steps[place + 1 :]
-            hypothesis = current.hypothesis.without(step.names)
+            least = LEAST * max(1.0, current.misfit)
             try:
-                without = self.case.fit_what_is_seen(hypothesis, self.progress, begin=current)
+                without = self._without(step, current, least)
             except RobidError as error:
                 self.failures.append(Failure(*step.key, str(error)))
                 continue
             if without.misfit > self.bare.misfit:  # which holds nothing more: no minimum was found
                 self.failures.append(Failure(*step.key, "the fit without it went astray"))
                 continue
-            lost = without.cost(current.about) - current.cost(current.about)
-            if lost < LEAST * max(1.0, current.misfit):
+            lost = _lost(without, current)
+            if lost < least:
                 return self.run(without, [*before, *after], motion, left)
             margin = max(nearness(current), BETTER * lost if current.misfit > WRONG else 0.0)
             other = self._other(without, step, [*before, *after], lost + margin, motion) if left else None
@@ -84,6 +84,14 @@ class Revision:
                 fitted, better = other
                 return self.run(fitted, [*before, better, *after], motion, left - 1)
         return current, steps
+
+    def _without(self, step: Step, current: Fitted, least: float) -> Fitted:
+        """Fit all but one cause; with derivatives that cost many motions only where that may show it to be needless."""
+        hypothesis = current.hypothesis.without(step.names)
+        quick = self.case.fit_what_is_seen(hypothesis, self.progress, begin=current, thorough=False)
+        if quick.misfit <= self.bare.misfit and clearly_less(quick, _lost(quick, current), least):
+            return quick
+        return self.case.fit_what_is_seen(quick.hypothesis, self.progress, begin=quick)
 
     def _other(
         self, without: Fitted, step: Step, others: Sequence[Step], least: float, motion: Motion | None
@@ -100,3 +108,8 @@ class Revision:
             return None
         other = self.next_cause(without, seen, others)
         return other if other is not None and other[1].gain > least else None
+
+
+def _lost(without: Fitted, current: Fitted) -> float:
+    """By how much twice the log-likelihood is smaller without a cause."""
+    return without.cost(current.about) - current.cost(current.about)

@@ -16,7 +16,7 @@ from robid_core import RobidError
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Step
-from robid_diagnosis.trials import SAME, Trial, key_of, nearness
+from robid_diagnosis.trials import SAME, Trial, clearly_less, key_of, nearness
 from robid_diagnosis.values import PRICE, ValueHit
 
 Progress = Callable[[float, float, str], None]
@@ -35,18 +35,25 @@ def with_final_ties(
 def _with_ties(case: Case, final: Fitted, step: Step, failures: list[Failure], progress: Progress) -> Step:
     kept = list[Trial]()
     for rival in step.rivals:
-        try:
-            fitted = _beside(case, final, step, rival, progress)
-        except RobidError as error:
-            failures.append(Failure(*key_of(rival.hit), str(error)))
-            continue
         fewer = max(0, step.freedom - rival.freedom)
         near = nearness(final) + PRICE * fewer * max(1.0, final.misfit)
         if step.kind == "effect" and rival.addition is not None and step.key[1:] == key_of(rival.hit)[1:]:
             near += SAME * step.gain
+        try:
+            fitted = _beside(case, final, step, rival, progress)
+            if fitted is not rival.fitted and _may_be_lower(fitted, final, near):
+                fitted = case.fit(fitted.hypothesis, progress, begin=fitted)
+        except RobidError as error:
+            failures.append(Failure(*key_of(rival.hit), str(error)))
+            continue
         if fitted is rival.fitted or _lacks(fitted, final) < near:
             kept.append(replace(rival, fitted=fitted))
     return replace(step, rivals=tuple(kept))
+
+
+def _may_be_lower(fitted: Fitted, final: Fitted, near: float) -> bool:
+    """Whether a fit with few derivatives by motions is no tie, and one with all of them might be."""
+    return _lacks(fitted, final) >= near and not clearly_less(fitted, _lacks(fitted, final), near)
 
 
 def _lacks(fitted: Fitted, final: Fitted) -> float:
@@ -55,7 +62,10 @@ def _lacks(fitted: Fitted, final: Fitted) -> float:
 
 
 def _beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progress) -> Fitted:
-    """Fit the final hypothesis with a rival in the place of a cause; as it was fitted, where nothing else has come."""
+    """Fit the final hypothesis with a rival in the place of a cause; as it was fitted, where nothing else has come.
+
+    With the derivatives that are cheap.
+    """
     rest, own, addition = final.hypothesis.without(step.names), rival.fitted.hypothesis, rival.addition
     names = rival.hit.names if isinstance(rival.hit, ValueHit) else ()
     before = own.additions if addition is None else own.additions[:-1]
@@ -68,4 +78,6 @@ def _beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progr
         label = f"{addition.label}_instead" if addition.label in taken else addition.label
         hypothesis = rest.with_addition(replace(addition, label=label))
     held = dict.fromkeys((*final.hypothesis.held, *own.held))
-    return case.fit(replace(hypothesis, held=tuple(held)), progress, begin=final, others=rival.fitted)
+    return case.fit(
+        replace(hypothesis, held=tuple(held)), progress, begin=final, others=rival.fitted, thorough=False
+    )

@@ -30,6 +30,9 @@ AGAIN = 2  # trials that are fitted from other starts
 STARTS = 4  # of each
 ROUNDS = 4  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
+CLEARLY = (
+    5.0  # times what decides: so far apart, a fit with few derivatives by motions settles which is better
+)
 TIE = 6.0  # of twice the log-likelihood, where a fit leaves noise: nearer, two hypotheses are one class
 SAME = 1e-3  # of a gain: likewise, of laws at one place; none is its machine's to 3 % of itself
 
@@ -253,6 +256,23 @@ class Trials:
 def nearness(fitted: Fitted) -> float:
     """By how much twice the log-likelihood of another hypothesis may be smaller, for both to be one class."""
     return TIE * max(1.0, fitted.misfit)
+
+
+def clearly_less(fitted: Fitted, lost: float, enough: float) -> bool:
+    """Whether a fit with few derivatives by motions settles that a hypothesis explains less by `enough`.
+
+    More of them only lower its cost; where passes ended, by little of what a cause gains.
+
+    Parameters
+    ----------
+    fitted
+        Not thorough.
+    lost
+        By how much its twice log-likelihood is smaller than that of another hypothesis.
+    enough
+        What decides.
+    """
+    return fitted.solution.converged and lost > CLEARLY * enough
 
 
 def resolution(hit: Rival, best: Trial) -> float:

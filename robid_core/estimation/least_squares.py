@@ -3,7 +3,8 @@
 The residuals stay with the caller: it hands over, for a point, the cost, the gradient and the Gauss-Newton
 matrix. Unknowns are logarithms of positive parameters, so that a step is a relative change. Source: Moré,
 "The Levenberg-Marquardt algorithm: implementation and theory" (1978); damping by the diagonal of the Gauss-Newton
-matrix makes the step independent of units.
+matrix makes the step independent of units. Where steps fail in a row, damping grows faster from one to the next
+(Nielsen, "Damping parameter in Marquardt's method", 1999): from next to none many small factors are many costs.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from robid_core.arrays import FloatArray
 NormalEquations = Callable[[FloatArray], tuple[float, FloatArray, FloatArray]]
 Cost = Callable[[FloatArray], float]
 
+FIRST_GROWTH = 4.0  # of the damping after a step that failed; twice as much after each further one
 DOWNHILL = 1e3  # damping with which a step goes along the gradient, in units of the matrix' diagonal
 
 
@@ -67,7 +69,7 @@ def levenberg_marquardt(
     message = f"{max_iterations} iterations were not enough"
     for iteration in range(max_iterations):
         free = ~(((point <= lower) & (gradient > 0)) | ((point >= upper) & (gradient < 0)))
-        accepted = False
+        accepted, growth = False, FIRST_GROWTH
         while damping < 1e12:
             step = _damped_step(matrix, gradient, free, damping, lower - point, upper - point)
             trial = np.clip(point + step, lower, upper)
@@ -83,7 +85,7 @@ def levenberg_marquardt(
             if np.isfinite(trial_value) and trial_value < value:
                 accepted = True
                 break
-            damping *= 4.0
+            damping, growth = growth * damping, 2 * growth
         if not accepted:
             message = "no step lowers the cost any more"
             break

@@ -83,3 +83,20 @@ def test_a_step_into_nonsense_is_not_taken() -> None:
 
     end = levenberg_marquardt(equations, cost, np.array([-2.0]), np.array([-5.0]), np.array([5.0]))
     assert end.point[0] == pytest.approx(0.9, abs=1e-4)
+
+
+def test_from_next_to_no_damping_a_short_step_takes_few_trials() -> None:
+    """Only steps of a thousandth of what the derivative promises go downhill; with fixed factors of four it is the 21st."""
+    tried: list[float] = []
+
+    def cost(p: np.ndarray) -> float:
+        tried.append(float(p[0]))
+        return 0.5 * (1 - p[0]) ** 2 if p[0] < 1.5e-3 else 2.0
+
+    def equations(p: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        return 0.5 * (1 - p[0]) ** 2, np.array([p[0] - 1]), np.array([[1.0]])
+
+    wide = np.array([10.0])
+    levenberg_marquardt(equations, cost, np.zeros(1), -wide, wide, 1, damping=1e-9)
+    assert 0 < tried[-1] < 1.5e-3
+    assert len(tried) <= 10
