@@ -67,6 +67,7 @@ from robid_diagnosis.wording import (
     experiments_text,
     finding_line,
     held_line,
+    left_out_line,
     response_check_line,
     separation_line,
     settling_line,
@@ -243,7 +244,7 @@ class Effects(DiagnosisStage):
         ]
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values)]
-        lines.append(held_line(final.hypothesis.held))
+        lines += [held_line(final.hypothesis.held), left_out_line(*problem.left_out)]
         lines += gear_ratio_lines(causes, values)
         if response_check is not None:
             lines.append(response_check_line(response_check))

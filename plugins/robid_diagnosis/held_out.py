@@ -7,6 +7,8 @@ by their derivatives times that.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid_core import ComplexArray, FloatArray
@@ -37,7 +39,21 @@ def held_out_residuals(fitted: Fitted) -> list[ComplexArray] | None:
                     return None
             group += 1
         found.append(unweighted(weighting, left))
-    return found
+    return with_unused(found, about.weights, problem.residuals(fitted.point))
+
+
+def with_unused(
+    left: Sequence[ComplexArray], weights: Sequence[Weighting], residuals: Sequence[ComplexArray]
+) -> list[ComplexArray]:
+    """Return spectra of each block with residuals where weights leave experiments out.
+
+    All of shape (n_config, n_exp, n_bin, n_row).
+    """
+    parts = zip(left, weights, residuals, strict=True)
+    return [
+        own if weight.used is None else np.where(weight.used[..., None, None], own, residual)
+        for own, weight, residual in parts
+    ]
 
 
 def left_out(rows: FloatArray, residual: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -167,8 +167,17 @@ class Fitted:
         return self.problem.free.robot_at(self.point[: self.problem.n_free])
 
     def cost(self, about: Linearisation) -> float:
-        """Twice the negative log-likelihood with the weights of some fit, and the priors."""
+        """Twice the negative log-likelihood with the weights of some fit, and the priors.
+
+        An experiment that does not count here, but for those weights, counts as one of the others does: so fits that
+        leave out different ones are compared, and none gains by what it leaves out.
+        """
         weighted = self.problem.weighted(self.point, about.weights)
+        for own, weight, block in zip(weighted, about.weights, self.problem.blocks, strict=True):
+            if block.used is not None:
+                counted = np.ones_like(block.used) if weight.used is None else weight.used
+                own[~block.used] = 0.0
+                own *= np.sqrt(counted.sum() / max(1, (counted & block.used).sum()))
         return 2 * self.problem.cost(self.point, weighted)
 
     def estimate(self, name: str) -> tuple[float, float]:

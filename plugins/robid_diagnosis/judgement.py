@@ -13,7 +13,7 @@ import numpy as np
 from robid_core import ComplexArray, DataRejected, FloatArray, PredictionErrors, Record, Robot
 from robid_core.residual import TorqueProblem, linearise_at
 from robid_diagnosis.comparison import errors_of_models, still_axes
-from robid_diagnosis.held_out import held_out_residuals, unweighted
+from robid_diagnosis.held_out import held_out_residuals, unweighted, with_unused
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.steps import Outcome
 
@@ -102,7 +102,7 @@ def left_in(fitted: Fitted, records: tuple[Record, ...]) -> tuple[list[ComplexAr
         about = linearise_at(problem, point, fitted.model_error, improve=True)
     weighted = problem.weighted(point, about.weights)
     left = [unweighted(weight, own) for weight, own in zip(about.weights, weighted, strict=True)]
-    return left, noise_power(problem, point)
+    return with_unused(left, about.weights, problem.residuals(point)), noise_power(problem, point)
 
 
 def noise_power(problem: TorqueProblem, point: FloatArray) -> FloatArray:

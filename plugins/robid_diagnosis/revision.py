@@ -80,7 +80,7 @@ class Revision:
                 return self.run(without, [*before, *after], motion, left)
             margin = max(nearness(current), BETTER * lost if current.misfit > WRONG else 0.0)
             other = self._other(without, step, [*before, *after], lost + margin, motion) if left else None
-            if other is not None and other[0].cost(current.about) < current.cost(current.about) - margin:
+            if other is not None and _lost(other[0], current) < -margin:
                 fitted, better = other
                 return self.run(fitted, [*before, better, *after], motion, left - 1)
         return current, steps

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from robid_core import RobidError
-from robid_diagnosis.additions import addition_of, label_of
+from robid_diagnosis.additions import addition_of, is_fixed, label_of
 from robid_diagnosis.hypothesis import FEW, Addition, Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Failure, Hit, Search
@@ -106,7 +106,7 @@ class Trials:
                 if isinstance(hit, Hit)
                 and hit.candidate.shape
                 and hit.candidate.place is not None
-                and self._lost(hit, trials)
+                and (self._lost(hit, trials) or self._is_gap(hit, trials))
             ]
             for hit in sorted(shaped, key=total, reverse=True)[:AGAIN]:
                 trials = self._restarted(hit, trials)
@@ -166,6 +166,14 @@ class Trials:
         most = max((trial.gain for trial in trials), default=0.0)
         return total(hit) > most and self._kept.get(key_of(hit), 0.0) < CLOSE * total(hit)
 
+    def _is_gap(self, hit: Hit, trials: Sequence[Trial]) -> bool:
+        """Whether a law is in proportion to none of its numbers, and acts where the best trial does.
+
+        A search far from its size, about springs that were refitted without it, promises next to nothing of it.
+        """
+        here = bool(trials) and key_of(hit)[1] == key_of(trials[0].hit)[1]
+        return here and is_fixed(hit, self.search)
+
     def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
         """Fit those that gain nearly as much as the best to the end, and return all, the best first.
 
@@ -209,8 +217,8 @@ class Trials:
         From here and, as long as nothing was found, from the told robot, too.
         """
         best: Trial | None = None
-        for start, begin in self._starts(hit):
-            trial = self._fitted(start, begin)
+        for start, begin, as_told in self._starts(hit):
+            trial = self._fitted(start, begin, as_told=as_told)
             if trial is not None and trial.gain > max(self.least.of(hit), best.gain if best else 0.0):
                 best = trial
                 if not self._leaves_much([best], PROMISING):
@@ -220,19 +228,28 @@ class Trials:
         rest = [trial for trial in trials if key_of(trial.hit) != key_of(hit)]
         return self._settled([*rest, best])
 
-    def _starts(self, hit: Hit) -> Iterator[tuple[Hit, Fitted | None]]:
-        """Hits of one law at one place, the orders of waves the best first, all else from small to large."""
+    def _starts(self, hit: Hit) -> Iterator[tuple[Hit, Fitted | None, bool]]:
+        """Hits of one law at one place, the orders of waves the best first, gaps from wide to narrow, all else upwards.
+
+        With the fit to begin from, if any, and whether to begin from the numbers of the robot file instead.
+        """
         candidates = self.search.motion.candidates(hit.candidate.use)
         hits = [self.search.hit(one, {}) for one in candidates if one.key == hit.candidate.key]
         hits = [one for one in hits if one.gain.freedom]
+        if is_fixed(hit, self.search):
+            hits = hits[::-1]
         if hit.columns.paired:
             hits.sort(key=lambda one: -one.gain.total)
         for one in hits[:STARTS]:
-            yield one, self.current
+            yield one, self.current, False
             if not self.current.hypothesis.additions:
-                yield one, None
+                if is_fixed(one, self.search):
+                    yield one, None, True
+                yield one, None, False
 
-    def _fitted(self, hit: Rival, begin: Fitted | None, *, roughly: bool = True) -> Trial | None:
+    def _fitted(
+        self, hit: Rival, begin: Fitted | None, *, roughly: bool = True, as_told: bool = False
+    ) -> Trial | None:
         """Fit the robot with one cause more, in a few passes; none where the engine cannot, which is noted."""
         before, delay = self.current.hypothesis, None
         try:
@@ -241,7 +258,9 @@ class Trials:
             else:
                 hypothesis = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
                 delay = None if begin is None else hit.columns.delay
-            fitted = self.case.fit_what_is_seen(hypothesis, self.progress, begin, delay, roughly=roughly)
+            fitted = self.case.fit_what_is_seen(
+                hypothesis, self.progress, begin, delay, roughly=roughly, as_told=as_told
+            )
             return self._of(fitted, hit)
         except RobidError as error:
             self.failures.append(Failure(*key_of(hit), str(error)))

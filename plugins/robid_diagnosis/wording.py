@@ -92,6 +92,16 @@ def settling_line(axes: Sequence[str]) -> str:
     )
 
 
+def left_out_line(n_left_out: int, n: int) -> str:
+    """Say how many experiments do not count; empty where all do."""
+    if not n_left_out:
+        return ""
+    return (
+        f"{n_left_out} of {experiments_text(n)} are not used: with what was found the model rattles there and does not "
+        "repeat its motion as the machine did; smaller or slower motions, or a load on the axis, avoid that."
+    )
+
+
 def held_line(names: Sequence[str]) -> str:
     """Say which springs and dampers keep the value of the robot file; empty where the data determine all of them."""
     if not names:

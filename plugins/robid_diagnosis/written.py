@@ -49,9 +49,14 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
     numbers = (len(NEAR_ALONE) - 1) * final.case.told.n_axis
     try:
         fitted = _with_width(final, final.case.with_fitted_width(final).width, ALONE, progress)
-        near = fitted.cost(final.about) - final.cost(final.about) < PRICE * numbers * max(1.0, final.misfit)
+        lost = fitted.cost(final.about) - final.cost(final.about)
+        near = lost < PRICE * numbers * max(1.0, final.misfit)
         if near and _is_possible(fitted):
             return _as_sure_as(final, fitted)
+        if final.misfit > WRONG and not final.solution.converged:
+            return (
+                _as_sure_as(final, fitted) if _is_possible(fitted) else final
+            )  # widths settle beside a minimum
         pair = _fitted_width(fitted, progress)
         other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
     except RobidError as error:

@@ -299,8 +299,21 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=(*_late(problem, point), *_unlike(problem, solution)),
+            stated_doubts=(*_late(problem, point), *_unlike(problem, solution), *_rattling(problem)),
         )
+
+
+def _rattling(problem: TorqueProblem) -> tuple[Doubt, ...]:
+    """Say which experiments a fit left out: it stands on the others."""
+    n_left_out, n = problem.left_out
+    if not n_left_out:
+        return ()
+    sentence = (
+        f"{n_left_out} of {n} experiments are not used: the model rattles there within a gap and does not repeat its "
+        "motion as the machine did"
+    )
+    remedy = "measure smaller or slower motions, or poses in which gravity loads the axis"
+    return (Doubt("rattling", sentence, remedy, "remark"),)
 
 
 def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:

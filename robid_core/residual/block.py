@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, Self, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray, IntArray
 from robid_core.effect import SignalEffect
@@ -144,6 +145,20 @@ class TorqueBlock(ABC, Generic[M]):
     def initial_state_unknown(self) -> bool:
         """Whether the state behind the motors at the first sample is unknown."""
         return False
+
+    @property
+    def used(self) -> npt.NDArray[np.bool_] | None:
+        """Experiments that count, (n_config, n_exp); None: all.
+
+        Left out are those in which a robot rattles without end, though the machine repeated its motion.
+        """
+        return None
+
+    def take_back(self, left: FloatArray) -> None:
+        """Let experiments count again that the last robot explains as well as others.
+
+        `left`: mean power of the residual in the noise, (n_config, n_exp).
+        """
 
     def free_vibration(self, robot: Robot) -> ComplexArray | None:
         """Rows of the free vibration from an unknown initial state, and of zeros; None where the motion repeats.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import MisfitTable
@@ -12,6 +13,7 @@ from robid_core.estimation.torque.weights import whitener
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.problem import TorqueProblem
 from robid_core.residual.weighting import Weighting
+from robid_core.robot import Robot
 
 EDGES_HZ = (0.0, 3.0, 10.0, 25.0, 50.0, 100.0)  # of the bands: friction and load, arm, gears, above
 
@@ -22,11 +24,20 @@ def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         weight = Weighting.of_block(
-            _without_mean(whitener(block.noise(robot, size))), block.free_vibration(robot)
+            _without_mean(whitener(block.noise(robot, size))), block.free_vibration(robot), block.used
         )
         total += (weight.residual(residual) ** 2).sum() * _correction(block)
-        count += residual.size - residual[:, :, 0].size
+        count += residual[_used(block)][:, 1:].size
     return float(total / count)
+
+
+def power_in_noise(
+    block: TorqueBlock[Any], robot: Robot, coefficient: FloatArray, residual: ComplexArray
+) -> FloatArray:
+    """Mean power of a residual (n_config, n_exp, n_bin, n_row) over that of the noise, (n_config, n_exp)."""
+    noise = np.einsum("faa->fa", block.noise(robot, coefficient)).real
+    power: FloatArray = (np.abs(residual) ** 2 / noise)[:, :, 1:].mean(axis=(2, 3))
+    return power
 
 
 def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
@@ -40,15 +51,21 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         noise = np.einsum("faa->fa", block.noise(robot, size)).real
-        ratio = (np.abs(residual) ** 2 / noise * _correction(block)).sum(axis=(0, 1))
+        counted = residual[_used(block)]
+        ratio = (np.abs(counted) ** 2 / noise * _correction(block)).sum(axis=0)
         band = np.searchsorted(edges, block.motion.frequency_hz, side="right") - 1
         for which, bins in enumerate((block.motion.excited, ~block.motion.excited)):
             for b in range(n_band):
                 chosen = bins & (band == b) & (block.motion.bin > 0)
                 total[which, :, b] += ratio[chosen].sum(axis=0)
-                count[which, :, b] += np.count_nonzero(chosen) * residual.shape[0] * residual.shape[1]
+                count[which, :, b] += np.count_nonzero(chosen) * len(counted)
     values = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
     return MisfitTable(names, edges, values[0], values[1])
+
+
+def _used(block: TorqueBlock[Any]) -> npt.NDArray[np.bool_]:
+    """Experiments that count, (n_config, n_exp)."""
+    return np.ones(block.measured.shape[:2], dtype=bool) if block.used is None else block.used
 
 
 def _without_mean(whitener: ComplexArray) -> ComplexArray:

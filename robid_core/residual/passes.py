@@ -22,7 +22,7 @@ from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.weights import covariance_apart, whitener
 from robid_core.residual.acceleration import History
 from robid_core.residual.linear_fit import best_start
-from robid_core.residual.misfit import misfit
+from robid_core.residual.misfit import misfit, power_in_noise
 from robid_core.residual.problem import Linearisation, TorqueProblem
 from robid_core.residual.steps import minimised
 from robid_core.residual.visibility import Visibility, visibility
@@ -115,7 +115,7 @@ def solve(
     watched = _watched(problem)
     changes: list[float] = []
     about: Linearisation | None = None
-    best = point
+    best, at_best = point, list[FloatArray]()
     fresh, settled, doubted, before, gained, left = True, False, False, 0.0, 0.0, 1.0
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
@@ -124,7 +124,8 @@ def solve(
         if number == 0:  # before, laws on torques were asked about commands of a model without them
             _renew_signals(problem, point)
         if about is not None:
-            reached = problem.cost(point, problem.weighted(point, about.weights))
+            reached = problem.cost(point, _counted(problem, problem.weighted(point, about.weights)))
+            before = problem.cost(best, _counted(problem, at_best))
             if reached > ASTRAY * before:
                 point, fresh = best + RETREAT * (point - best), True
                 history = History(MEMORY)
@@ -141,7 +142,8 @@ def solve(
             seen = visibility(problem, about)
             tell(seen)
             seen.check(np.isin(np.arange(problem.n_free), watched))
-        best, before = point, problem.cost(point, problem.weighted(point, about.weights))
+        best, at_best = point, problem.weighted(point, about.weights)
+        before = problem.cost(point, at_best)
         found = minimised(problem, point, about)
         gained = 1 - problem.cost(found, problem.weighted(found, about.weights)) / before
         left = misfit(problem, found)
@@ -170,6 +172,12 @@ def solve(
         point = _better(problem, best, point, about, before, model_error)
     covariance = _covariance(problem, point, about) + np.outer(last, last)
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
+
+
+def _counted(problem: TorqueProblem, weighted: Sequence[FloatArray]) -> list[FloatArray]:
+    """Weighted residuals of each block, zero in experiments that do not count."""
+    pairs = zip(weighted, problem.blocks, strict=True)
+    return [own if block.used is None else own * block.used[..., None] for own, block in pairs]
 
 
 def _better(
@@ -249,6 +257,11 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
     coordinates, size, robots = point[: problem.n_free], problem.friction_size(point), problem.robots(point)
     for block, robot in zip(problem.blocks, robots, strict=True):
         block.renew(problem.free, coordinates)
+        if block.used is not None:
+            residual = block.residual(
+                block.predicted(robot, coordinates, size), problem.delay(point), problem.sensing(point)
+            )
+            block.take_back(power_in_noise(block, robot, size, residual))
         if not (improve and block.initial_state_unknown):
             continue
         whitener, before = block.weight(robot, size, model_error), np.inf
@@ -291,7 +304,8 @@ def _linearised(
     blocks, robots, size = problem.blocks, problem.robots(point), problem.friction_size(point)
     if doubted:
         left = zip(blocks, problem.residuals(point), strict=True)
-        weights = [whitener(covariance_apart(residual, block.motion.excited)) for block, residual in left]
+        counted = [(block, one if block.used is None else one[block.used][None]) for block, one in left]
+        weights = [whitener(covariance_apart(residual, block.motion.excited)) for block, residual in counted]
     else:
         weights = [
             block.weight(robot, size, model_error) for block, robot in zip(blocks, robots, strict=True)
@@ -306,7 +320,9 @@ def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation)
     (quasi-likelihood: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, section 2.5), no priors.
     """
     weighted = problem.weighted(point, about.weights)
-    excess = max(1.0, sum((own**2).sum() for own in weighted) / sum(own.size for own in weighted))
+    counted = zip(weighted, about.weights, strict=True)
+    n_row = sum(own.size if weight.used is None else own[weight.used].size for own, weight in counted)
+    excess = max(1.0, sum((own**2).sum() for own in weighted) / n_row)
     priors = np.diag(1 / problem.prior**2)
     formal = scaled_inverse((about.whole - priors) / excess + priors)
     if len(about.matrices) > 1:

@@ -29,6 +29,12 @@ EXACT = 1e-5  # of the rms torque: noise below it counts as that
 REMAINS = 0.02  # of a difference between two motions, where its derivative is taken
 SMALLEST = 1e-30  # (N m)^2
 LONGEST_S = 30.0  # of motion: what has not rung out then never will
+ROUNDS = (
+    4  # of NEXT_PERIODS: what differs by more than noise in all of them, and does not shrink, never repeats
+)
+NOISE = 1.0  # of the noise: what two periods differ by
+FEWEST = 0.5  # of the experiments: where fewer repeat, none is left out
+ALIKE = 2.0  # times the power that is left of other experiments, or less: explained as well as they are
 
 
 @dataclass(eq=False)
@@ -41,8 +47,17 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     """Where the last prescribed motion ended, less where the linear model would be."""
     periods: int = field(init=False, default=NEXT_PERIODS)
     """Until a motion beside the last one has rung out."""
+    rattles: npt.NDArray[np.bool_] = field(init=False)
+    """Experiments that the last robot does not repeat from period to period, (n_config, n_exp)."""
+    left_out: npt.NDArray[np.bool_] = field(init=False)
+    """Experiments that some robot did not repeat and that none has explained since, (n_config, n_exp)."""
     smooth: tuple[PeriodicMotion, MotorMotion] | None = field(init=False, default=None)
     """A motion, and what of it is prescribed."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.rattles = np.zeros(self.motion.angle.shape[:2], dtype=bool)
+        self.left_out = self.rattles.copy()
 
     @classmethod
     def of_record(
@@ -87,27 +102,46 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     def _rung_out(self, robot: Robot, whole: MotorMotion, run: Simulation) -> Simulation:
         """Go on with a motion until a period is like the one before: a gap rings for seconds, however short they are.
 
-        How fast that was tells how many periods a motion beside this one takes.
+        How fast that was tells how many periods a motion beside this one takes. Within a wide gap an arm may rattle
+        for ever, otherwise in each period, though the machine repeated its motion: that is said of the experiment.
         """
         motion, n_sample = self.motion, self.motion.angle.shape[2]
         noise = (np.abs(motion.torque_deviation) ** 2).mean(axis=(0, 1, 2, 3))
-        most = int(LONGEST_S / (n_sample * motion.sample_time_s))
-        changes = list[float]()
-        for _ in range(max(1, most // NEXT_PERIODS)):
+        most = max(1, int(LONGEST_S / (n_sample * motion.sample_time_s)) // NEXT_PERIODS)
+        each, changes = list[FloatArray](), list[float]()
+        while True:
             last, before = run.torque[:, -n_sample:], run.torque[:, -2 * n_sample : -n_sample]
-            size, moved = (
-                (np.abs(motion.spectrum_of(one.reshape(motion.angle.shape))) ** 2).mean(axis=(0, 1, 2))
-                for one in (last, last - before)
-            )
-            least = np.maximum(noise, EXACT**2 * size + SMALLEST)
-            changes.append(float(np.sqrt((moved / least).max())))
-            if changes[-1] <= STEADY:
+            spectra = (motion.spectrum_of(one.reshape(motion.angle.shape)) for one in (last, last - before))
+            size, moved = ((np.abs(one) ** 2).mean(axis=2) for one in spectra)
+            least = np.maximum(noise, EXACT**2 * size.mean(axis=(0, 1)) + SMALLEST)
+            each.append(np.sqrt((moved / least).max(axis=-1)))
+            self.rattles = _never_repeats(each)
+            changes.append(float(np.sqrt((moved[kept := _most(~self.rattles)].mean(axis=0) / least).max())))
+            rounds = max(most, ROUNDS) if (each[-1][kept] > NOISE).any() else most
+            if changes[-1] <= STEADY or len(changes) >= rounds:
                 break
             seen = self.arm is not None
             run = robot.prescribe(whole, run.state, periods=NEXT_PERIODS, keep_coordinates=seen)
         if len(changes) > 1:
-            self.periods = periods_until(REMAINS, changes[-1] / changes[-2], most)
+            self.periods = periods_until(REMAINS, changes[-1] / changes[-2], most * NEXT_PERIODS)
+        self.left_out |= self.rattles
         return run
+
+    @property
+    def used(self) -> npt.NDArray[np.bool_] | None:
+        """Experiments that count, (n_config, n_exp); None: all."""
+        kept = _most(~self.left_out, ~self.rattles)
+        return None if kept.all() else kept
+
+    def take_back(self, left: FloatArray) -> None:
+        """Let experiments count again that the last robot repeats, and explains about as well as others.
+
+        Beside a motion that never repeats there may be one that does, and is not that of the machine. `left`: mean
+        power of the residual in the noise, (n_config, n_exp).
+        """
+        others = left[~self.left_out]
+        explained = left <= ALIKE * np.median(others) if others.size else np.ones_like(self.left_out)
+        self.left_out &= self.rattles | ~explained
 
     def coordinates(self, robot: Robot) -> FloatArray:
         """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
@@ -124,6 +158,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         super().go_on_from(other)
         if other.state is not None:
             self.state = _transferred(other.state, other.robot, self.robot)
+            self.left_out = other.left_out.copy()
             self.periods = other.periods
 
     def _smooth(self, step: float) -> MotorMotion:
@@ -168,6 +203,20 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         """Complex degrees of freedom of the noise at each bin."""
         n_config, n_exp, n_period = self.motion.torque_deviation.shape[:3]
         return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1))
+
+
+def _most(*masks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Return the first mask that keeps enough of the experiments; all of them where none does."""
+    return next((mask for mask in masks if mask.mean() >= FEWEST), np.ones_like(masks[0]))
+
+
+def _never_repeats(changes: Sequence[FloatArray]) -> npt.NDArray[np.bool_]:
+    """Whether what two periods differ by, in noise, neither vanishes nor shrinks, from round to round, (...,) each."""
+    if len(changes) < ROUNDS:
+        return np.zeros(changes[-1].shape, dtype=bool)
+    grew = (np.diff(changes[-ROUNDS:], axis=0) > 0).any(axis=0)
+    rattles: npt.NDArray[np.bool_] = grew & (np.min(changes[-ROUNDS:], axis=0) > NOISE)
+    return rattles
 
 
 def periods_until(remains: float, kept: float, most: int) -> int:

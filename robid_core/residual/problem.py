@@ -167,6 +167,13 @@ class TorqueProblem:
         """Delays of the measured torques, s, shape (1,) or (n_axis,)."""
         return point[-self.n_delay :]
 
+    @property
+    def left_out(self) -> tuple[int, int]:
+        """How many experiments do not count, since the last robot rattles in them, and how many there are."""
+        shapes = [(block.used, block.measured.shape[:2]) for block in self.blocks]
+        out = sum(0 if used is None else int(np.count_nonzero(~used)) for used, _ in shapes)
+        return out, sum(n_config * n_exp for _, (n_config, n_exp) in shapes)
+
     # Residuals
 
     def residuals(self, point: FloatArray) -> list[ComplexArray]:
@@ -198,7 +205,9 @@ class TorqueProblem:
         for block, robot, matrix in zip(self.blocks, self.robots(point), whiteners, strict=True):
             count = np.full(len(matrix), np.sqrt(2.0))
             count[0] = 1.0 if self.mean_counts else 0.0
-            found.append(Weighting.of_block(count[:, None, None] * matrix, block.free_vibration(robot)))
+            found.append(
+                Weighting.of_block(count[:, None, None] * matrix, block.free_vibration(robot), block.used)
+            )
         return tuple(found)
 
     # Normal equations

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 
@@ -20,16 +21,23 @@ class Weighting:
     """By how often a bin counts, shape (n_bin, n_row, n_row)."""
     free_vibration: tuple[tuple[FloatArray, ...], ...] = ()
     """Of each configuration and experiment, (n_row, n_state), n_row = 2 n_bin n_axis; empty where motions repeat."""
+    used: npt.NDArray[np.bool_] | None = None
+    """Experiments that count, (n_config, n_exp); the rows of others are zero. None: all do."""
 
     @classmethod
-    def of_block(cls, matrix: ComplexArray, free_vibration: ComplexArray | None) -> Weighting:
+    def of_block(
+        cls,
+        matrix: ComplexArray,
+        free_vibration: ComplexArray | None,
+        used: npt.NDArray[np.bool_] | None = None,
+    ) -> Weighting:
         """Weights with whitening matrices and the torques of free vibration.
 
         `free_vibration` has shape (n_config, n_exp, n_bin, n_axis, n_state).
         """
         if free_vibration is None:
-            return cls(matrix)
-        return cls(matrix, tuple(tuple(_basis(matrix, one) for one in own) for own in free_vibration))
+            return cls(matrix, used=used)
+        return cls(matrix, tuple(tuple(_basis(matrix, one) for one in own) for own in free_vibration), used)
 
     def residual(self, residual: ComplexArray) -> FloatArray:
         """Weighted residual of (n_config, n_exp, n_bin, n_axis), shape (n_config, n_exp, n_row)."""
@@ -40,6 +48,8 @@ class Weighting:
         for own, bases in zip(rows, self.free_vibration, strict=False):
             for one, basis in zip(own, bases, strict=True):
                 one -= basis @ (basis.T @ one)
+        if self.used is not None:
+            rows[~self.used] = 0.0
         return rows
 
     def columns(self, config: int, runs: Iterable[ComplexArray]) -> FloatArray:
@@ -62,6 +72,8 @@ class Weighting:
                 rows.reshape(n_exp, -1, n_unknown), self.free_vibration[config], strict=True
             ):
                 own -= basis @ (basis.T @ own)
+        if self.used is not None:
+            rows[~self.used[config]] = 0.0
         return rows.reshape(-1, n_unknown)
 
 

@@ -86,7 +86,7 @@ def test_a_step_into_nonsense_is_not_taken() -> None:
 
 
 def test_from_next_to_no_damping_a_short_step_takes_few_trials() -> None:
-    """Only steps of a thousandth of what the derivative promises go downhill; with fixed factors of four it is the 21st."""
+    """Only steps of a thousandth of what the derivative promises go downhill; by factors of four it is the 21st."""
     tried: list[float] = []
 
     def cost(p: np.ndarray) -> float:

@@ -29,3 +29,16 @@ def test_residuals_and_derivatives_are_whitened_bin_by_bin() -> None:
     np.testing.assert_allclose(single, expected, atol=10 * np.finfo(np.float32).eps)
     own = weighting.columns(0, [residual[0].swapaxes(0, 1)[..., None]])
     np.testing.assert_allclose(own.reshape(expected[0].shape), expected[0], atol=ROUNDING)
+
+
+def test_experiments_that_do_not_count_have_rows_of_zeros() -> None:
+    generator = np.random.default_rng(4)
+    matrix = complex_normal(generator, N_BIN, N_ROW, N_ROW)
+    residual = complex_normal(generator, N_CONFIG, N_EXP, N_BIN, N_ROW)
+    used = np.array([[True, False, True], [True, True, True]])
+    every, some = Weighting(matrix), Weighting(matrix, used=used)
+    expected = np.where(used[..., None], every.residual(residual), 0.0)
+    np.testing.assert_array_equal(some.residual(residual), expected)
+    columns = residual[0].swapaxes(0, 1)[..., None]
+    own = some.columns(0, [columns]).reshape(expected[0].shape)
+    np.testing.assert_allclose(own, expected[0], atol=ROUNDING)
