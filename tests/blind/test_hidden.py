@@ -72,6 +72,7 @@ def test_of_all_kinds_most_are_named() -> None:
     assert not sum(int(row["alarms"]) for row in nothing)
 
 
+@pytest.mark.full
 def test_what_is_too_stiff_for_the_steps_is_simulated_with_more_of_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -95,6 +95,7 @@ def test_a_turned_sign(lab: Lab, sound: dict[str, FloatArray]) -> None:
     assert "torque of axis_2 has the opposite sign" in lab.told("run.npz")
 
 
+@pytest.mark.full
 def test_degrees(lab: Lab, sound: dict[str, FloatArray]) -> None:
     run = settled(sound)
     np.savez(lab.folder / "run.npz", q=np.degrees(run["q"]), tau=run["tau"])
@@ -166,7 +167,11 @@ TURNED = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"tau": TURNED}, "refused: e{exp}.npz: e3.npz: .*the torque of axis_3 has the opposite sign"),
+        pytest.param(
+            {"tau": TURNED},
+            "refused: e{exp}.npz: e3.npz: .*the torque of axis_3 has the opposite sign",
+            marks=pytest.mark.full,
+        ),
         pytest.param(
             {"q": np.pi / 180},
             "refused: e{exp}.npz: e3.npz: .*the angles look like radians that were taken for degrees",
