@@ -169,8 +169,8 @@ class Fitted:
     def cost(self, about: Linearisation) -> float:
         """Twice the negative log-likelihood with the weights of some fit, and the priors.
 
-        An experiment that does not count here, but for those weights, counts as one of the others does: so fits that
-        leave out different ones are compared, and none gains by what it leaves out.
+        An experiment that this fit leaves out, and those weights do not, counts as the mean of the others: so fits that
+        leave out different ones are compared.
         """
         weighted = self.problem.weighted(self.point, about.weights)
         for own, weight, block in zip(weighted, about.weights, self.problem.blocks, strict=True):

@@ -30,9 +30,7 @@ AGAIN = 2  # trials that are fitted from other starts
 STARTS = 4  # of each
 ROUNDS = 4  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
-CLEARLY = (
-    5.0  # times what decides: so far apart, a fit with few derivatives by motions settles which is better
-)
+CLEARLY = 5.0  # times what decides: so far apart, few derivatives by motions are enough
 TIE = 6.0  # of twice the log-likelihood, where a fit leaves noise: nearer, two hypotheses are one class
 SAME = 1e-3  # of a gain: likewise, of laws at one place; none is its machine's to 3 % of itself
 

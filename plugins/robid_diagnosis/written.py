@@ -4,7 +4,8 @@ A search fits friction by functions of several widths, so that a width that is t
 the same speeds (Stribeck) these functions may be large against one another, and follow together a curve that no robot
 file has. So the width is fitted, too, and laws that have such a width share it. Two functions of about that width tell
 by their sum where it should be, as far as the laws beside them stay; a secant leads to the width that stays with them.
-Where one width for all leaves much, each law is given its own, if that leaves little.
+Where one width for all leaves much, each law is given its own, if that leaves little. Where a fit found no minimum, its
+first width is taken: none would settle beside it.
 """
 
 from __future__ import annotations
@@ -54,9 +55,7 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
         if near and _is_possible(fitted):
             return _as_sure_as(final, fitted)
         if final.misfit > WRONG and not final.solution.converged:
-            return (
-                _as_sure_as(final, fitted) if _is_possible(fitted) else final
-            )  # widths settle beside a minimum
+            return _as_sure_as(final, fitted) if _is_possible(fitted) else final
         pair = _fitted_width(fitted, progress)
         other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
     except RobidError as error:

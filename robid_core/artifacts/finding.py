@@ -101,7 +101,8 @@ class DiagnosedData(Artifact):
     """What a diagnosis stands on: experiments that it looked at, of which each was held out once, and against what.
 
     `n_test` experiments of the role `test` were kept from it. `noise` says in words what weighs the bins up to
-    `highest_hz`; `variants` names the loads or tools that the robot carried, empty where it carried none.
+    `highest_hz`; `variants` names the loads or tools that the robot carried, empty where it carried none. `n_left_out`
+    experiments were not used in the end, since the model that was found rattles in them.
     """
 
     n_config: int
@@ -110,6 +111,7 @@ class DiagnosedData(Artifact):
     highest_hz: float
     noise: tuple[str, ...]
     variants: tuple[str, ...] = ()
+    n_left_out: int = 0
 
 
 @dataclass(frozen=True, eq=False)

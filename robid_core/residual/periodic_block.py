@@ -29,9 +29,7 @@ EXACT = 1e-5  # of the rms torque: noise below it counts as that
 REMAINS = 0.02  # of a difference between two motions, where its derivative is taken
 SMALLEST = 1e-30  # (N m)^2
 LONGEST_S = 30.0  # of motion: what has not rung out then never will
-ROUNDS = (
-    4  # of NEXT_PERIODS: what differs by more than noise in all of them, and does not shrink, never repeats
-)
+ROUNDS = 4  # of NEXT_PERIODS: what differs by more than noise in all, and does not shrink, never repeats
 NOISE = 1.0  # of the noise: what two periods differ by
 FEWEST = 0.5  # of the experiments: where fewer repeat, none is left out
 ALIKE = 2.0  # times the power that is left of other experiments, or less: explained as well as they are
@@ -122,7 +120,9 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
                 break
             seen = self.arm is not None
             run = robot.prescribe(whole, run.state, periods=NEXT_PERIODS, keep_coordinates=seen)
-        if len(changes) > 1:
+        if self.rattles[kept].any():  # more periods are no better
+            self.periods = NEXT_PERIODS
+        elif len(changes) > 1:
             self.periods = periods_until(REMAINS, changes[-1] / changes[-2], most * NEXT_PERIODS)
         self.left_out |= self.rattles
         return run

@@ -53,13 +53,13 @@ class TorqueProblem:
     mean_counts: bool = True
     """Whether the mean torque is among the data."""
     each_delay: bool = False
+    """Whether each axis has a delay of its own."""
     gain_prior: float = 0.01
     """Standard deviation of the gains of sensors behind the gears, relative."""
     mounting_prior: float = 0.02
     """Standard deviation of the angles by which inertial units are turned on their links, rad."""
     doubt: float = 1.0
     """Misfit by which weights are too large, where that is known: functions of speed are believed as much less."""
-    """Whether each axis has a delay of its own."""
 
     # Unknowns
 

@@ -132,6 +132,7 @@ def _data(data: DiagnosedData) -> dict[str, Any]:
         "configurations": data.n_config,
         "experiments": data.n_experiment,
         "kept_apart": data.n_test,
+        "left_out": data.n_left_out,
         "variants": list(data.variants),
         "highest_hz": data.highest_hz,
         "noise": list(data.noise),

@@ -42,15 +42,15 @@ def test_what_is_told_stands_in_the_file() -> None:
     search = SearchRecord(
         145, 61.0, ("friction.stribeck",), ("load.payload",), ("drive.saturation: no",), visible
     )
-    data = DiagnosedData(4, 12, 2, 100.0, ("differences between periods",), ("loaded",))
+    data = DiagnosedData(4, 12, 2, 100.0, ("differences between periods",), ("loaded",), 1)
     diagnosis = Diagnosis("effects", "First line.\nSecond.", findings=(finding(),), search=search, data=data)
     told = json.loads(verdict_json(diagnosis, "arm.yaml", "abc"))
     assert told["robid_verdict"] == 2
     assert told["robot"] == {"name": "arm.yaml", "sha256": "abc"}
     assert told["verdict"] == ["First line.", "Second."]
     assert told["data"] == {
-        "configurations": 4, "experiments": 12, "kept_apart": 2, "variants": ["loaded"], "highest_hz": 100.0,
-        "noise": ["differences between periods"],
+        "configurations": 4, "experiments": 12, "kept_apart": 2, "left_out": 1, "variants": ["loaded"],
+        "highest_hz": 100.0, "noise": ["differences between periods"],
     }  # fmt: skip
     (found,) = told["findings"]
     assert found["by_configuration"] == [40.0, 3.0, None]
