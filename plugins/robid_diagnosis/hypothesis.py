@@ -24,6 +24,7 @@ from robid_core.residual import (
     torque_problem,
 )
 from robid_diagnosis.variants import Variants
+from robid_diagnosis.wording import place_text
 
 PRIORS = {"*_stiffness.*": 0.5, "*_damping.*": 1.0}
 """What is believed of springs and dampers before the data, in natural scales."""
@@ -90,6 +91,15 @@ class Hypothesis:
         """Return it without the effect, or the wider priors, of some parameters; what is held is decided anew."""
         kept = tuple(one for one in self.additions if not set(one.names) & set(names))
         return Hypothesis(kept, tuple(name for name in self.widened if name not in names))
+
+    @property
+    def what(self) -> str:
+        """What is fitted, for people: the cause that was added last, with the others counted."""
+        if not self.additions:
+            return "all values"
+        *others, last = self.additions
+        beside = f", beside {len(others)} more" if others else ""
+        return place_text(last.use, last.on, last.side) + beside
 
     @property
     def has_signs(self) -> bool:
@@ -304,6 +314,10 @@ class Case:
         the robot's file, which another fit has found, and not from the best fit of its linear model.
         """
         problem = self.problem(hypothesis, self.records)
+
+        def told(done: float, total: float, note: str) -> None:
+            progress(done, total, f"fitting {hypothesis.what}" if note else "")
+
         point = self._told_point(problem) if as_told else None
         if begin is not None:
             point = _carried(begin, problem, others)
@@ -315,7 +329,7 @@ class Case:
             problem,
             min(self.passes, FEW) if roughly else self.passes,
             self.model_error,
-            progress,
+            told,
             begin=point,
             reweigh=False,
             thorough=thorough and not roughly,

@@ -90,3 +90,19 @@ def test_beside_what_was_found_later_only_what_is_alike_stays_a_tie(
     assert [one.use for one in rival.fitted.hypothesis.additions] == ["drive.torque_ripple"]
     amplitude, error = rival.fitted.estimate(rival.fitted.hypothesis.additions[0].names[0])
     assert abs(amplitude - WAVE["amplitude"]) < 4 * error
+
+
+def test_progress_says_which_cause_is_fitted_and_beside_how_many(
+    waves: tuple[Case, dict[str, Fitted]],
+) -> None:
+    case, fits = waves
+    (wave,) = fits["cogging"].hypothesis.additions
+    play = Addition("play", "transmission.backlash", "axis_1", "gear", {"gap": 1e-5}, ("gap",))
+    notes: dict[str, None] = {}
+    for hypothesis in (Hypothesis(), Hypothesis((wave,)), Hypothesis((wave, play))):
+        case.fit(hypothesis, lambda *told: notes.setdefault(told[-1]), roughly=True)
+    assert list(filter(None, notes)) == [
+        "fitting all values",
+        "fitting drive.cogging at axis_1 (torque)",
+        "fitting transmission.backlash at axis_1 (gear), beside 1 more",
+    ]
