@@ -318,7 +318,7 @@ class Case:
         def told(done: float, total: float, note: str) -> None:
             progress(done, total, f"fitting {hypothesis.what}" if note else "")
 
-        point = self._told_point(problem) if as_told else None
+        point = self.told_point(problem) if as_told else None
         if begin is not None:
             point = _carried(begin, problem, others)
         if point is not None and delay is not None:
@@ -364,7 +364,7 @@ class Case:
                     raise
         return fitted(hypothesis)
 
-    def _told_point(self, problem: TorqueProblem) -> FloatArray:
+    def told_point(self, problem: TorqueProblem) -> FloatArray:
         """All unknowns as the robot's file tells them: friction is one function of speed and a constant, no delays."""
         point = np.zeros(problem.n_unknown)
         size = problem.friction_size(point)

@@ -46,6 +46,7 @@ from robid_diagnosis.comparison import (
 )
 from robid_diagnosis.extrapolation import extrapolation_doubt
 from robid_diagnosis.prediction_curves import prediction_curves
+from robid_diagnosis.prediction_noise import noise_left
 from robid_diagnosis.prediction_runs import Piece, pieces_of, predicted_runs, run_errors
 from robid_diagnosis.timing import delayed, late_axes
 from robid_diagnosis.wording import errors_line
@@ -146,7 +147,9 @@ class Prediction(DiagnosisStage):
         }
         errors, verdict, runs = list[PredictionErrors](), list[str](), []
         for quantity, symbol in quantities.items():
-            rows, gain = self._errors(quantity, symbol, pieces, measured, signals, robot, comparison, context)
+            rows, gain = self._errors(
+                quantity, symbol, pieces, measured, signals, models, comparison, context
+            )
             errors += rows
             verdict.append(errors_line(rows, gain))
             last = predicted_runs(pieces, measured[quantity], signals[quantity][names[-1]], self.skip_s)
@@ -197,12 +200,12 @@ class Prediction(DiagnosisStage):
         pieces: Sequence[Piece],
         measured: Mapping[str, Signals],
         signals: Mapping[str, Mapping[str, Signals]],
-        robot: Robot,
+        models: Mapping[str, Mapping[str, Robot]],
         comparison: Comparison,
         context: Context,
     ) -> tuple[list[PredictionErrors], FloatArray]:
         """Of the judged experiments, over the torque limit, too, where the robot file tells it."""
-        judged = [piece for piece in pieces if piece.tested]
+        judged, robot = [piece for piece in pieces if piece.tested], models[pieces[0].variant][TOLD]
         kept = [piece.tested for piece in pieces for _ in piece.record.runs]
 
         def of_judged(values: Signals) -> list[FloatArray]:
@@ -213,7 +216,9 @@ class Prediction(DiagnosisStage):
         ours = {name: of_judged(values) for name, values in signals[quantity].items()}
         sums = comparison.sums(records, theirs, ours)
         still = still_axes(robot, records)
-        rows, gain = errors_of_models(quantity, unit, *sums, records[0], still, context.generator)
+        last = {variant: list(found.values())[-1] for variant, found in models.items()}
+        noise = noise_left(judged, last, theirs, self.highest_hz) if quantity == OPEN else None
+        rows, gain = errors_of_models(quantity, unit, *sums, records[0], still, context.generator, noise)
         if quantity == OPEN:
             limit = robot.drives.torque_limit_or(np.full(robot.n_axis, np.nan))
             rows = [row.replace(of_limit=row.rms / limit) for row in rows]

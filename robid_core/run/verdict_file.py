@@ -1,8 +1,8 @@
 """The verdict of a diagnosis as JSON, for programs: `verdict.<stage>.json` in the folder of a run.
 
 Fields: `verdict` (sentences), `robot` (name and hash of the nominal one), `data` (experiments in how many
-configurations, those kept apart, variants, bins, source of the noise), `findings` (kind, effect, axis, side,
-parameters with nominal value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood,
+configurations, those kept apart and left out, variants, bins, source of the noise), `findings` (kind, effect, axis,
+side, parameters with nominal value, estimate, standard error, 95 % interval and unit, gain of twice the log-likelihood,
 p-value after the search, share of the gain of free functions, ties, the experiment that separates them with the
 expected log-likelihood ratio for each rival, gain in each configuration, where held out, and by a size of its own),
 `values` (all that was estimated, with its tolerance in the robot file), `response_check` (stiffnesses by responses
