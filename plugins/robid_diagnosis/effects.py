@@ -244,7 +244,7 @@ class Effects(DiagnosisStage):
         ]
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values)]
-        lines += [held_line(final.hypothesis.held), left_out_line(data.n_left_out, data.n_experiment)]
+        lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
         lines += gear_ratio_lines(causes, values)
         if response_check is not None:
             lines.append(response_check_line(response_check))

@@ -145,7 +145,7 @@ def data_of(case: Case, final: Fitted, tests: Sequence[Record]) -> DiagnosedData
         highest_hz=case.highest_hz,
         noise=tuple(dict.fromkeys(block.noise_source for block in blocks)),
         variants=tuple(dict.fromkeys(variant for variant in variants if variant)),
-        n_left_out=final.problem.left_out[0],
+        n_left_out=sum(final.problem.left_out),
     )
 
 

@@ -144,5 +144,5 @@ def _quarters(rows: FloatArray, n_delay: int) -> Iterator[BoolArray]:
     """
     known = (rows[..., -n_delay:] ** 2).sum(axis=(0, 1, 3))
     share = (known / np.maximum(known.sum(axis=0), 1e-300)).sum(axis=1)
-    part = np.minimum(BANDS * np.cumsum(share) / share.sum(), BANDS - 1e-9).astype(int)
+    part = np.minimum(BANDS * np.cumsum(share) / max(share.sum(), 1e-300), BANDS - 1e-9).astype(int)
     return (part == number for number in range(BANDS))

@@ -92,13 +92,15 @@ def settling_line(axes: Sequence[str]) -> str:
     )
 
 
-def left_out_line(n_left_out: int, n: int) -> str:
-    """Say how many experiments do not count; empty where all do."""
-    if not n_left_out:
+def left_out_line(left_out: Sequence[int], n: int) -> str:
+    """Say how many experiments of which configurations do not count, from those of each; empty where all do."""
+    where = [str(number) for number, count in enumerate(left_out, start=1) if count]
+    if not where:
         return ""
     return (
-        f"{n_left_out} of {experiments_text(n)} are not used: with what was found the model rattles there and does not "
-        "repeat its motion as the machine did; smaller or slower motions, or a load on the axis, avoid that."
+        f"{sum(left_out)} of {experiments_text(n)} are not used (configuration {', '.join(where)}): with what was "
+        "found the model rattles there and does not repeat its motion as the machine did. Errors of prediction contain "
+        "them. Smaller or slower motions, or a load on the axis, avoid that."
     )
 
 

@@ -305,7 +305,7 @@ class TorqueResidualFit(Estimator):
 
 def _rattling(problem: TorqueProblem) -> tuple[Doubt, ...]:
     """Say which experiments a fit left out: it stands on the others."""
-    n_left_out, n = problem.left_out
+    n_left_out, n = sum(problem.left_out), sum(np.prod(block.measured.shape[:2]) for block in problem.blocks)
     if not n_left_out:
         return ()
     sentence = (

@@ -168,11 +168,14 @@ class TorqueProblem:
         return point[-self.n_delay :]
 
     @property
-    def left_out(self) -> tuple[int, int]:
-        """How many experiments do not count, since the last robot rattles in them, and how many there are."""
-        shapes = [(block.used, block.measured.shape[:2]) for block in self.blocks]
-        out = sum(0 if used is None else int(np.count_nonzero(~used)) for used, _ in shapes)
-        return out, sum(n_config * n_exp for _, (n_config, n_exp) in shapes)
+    def left_out(self) -> tuple[int, ...]:
+        """Experiments of each configuration that do not count, since the last robot rattles in them."""
+        out = list[int]()
+        for block in self.blocks:
+            used = block.used
+            n_config = block.measured.shape[0]
+            out += [0] * n_config if used is None else np.count_nonzero(~used, axis=1).tolist()
+        return tuple(out)
 
     # Residuals
 

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck
-from robid_diagnosis.wording import chance_text, data_line, finding_line, response_check_line, values_line
+from robid_diagnosis.wording import (
+    chance_text,
+    data_line,
+    finding_line,
+    left_out_line,
+    response_check_line,
+    values_line,
+)
 
 
 def table(estimate: list[float], error: list[float], group: str = "stiffness") -> ParameterTable:
@@ -97,3 +104,9 @@ def test_of_a_body_none_of_whose_numbers_moved_by_itself_the_furthest_are_read_o
     sure = body.replace(standard_error=np.array([0.1, 0.0014, 0.088, 1.0, 0.05]))
     assert "combinations" not in finding_line(sure, 4)
     assert "centre_of_mass" not in finding_line(sure, 4)
+
+
+def test_experiments_that_are_not_used_are_counted_by_configuration() -> None:
+    line = left_out_line((0, 2, 1, 0), 12)
+    assert line.startswith("3 of 12 experiments are not used (configuration 2, 3): ")
+    assert not left_out_line((0, 0), 4)
