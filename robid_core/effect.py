@@ -13,7 +13,7 @@ whether it keeps to all of this.
 from __future__ import annotations
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -241,6 +241,17 @@ class ForceEffect(_LawEffect):
         """
         del position, velocity, load, parameters, place
         return {}
+
+    @classmethod
+    def hardly_told(cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]) -> str:
+        """Say which number the data hardly tell though its stated error is small; empty: none.
+
+        A verdict repeats the sentence beside the cause. Where a law meets a motion at one end only, a fit takes what it
+        cannot know from the shape of the law near that end. `positions` are those that the law sees in each experiment,
+        (n_time,) each.
+        """
+        del parameters, place, positions
+        return ""
 
 
 class SignalEffect(_LawEffect):

@@ -41,6 +41,7 @@ from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
 from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.gear_ratio import gear_ratio_lines
+from robid_diagnosis.hardly_told import hardly_told_lines
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.impossible_motion import check_possible
 from robid_diagnosis.judgement import errors_of, parted
@@ -242,6 +243,7 @@ class Effects(DiagnosisStage):
             for finding in causes
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
+        lines += hardly_told_lines(outcome.motion, final.hypothesis.additions)
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]

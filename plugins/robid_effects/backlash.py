@@ -13,6 +13,8 @@ to a joint that gravity holds on one flank.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
@@ -21,6 +23,7 @@ from robid_effects.deflection import SMALLEST_RADIUS, dead_zone, swept_radius
 
 ROUNDING = 0.2
 """Radius of the corners over half the gap."""
+TOUCHED = 1e-3  # of the time on a flank, or more: it is touched
 RESIDUAL = 1e-3
 """Share of spring and damper that stays inside the gap."""
 
@@ -73,3 +76,18 @@ class Backlash(ForceEffect):
         """Half the gap, radius of its corners, spring and damper of the robot file."""
         gap = float(parameters[0])
         return np.array([0.5 * gap, rounding_radius(gap), place.stiffness, place.damping])
+
+    @classmethod
+    def hardly_told(cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]) -> str:
+        """Of a gap that is left and met again at the same flank only the depth is told to which it was entered."""
+        del place
+        half, depth = 0.5 * float(parameters[0]), 0.0
+        for position in positions:
+            upper, lower = (position > half).mean(), (position < -half).mean()
+            if min(upper, lower) >= TOUCHED:
+                return ""
+            depth = max(depth, half - position.min() if upper > lower else half + position.max())
+        return (
+            "no experiment touches both flanks of the gap: its width is hardly told, whatever its stated error; it "
+            f"was entered to a depth of {depth:.2g} rad. Measure poses in which gravity is balanced, or faster moves"
+        )

@@ -139,8 +139,8 @@ def command(
     robot = robot_below_here(robot)
     apart = keep_apart or []
     files = [*(records or []), *(more or []), *apart]
-    root, sources = read_sources(files, channels, data)
-    names = [str(one["path"]) for one in sources] if files else []
+    root, sources = read_sources(files, channels, data, together=not (apart or variant))
+    names = [str(one.get("path")) for one in sources] if files else []
     asked = Asked(
         [test] if test else only or [],
         exclude or [],
@@ -177,19 +177,30 @@ def write_pipeline(text: str) -> None:
 
 
 def read_sources(
-    files: list[Path], channels: Path | None, data: Path | None
+    files: list[Path], channels: Path | None, data: Path | None, *, together: bool = True
 ) -> tuple[Path, list[dict[str, Any]]]:
     """Return the data root, and the settings that read each recording: `files`, or what a channel map names itself.
 
+    `together`: files that are all those of a map's pattern are one record, of configurations and experiments as their
+    names number them.
+
     Raises ConfigurationError where there is neither, a file is missing, or has no channel map and needs one.
     """
-    from robid_core.commands.recordings.map_file import SOURCES, read_map, settings_of_record
+    from robid_core.commands.recordings.map_file import (
+        SOURCES,
+        read_map,
+        settings_of_all,
+        settings_of_record,
+    )
     from robid_core.errors import ConfigurationError
     from robid_core.pipeline.places import find_places
 
     maps = read_map(channels) if channels is not None else []
     if files:
         root, names = below_one_folder(files, data)
+        whole = settings_of_all(root, names, maps) if together and len(files) > 1 else None
+        if whole is not None:
+            return root, [whole]
         return root, [
             settings_of_record(file, name, maps, channels) for file, name in zip(files, names, strict=True)
         ]
@@ -245,6 +256,8 @@ def robots_of(variants: list[str], records: list[Path], names: list[str]) -> dic
         raise ConfigurationError(
             "--variant names one of the RECORDs, and none is given; a channel map has `variant`"
         )
+    if not variants:
+        return {}
     named = {record.resolve(): name for record, name in zip(records, names, strict=True)}
     found = {}
     for one in variants:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -79,6 +80,30 @@ def settings_of_record(
         )
     (one,) = chosen
     return {"path": name} | {key: value for key, value in one.items() if key not in SOURCES}
+
+
+def settings_of_all(
+    root: Path, names: Sequence[str], maps: Sequence[Mapping[str, Any]]
+) -> dict[str, Any] | None:
+    """Return the settings that read recordings below a root as one record, as a pattern numbers them.
+
+    None where they are not all the files that one map's pattern stands for, where some experiment of a configuration
+    is missing, or where motions do not repeat: those of different lengths would be cut to the shortest.
+    """
+    for one in maps:
+        pattern = PurePosixPath(str(one.get("pattern") or ""))
+        n_part = len(pattern.parts)
+        folders = {PurePosixPath(*PurePosixPath(name).parts[:-n_part]) for name in names} if n_part else set()
+        if len(folders) != 1 or not one.get("period_s"):
+            continue
+        whole = str(folders.pop() / pattern)
+        found = [re.fullmatch("([0-9]+)".join(map(re.escape, _FIELD.split(whole))), name) for name in names]
+        if not all(found) or len(list(root.glob(_FIELD.sub("[0-9]*", whole)))) != len(names):
+            continue
+        numbers = zip(*(match.groups() for match in found if match), strict=True)
+        if math.prod(len(set(own)) for own in numbers) == len(names):
+            return dict(one) | {"pattern": whole}
+    return None
 
 
 def _source(settings: Mapping[str, Any]) -> str:

@@ -124,3 +124,17 @@ def test_the_first_harmonic_under_a_sine_is_the_textbooks(at, ratio: float, text
 
 def test_the_radius_is_a_tenth_of_the_gap() -> None:
     assert rounding_radius(GAP) == pytest.approx(GAP / 10, rel=1e-12)
+
+
+def test_a_width_is_told_where_one_experiment_touches_both_flanks(place) -> None:
+    """A wave of 0.9 gaps about either flank enters the gap by 0.9 gaps and no further; about the middle it crosses."""
+    wave = 0.9 * GAP * np.sin(np.linspace(0, 20, 2000))
+    above, below, across = HALF + wave, -HALF - wave, wave
+    gap = np.array([GAP])
+    assert not Backlash.hardly_told(gap, place, [across])
+    assert not Backlash.hardly_told(gap, place, [above, across])
+    for positions in ([above], [below], [above, below]):
+        said = Backlash.hardly_told(gap, place, positions)
+        assert said.startswith("no experiment touches both flanks")
+        assert f"entered to a depth of {0.9 * GAP:.2g} rad" in said
+    assert "a depth of 0 rad" in Backlash.hardly_told(gap, place, [HALF + 0.1 * GAP + np.abs(wave)])

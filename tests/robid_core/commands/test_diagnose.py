@@ -257,3 +257,28 @@ def test_a_channel_map_that_names_files_begins_where_one_stands(
     other.mkdir()
     monkeypatch.setenv("ROBID_DATA", str(other))
     assert read_sources([], Path("channels.yaml"), None)[0] == other
+
+
+def test_all_files_of_a_pattern_are_one_record_where_they_repeat(tmp_path: Path) -> None:
+    """Numbers in names count configurations and experiments; a part of them, or motions of any length, do not."""
+    names = [f"lab/c{c}_e{e}.npz" for c in (1, 2) for e in (1, 2)]
+    files = [tmp_path / name for name in (*names, "lab/notes.npz")]
+    (tmp_path / "lab").mkdir()
+    for file in files:
+        recording(file)
+    channels = tmp_path / "map.yaml"
+    told = "pattern: c{config}_e{exp}.npz\nchannels: {motor_position: {key: q}}\n"
+    channels.write_text(f"{told}period_s: auto\n")
+
+    def read(chosen: list[Path], **how: bool) -> list[str]:
+        sources = read_sources(chosen, channels, tmp_path, **how)[1]
+        return [one.get("path", one.get("pattern")) for one in sources]
+
+    assert read(files[:4]) == ["lab/c{config}_e{exp}.npz"]
+    assert read(files[:4], together=False) == names
+    assert read(files) == [*names, "lab/notes.npz"]
+    assert read(files[:3]) == names[:3]
+    files[3].unlink()
+    assert read(files[:3]) == names[:3]  # the second experiment of the second configuration is missing
+    channels.write_text(told)
+    assert read(files[:2]) == names[:2]
