@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid_core.effect import ForceEffect
+from robid_core import ForceEffect
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Addition
 from robid_diagnosis.wording import place_text
