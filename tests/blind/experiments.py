@@ -11,8 +11,8 @@ from oracles.drives import of_axes
 from robid_core import Channel, DenseRun, FloatArray, Record, Robot
 
 PERIOD, SETTLE, KEPT = 3000, 1, 2  # samples; periods
-POSES = {1: 6, 2: 6, 6: 4}  # by axes
-EACH = {1: 2, 2: 2, 6: 3}  # experiments of a pose
+POSES = {1: 6, 2: 6, 3: 4, 4: 4, 6: 4}  # by axes
+EACH = {1: 2, 2: 2, 3: 3, 4: 3, 6: 3}  # experiments of a pose
 BAND_HZ, LINES = (3.0, 80.0), 60
 FAST, SLOW = 4.0, 10.0  # rad/s at the motor: rms of the multisine, amplitude of the slow sine
 MOVE, STANDING = (0.3, 0.6), 0.2  # rad at the joint; s in which a multisine begins
