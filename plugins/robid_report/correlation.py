@@ -21,7 +21,10 @@ class Correlation:
 
     picture: Markup
     strong: list[str]
+    """Pairs beyond the limit; where some parameters are reported, those of at least one of them."""
     n: int
+    reported: Markup | None
+    """Picture of the reported parameters alone; None where they are all, or fewer than two."""
 
 
 def correlation_of(fit: Fit | None) -> Correlation | None:
@@ -42,14 +45,22 @@ def correlation_of(fit: Fit | None) -> Correlation | None:
     if not np.isfinite(matrix).all():
         return None
     names = [fit.free_names[i] for i in chosen]
+    reported = dict(zip(fit.parameters.names, fit.parameters.reported, strict=True))
+    shown = np.array([bool(reported.get(name)) for name in names])
     rows, columns = np.triu_indices(len(names), 1)
+    if shown.any():
+        asked = shown[rows] | shown[columns]
+        rows, columns = rows[asked], columns[asked]
     order = np.argsort(-np.abs(matrix[rows, columns]), kind="stable")[:MOST_NAMED]
     strong = [
         f"{names[rows[k]]} and {names[columns[k]]} {_text(matrix[rows[k], columns[k]])}"
         for k in order
         if abs(matrix[rows[k], columns[k]]) >= STRONG
     ]
-    return Correlation(_picture(names, matrix), strong, len(names))
+    alone = None
+    if 2 <= shown.sum() < len(names):
+        alone = _picture([names[i] for i in np.flatnonzero(shown)], matrix[np.ix_(shown, shown)])
+    return Correlation(_picture(names, matrix), strong, len(names), alone)
 
 
 def _picture(names: list[str], matrix: FloatArray) -> Markup:

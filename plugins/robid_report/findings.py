@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,19 +34,20 @@ class Fact:
 
 def findings(
     frf: Frf | None,
-    fit: Fit | None,
+    fits: Sequence[Fit],
     record: Record | None,
     design: Design | None,
     diagnosis: Diagnosis | None,
     truth: Truth | None,
 ) -> list[Finding]:
-    """Return everything that limits the use of the results, serious things first."""
+    """Return everything that limits the use of the results, serious things first; `fits` begin with the page's own."""
     found = [
         *_of_record(record),
         *_of_frf(frf),
-        *_of_fit(fit),
+        *_of_fits(fits),
         *_of_diagnosis(diagnosis),
-        *_of_truth(fit, truth),
+        *_of_what_explains(fits, diagnosis),
+        *_of_truth(fits[0] if fits else None, truth),
     ]
     if design is not None and not design.gap <= GAP_LIMIT:
         found.append(
@@ -86,13 +88,32 @@ def _of_frf(frf: Frf | None) -> list[Finding]:
     return result
 
 
-def _of_fit(fit: Fit | None) -> list[Finding]:
-    return [Finding(not doubt.is_remark, f"Fit: {doubt}.") for doubt in fit.doubts] if fit is not None else []
+def _of_fits(fits: Sequence[Fit]) -> list[Finding]:
+    named = [
+        ("Fit" if place == 0 else f"Fit beside it ({fit.method})", fit) for place, fit in enumerate(fits)
+    ]
+    return [Finding(not doubt.is_remark, f"{name}: {doubt}.") for name, fit in named for doubt in fit.doubts]
 
 
 def _of_diagnosis(diagnosis: Diagnosis | None) -> list[Finding]:
     found = diagnosis.doubts if diagnosis is not None else ()
     return [Finding(not doubt.is_remark, f"Diagnosis: {doubt}.") for doubt in found]
+
+
+def _of_what_explains(fits: Sequence[Fit], diagnosis: Diagnosis | None) -> list[Finding]:
+    """Say whose numbers to use where a diagnosis names what a doubted fit lacks."""
+    if diagnosis is None or not any(fit.is_doubted for fit in fits):
+        return []
+    causes = dict.fromkeys(f"{one.effect} at {one.on}" for one in diagnosis.findings if one.kind == "cause")
+    if not causes or any(not doubt.is_remark for doubt in diagnosis.doubts):
+        return []
+    return [
+        Finding(
+            False,
+            f"The diagnosis names what the fitted model lacks: {', '.join(causes)}. Use the robot that it found; the "
+            "parameters of the fit were estimated without it.",
+        )
+    ]
 
 
 def _of_truth(fit: Fit | None, truth: Truth | None) -> list[Finding]:

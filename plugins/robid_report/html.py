@@ -8,6 +8,7 @@ from outside. No clock unless asked, and fixed ids: equal inputs give equal byte
 from __future__ import annotations
 
 import base64
+import dataclasses
 import datetime
 import functools
 import gzip
@@ -116,24 +117,35 @@ def figures(robot: Robot, angle: FloatArray) -> list[list[Markup]]:
 def response_section(
     robot: Robot, frf: Frf | None, fit: Fit | None, record: Record | None
 ) -> tuple[dict[str, Any] | None, list[tuple[str, TimeComparison]]]:
-    """Figures of the measured responses beside the model, and the model's steady state beside the record over time."""
+    """Figures of the measured responses beside the model, and the model's steady state beside the record over time.
+
+    A fit of other data than responses is drawn as its model answers in the configurations of `frf`.
+    """
     comparison = fit.response if fit is not None else None
-    fitted = comparison is not None
+    of_responses = comparison is not None
+    fitted = fit is not None and (of_responses or fit.model is not None)
     if comparison is None:
         if frf is None:
             return None, []
-        between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
-        model, curve = (
-            robot.response(frf.angle, f, hold=frf.torque_hold) for f in (frf.frequency_hz, between)
-        )
-        comparison = comparison_of(frf, model, (between, curve))
+        comparison = answered(frf, robot)
+        if fit is not None and fit.model is not None:
+            comparison = dataclasses.replace(
+                answered(frf, Robot.of_model(fit.model)), start=comparison.start, curve_start=comparison.curve
+            )
     spectra = spectra_of(record, comparison.frequency_hz)
     steady = steady_state(record, spectra, comparison) if record is not None and spectra is not None else None
     model_name = "fitted model" if fitted else "robot file"
     over_time = (
         [] if steady is None else [(f"Excited lines, configuration {steady[0] + 1}, {model_name}", steady[1])]
     )
-    return response_plots(comparison, fitted, frf, spectra), over_time
+    return response_plots(comparison, fitted, of_responses, frf, spectra), over_time
+
+
+def answered(frf: Frf, robot: Robot) -> ResponseComparison:
+    """Return measured responses beside those of a robot, its curve drawn between the lines, too."""
+    between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
+    model, curve = (robot.response(frf.angle, f, hold=frf.torque_hold) for f in (frf.frequency_hz, between))
+    return comparison_of(frf, model, (between, curve))
 
 
 def body_section(
@@ -298,7 +310,9 @@ class HtmlReport(ReportStage):
             "robot": robot.name,
             "made": made(self.date, self.host),
             "axes": robot.axis_names,
-            "findings": findings(frf, fit, record, design, diagnosis, truth),
+            "findings": findings(
+                frf, [one for one in (fit, *others) if one is not None], record, design, diagnosis, truth
+            ),
             "facts": facts(frf, fit, record, design, diagnosis, truth),
             "verdict": diagnosis.verdict.split("\n") if diagnosis is not None else [],
             "causes": cause_sections(diagnosis),

@@ -28,15 +28,16 @@ DECADES = {"type": "log", "exponentformat": "power", "dtick": 1}
 def response_plots(
     comparison: ResponseComparison,
     fitted: bool,
+    of_responses: bool,
     frf: Frf | None = None,
     spectra: tuple[ComplexArray, ComplexArray] | None = None,
 ) -> dict[str, Any]:
     """Return the figures of each configuration: of all axes over their own torque, and of each entry of the matrix.
 
     `rows` are figures of all axes by the element that shows them: `data[configuration]` goes with one of `layouts`, by
-    the number of columns. Residuals are drawn beside a fit whose measurement has deviations, distortion where `frf`
-    has its levels (with the level of the response from `spectra` of torques and accelerations). `entries` has
-    `data[configuration][output][input]`, left out where there is one axis only.
+    the number of columns. Residuals are drawn beside a fit `of_responses` whose measurement has deviations, distortion
+    where `frf` has its levels (with the level of the response from `spectra` of torques and accelerations). `entries`
+    has `data[configuration][output][input]`, left out where there is one axis only.
     """
     names, n_config = comparison.axis_names, len(comparison.measured)
     n = len(names)
@@ -54,7 +55,7 @@ def response_plots(
             "layouts": {k: bode_layout(own, k, height) for k in columns},
         }
     }
-    if fitted and np.isfinite(np.einsum("cfii->cfi", comparison.deviation)).any():
+    if of_responses and np.isfinite(np.einsum("cfii->cfi", comparison.deviation)).any():
         rows["response-residuals"] = {
             "data": [residual_panels(comparison, c) for c in range(n_config)],
             "layouts": {

@@ -22,6 +22,7 @@ from robid_core import (
     Diagnosis,
     Doubt,
     Excitation,
+    Finding,
     Fit,
     Frf,
     FrictionCurve,
@@ -33,7 +34,7 @@ from robid_core import (
     TimeComparison,
     Truth,
 )
-from robid_core.testing import check_stage
+from robid_core.testing import check_stage, example_fit, example_frf
 from robid_report.html import HtmlReport, json_for_script
 from robid_report.stick_figure import skeleton
 
@@ -136,6 +137,15 @@ def whole(value: Any, pool: list[Any]) -> Any:
     if isinstance(value, dict) and "$" in value:
         return whole(pool[value["$"]], pool)
     return {key: whole(entry, pool) for key, entry in value.items()} if isinstance(value, dict) else value
+
+
+def stribeck(kind: str) -> Finding:
+    """A finding about one axis, a picture left out."""
+    one, none = np.ones(1), np.full(1, np.nan)
+    return Finding(
+        kind, "friction.stribeck", "axis_1", "motor", 500.0, 1e-9, 0.98, ("excess",), ("N m",), none, one, 0.1 * one,
+        one, one, one,
+    )  # fmt: skip
 
 
 def figures_of(html: str) -> dict[str, Any]:
@@ -382,6 +392,41 @@ def test_every_doubt_about_a_fit_stands_in_the_banner_in_the_same_words_as_on_sc
         assert str(doubt) in banner
     assert "35.2 on axis_1 below 3 Hz (other bins)" in banner
     assert "axis below 3 Hz 3-30 Hz lines other lines other axis_1 – 35.2 1.00 1.40" in page.words
+
+
+def test_doubts_about_a_fit_beside_that_of_the_page_stand_in_the_banner_with_its_method(robot: Robot) -> None:
+    fit = everything(robot)["fit"]
+    beside = fit.replace(method="prediction errors", misfit=2.5)
+    page = Page(page_of(robot, fit=fit, fits=(fit, beside)))
+    banner = page.words[: page.words.index("robid report")]
+    (doubt,) = beside.doubts
+    assert f"Fit beside it (prediction errors): {doubt}." in banner
+    assert "Fit:" not in banner
+
+
+def test_a_diagnosis_that_names_what_a_doubted_fit_lacks_says_whose_numbers_to_use(robot: Robot) -> None:
+    artifacts = everything(robot)
+    cause = stribeck("cause")
+    diagnosis = artifacts["diagnosis"].replace(findings=(cause,))
+    doubted = artifacts["fit"].replace(misfit=2.5)
+    named = "The diagnosis names what the fitted model lacks: friction.stribeck at axis_1."
+    assert named in Page(page_of(robot, fit=doubted, diagnosis=diagnosis)).words
+    assert named not in Page(page_of(robot, fit=artifacts["fit"], diagnosis=diagnosis)).words
+    partial = artifacts["diagnosis"].replace(findings=(stribeck("partial"),))
+    assert named not in Page(page_of(robot, fit=doubted, diagnosis=partial)).words
+
+
+def test_a_fit_of_torques_is_drawn_as_its_model_answers_beside_the_robot_file(robot: Robot) -> None:
+    softer = robot.with_parameters({"gear_stiffness.axis_1": 3e4})
+    frf = example_frf(robot)
+    fit = example_fit(softer).replace(response=None)
+    html = page_of(robot, frf=frf, fit=fit)
+    data = figures_of(html)["response"]["rows"]["response-axes"]["data"][0]
+    fitted, file = curve(data, "fitted model"), curve(data, "start")
+    for drawn, one in ((fitted, softer), (file, robot)):
+        response = one.response(frf.angle, np.asarray(drawn["x"]), hold=frf.torque_hold)[0, :, 0, 0]
+        np.testing.assert_allclose(drawn["y"], 20 * np.log10(np.abs(response)), atol=0.05)
+    assert "response-residuals" not in figures_of(html)["response"]["rows"]
 
 
 def test_remarks_and_doubts_stand_in_banners_of_their_own(robot: Robot) -> None:

@@ -62,6 +62,29 @@ def test_correlations_are_drawn_and_the_strong_pair_is_named() -> None:
     assert cells.count(("positive", "0.50")) == 2
 
 
+def test_parameters_that_are_reported_have_a_picture_of_their_own_and_pairs_without_them_are_not_named() -> (
+    None
+):
+    fit = example_fit(Robot.load("six_axis"))
+    n = len(fit.free_names)
+    reported = np.array([name in fit.free_names[:3] for name in fit.parameters.names])
+    correlation = np.eye(n)
+    correlation[0, 5] = correlation[5, 0] = 0.95
+    correlation[6, 7] = correlation[7, 6] = 0.99
+    table = fit.parameters.replace(reported=reported)
+    found = correlation_of(fit.replace(parameters=table, covariance=correlation))
+    assert found is not None
+    assert found.strong == [f"{fit.free_names[0]} and {fit.free_names[5]} +0.95"]
+    assert str(found.reported).count("<rect") == 3
+    assert str(found.picture).count("<rect") == n + 4
+    everything = correlation_of(
+        fit.replace(parameters=table.replace(reported=np.ones_like(reported)), covariance=correlation)
+    )
+    assert everything is not None
+    assert everything.reported is None
+    assert len(everything.strong) == 2
+
+
 def test_one_parameter_has_no_correlation() -> None:
     fit = example_fit(Robot.load("one_axis"))
     assert correlation_of(fit.replace(free_names=fit.free_names[:1], covariance=np.eye(1))) is None
