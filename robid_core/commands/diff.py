@@ -28,8 +28,8 @@ def command(
 ) -> None:
     """Compare runs with the first: settings, versions, results; parameters by their difference over its standard error.
 
-    With --page the last fit of each run is shown beside the others, with intervals, and measured responses are
-    overlaid where runs share a configuration.
+    With --page a fit of each run is shown beside the others, with intervals: the last one that differs between them.
+    Measured responses are overlaid where runs share a configuration.
     """
     from robid_core.commands.diff_page import write_page
     from robid_core.errors import ConfigurationError

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from faults.fault import fault
 
 from robid_core import Fit, MisfitTable, ParameterTable
 from robid_core.commands.app import command_line
+from robid_core.commands.diff_page import compared_stages
 from robid_core.registry import registry
 from robid_core.run.manifest import with_hash
 
@@ -442,6 +444,21 @@ def test_diff_takes_many_runs_and_writes_a_page(world: Any, robid: Robid) -> Non
     alone = robid("diff", "runs/strange")
     assert alone.code == 2
     assert "one run is no comparison" in alone.err
+
+
+def test_the_page_of_diff_compares_the_last_fit_that_differs() -> None:
+    def made(**sha256: str) -> Any:
+        records = {
+            name: SimpleNamespace(artifact="Fit", file=name, sha256=sha) for name, sha in sha256.items()
+        }
+        return SimpleNamespace(
+            stages=records | {"frf": SimpleNamespace(artifact="Frf", file="f", sha256="x")}
+        )
+
+    assert compared_stages([made(first="a", last="c"), made(first="b", last="c")]) == ["first", "first"]
+    assert compared_stages([made(first="a", last="c"), made(first="b", last="d")]) == ["last", "last"]
+    assert compared_stages([made(first="a", last="c"), made(first="a", last="c")]) == ["last", "last"]
+    assert compared_stages([made(one="a"), made(other="b"), made()]) == ["one", "other", ""]
 
 
 def test_diff_tells_settings_versions_and_results(world: Any, robid: Robid) -> None:
