@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -141,34 +141,11 @@ def foresee(node: StageNode, pipeline: Pipeline) -> list[str]:
 
 
 def robot_time(stage: Stage, upstream: dict[str, Stage], pipeline: Pipeline) -> str:
-    """Return the motion that a stage asks for, empty where it moves nothing or cannot tell.
-
-    One experiment per motor excites all axes of a block; a design spends its experiments as blocks.
-    """
+    """Return the motion that a stage asks for, empty where it moves nothing or cannot tell."""
     from robid_core.drives import Drives
+    from robid_core.pipeline.planned_motion import planned_motion
 
     if Drives not in stage.lends().values():
         return ""
-    settings = {name: value for source in upstream.values() for name, value in source}
-    period_s, blocks = settings.get("period_s"), settings.get("blocks")
-    n_config = settings.get("count", settings.get("experiments"))
-    periods = _number(stage, "periods") + _number(stage, "settle_periods")
-    if not (
-        isinstance(period_s, float) and isinstance(blocks, int) and isinstance(n_config, int) and periods
-    ):
-        return ""
-    n_exp = pipeline.robot.load().n_axis
-    seconds = n_config * blocks * n_exp * periods * period_s
-    return (
-        f"{_of(n_config, 'configuration')} x {_of(blocks, 'block')} x {_of(n_exp, 'experiment')} x "
-        f"{_of(periods, 'period')} of {period_s:g} s = {seconds:g} s of robot time"
-    )
-
-
-def _number(stage: Any, name: str) -> int:
-    value = getattr(stage, name, 0)
-    return value if isinstance(value, int) else 0
-
-
-def _of(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    motion = planned_motion(stage, upstream, pipeline.robot.load().n_axis)
+    return "" if motion is None else f"{motion} = {motion.seconds:g} s of robot time"

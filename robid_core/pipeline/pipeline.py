@@ -17,6 +17,7 @@ from robid_core.pipeline.checking import check
 from robid_core.pipeline.grammar import PipelineFile, RobotUse, mend
 from robid_core.pipeline.inputs import check_given, order_stages
 from robid_core.pipeline.line_check import check_lines
+from robid_core.pipeline.memory_check import check_memory
 from robid_core.pipeline.overrides import override
 from robid_core.pipeline.places import find_places
 from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
@@ -295,6 +296,8 @@ def _stages(
             problems.add(stage.node.keys["use"], ("stages", stage.name, "use"), message)
     order = order_stages(declared, problems)
     check_lines(declared, dict(order), problems)
+    if load is not None and not problems.problems:
+        check_memory(declared, dict(order), load, problems)
     if problems.problems:
         return ()
     nodes = []

@@ -24,6 +24,7 @@ from robid_core.stage import Stage
 from robid_core.store import OF_THE_MACHINE, failures_named
 
 OUR_CODES = range(2, 9)  # of the kinds of errors; no plugin's error is a success, or a mistake of robid
+NO_MEMORY = "not enough memory; ask for fewer configurations, blocks or periods, or for a shorter period"
 LONGEST_LINE = 1000  # characters of what a plugin says of its failure; the log has all
 
 
@@ -62,7 +63,7 @@ def _package(node: StageNode) -> str:
 
 
 def _first_line(error: BaseException) -> str:
-    what = "not enough memory" if isinstance(error, MemoryError) else said_by(error).partition("\n")[0]
+    what = NO_MEMORY if isinstance(error, MemoryError) else said_by(error).partition("\n")[0]
     if len(what) > LONGEST_LINE:
         what = f"{what[:LONGEST_LINE]}..."
     if isinstance(error, StandIn):

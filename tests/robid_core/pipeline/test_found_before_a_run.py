@@ -254,6 +254,21 @@ def test_an_effect_is_no_stage(tmp_path: Path) -> None:
     assert "effects: {lugre: {use: friction.lugre" in told
 
 
+def test_a_record_that_no_machine_holds_is_told_with_what_makes_it_long(tmp_path: Path) -> None:
+    """2000 x 50 x 1 experiments of 100 periods of 400 s at 1 ms: 4e12 samples of three channels of 8 bytes."""
+    long = text_of(
+        where="{use: design.candidates, with: {count: 2000}}",
+        excite=multisine("band_hz: [4, 80], period_s: 400, blocks: 50"),
+        acquire="{use: acquisition.drives, with: {periods: 100}}",
+    )
+    ((path, told),) = problems(tmp_path, long)
+    assert path == "stages.acquire.use"
+    assert "the record takes 9.6e+04 GB (2000 configurations x 50 blocks x 1 experiment x 10" in told
+    assert not problems(
+        tmp_path, long.replace("count: 2000", "count: 2").replace("periods: 100", "periods: 2")
+    )
+
+
 def test_lack_of_memory_is_a_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
