@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
@@ -57,6 +58,7 @@ REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free fu
 UNSEEN = ("controller", "sensor", "drive")
 RELAID = 3  # times that functions of speed are laid anew
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
+STARTS_THEN = 8  # where the nominal robot's leads nowhere
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
 
@@ -67,6 +69,19 @@ def _why_not_free(robot: Robot, name: str) -> str:
     if name.startswith("friction.") and name.endswith(REPLACED):
         return "free functions of speed stand in its place; free friction.*.viscous alone"
     return ""
+
+
+def _at_bound(problem: TorqueProblem, point: FloatArray) -> npt.NDArray[np.bool_]:
+    """Which free parameters stand at a bound of the search, (n_free,)."""
+    bounded: npt.NDArray[np.bool_] = np.abs(point[: problem.n_free]) >= problem.free.upper * (1 - 1e-9)
+    return bounded
+
+
+def _leads_nowhere(problem: TorqueProblem, solution: Solution) -> bool:
+    """Whether passes did not converge, or left a spring at a bound."""
+    bounded = np.flatnonzero(_at_bound(problem, solution.point))
+    kinds = (problem.free.robot.parameter_kind(problem.free.names[i]) for i in bounded)
+    return not solution.converged or "stiffness" in kinds
 
 
 class TorqueResidualFit(Estimator):
@@ -112,8 +127,9 @@ class TorqueResidualFit(Estimator):
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
     """Leading periods dropped as transient; null: decided from the data, as many as differ from those after them."""
-    starts: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Start points of the linear model: the nominal robot and random ones around it."""
+    starts: Annotated[int, Field(ge=1, le=1000)] | None = None
+    """Start points of the linear model: the nominal robot and random ones around it. null: the nominal robot, and eight
+    where the fit does not converge from it, or a spring ends at a bound."""
     start_spread: PositiveFloat = 0.35
     """Standard deviation of the starts' logarithms around the nominal springs, dampers and viscous friction."""
     robots: dict[str, RobotName] = {}
@@ -140,20 +156,12 @@ class TorqueResidualFit(Estimator):
         if len(record) > 1:
             refuse_copies(record)
         robot, robots = self._told(record, robot)
-        problem = self._problem(record, robot, robots, context.log)
-        solution = solve(
-            problem,
-            self.passes,
-            self.model_error,
-            context.progress,
-            self._start_points(problem.free, context.generator),
-            tell=lambda seen: context.log.info("%s", seen),
-        )
+        problem, solution, n_starts = self._solved(record, robot, robots, context)
         problem, solution, friction = self._about_its_width(record, robot, robots, problem, solution, context)
         model = estimated_robot(
             robot, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, friction
         )
-        fit = self._result(problem, solution)
+        fit = self._result(problem, solution, n_starts)
         return fit.replace(
             parameters=with_friction(fit.parameters, robot, model),
             model=model,
@@ -161,6 +169,34 @@ class TorqueResidualFit(Estimator):
             friction=curves_of(problem, solution.point, friction),
             stated_doubts=(*fit.stated_doubts, *other_shapes(robot, friction)),
         )
+
+    def _solved(
+        self, record: tuple[Record, ...], robot: Robot, robots: dict[str, Robot], context: Context
+    ) -> tuple[TorqueProblem, Solution, int]:
+        """Fit from the starts that are asked for; where none are and the nominal robot's leads nowhere, from several.
+
+        Far from the minimum a resonance may be taken for its neighbour, and a spring then runs to a bound.
+        """
+
+        def solved(starts: int) -> tuple[TorqueProblem, Solution, int]:
+            problem = self._problem(record, robot, robots, context.log)
+            points = self._start_points(problem.free, starts, context.generator)
+            solution = solve(
+                problem,
+                self.passes,
+                self.model_error,
+                context.progress,
+                points,
+                tell=lambda seen: context.log.info("%s", seen),
+            )
+            return problem, solution, starts
+
+        found = solved(self.starts or 1)
+        if self.starts is not None or not _leads_nowhere(*found[:2]):
+            return found
+        context.log.info("from the nominal robot the fit does not converge; from %d starts", STARTS_THEN)
+        again = solved(STARTS_THEN)
+        return min(again, found, key=lambda one: misfit(one[0], one[1].point))
 
     def _about_its_width(
         self,
@@ -207,11 +243,13 @@ class TorqueResidualFit(Estimator):
 
     # Data and unknowns
 
-    def _start_points(self, free: FreeParameters, generator: np.random.Generator) -> list[FloatArray]:
+    def _start_points(
+        self, free: FreeParameters, starts: int, generator: np.random.Generator
+    ) -> list[FloatArray]:
         """Coordinates of the starts beside the nominal robot, each (n_free,)."""
         drawn = np.array([free.robot.parameter_kind(name) in DRAWN for name in free.names])
-        rows = generator.standard_normal((self.starts - 1, len(drawn)))
-        return list(self.start_spread * drawn * rows)
+        rows = generator.standard_normal((starts - 1, len(drawn)))
+        return list(np.clip(self.start_spread * drawn * rows, free.lower, free.upper))
 
     def problem(self, record: tuple[Record, ...], robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
@@ -249,7 +287,7 @@ class TorqueResidualFit(Estimator):
 
     # What is stated
 
-    def _result(self, problem: TorqueProblem, solution: Solution) -> Fit:
+    def _result(self, problem: TorqueProblem, solution: Solution, n_starts: int) -> Fit:
         free, n, point, covariance = problem.free, problem.n_free, solution.point, solution.covariance
         slope = np.eye(len(point))
         slope[:n, :n] = free.jacobian(point[:n])
@@ -259,9 +297,7 @@ class TorqueResidualFit(Estimator):
         robot = free.robot
         kinds = tuple(robot.parameter_kind(name) for name in free.names)
         stiff = np.array([kind in ("stiffness", "effect") for kind in kinds] + [False] * len(nuisances))
-        at_bound = np.concatenate(
-            (np.abs(point[:n]) >= free.upper * (1 - 1e-9), np.zeros(len(nuisances), dtype=bool))
-        )
+        at_bound = np.concatenate((_at_bound(problem, point), np.zeros(len(nuisances), dtype=bool)))
         n_sensor = len(problem.sensors)
         n_turned = len(problem.mounted)
         n_friction = len(nuisances) - problem.n_delay - 2 * n_sensor - n_turned
@@ -293,7 +329,7 @@ class TorqueResidualFit(Estimator):
             converged=solution.converged,
             misfit=misfit(problem, point),
             misfit_table=misfit_table(problem, point),
-            n_starts=self.starts,
+            n_starts=n_starts,
             n_agree=solution.n_agree,
             parameters=table,
             covariance=covariance,
