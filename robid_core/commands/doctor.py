@@ -66,9 +66,9 @@ def look_at(name: str) -> None:
     if wrong:
         typer.echo(f"{robot.name}: {wrong} of {len(remarks)} findings are impossible", err=True)
         raise typer.Exit(ConfigurationError.exit_code)
-    typer.echo(
-        f"{robot.name}: {robot.n_axis} axes, {f'{len(remarks)} remarks' if remarks else 'nothing implausible'}"
-    )
+    count = "1 remark" if len(remarks) == 1 else f"{len(remarks)} remarks"
+    axes = "1 axis" if robot.n_axis == 1 else f"{robot.n_axis} axes"
+    typer.echo(f"{robot.name}: {axes}, {count if remarks else 'nothing implausible'}")
 
 
 def versions() -> list[Finding]:

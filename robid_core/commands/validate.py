@@ -23,12 +23,14 @@ def command(
     tell apart by structure.
     """
     from robid_core.robot.file.coaxial import coaxial_springs
+    from robid_core.robot.file.meeting import meeting_springs
     from robid_core.robot.plausibility import remarks_on
 
     pipeline = load_pipeline(file, overrides, data)
     robot = pipeline.robot.load()
     if pipeline.drives is None:
         found = [pair.sentence for pair in coaxial_springs(robot.description)]
+        found += [group.sentence for group in meeting_springs(robot.description)]
     else:
         found = [remark.sentence for remark in remarks_on(robot)]
     for sentence in found:

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 from pydantic import TypeAdapter
 
+from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.body import Body
 from robid_core.robot.file.derived_file import key_text
@@ -32,6 +34,7 @@ from robid_core.robot.file.proposal import (
     proposed_bearing,
     proposed_gear,
     proposed_sensors,
+    without_dependent,
 )
 from robid_core.robot.file.urdf_motors import UrdfMotor, urdf_motors
 from robid_core.robot.file.wording import PLACEHOLDER
@@ -117,7 +120,8 @@ def _look(path: Path) -> tuple[dict[str, str], dict[str, UrdfMotor], list[str]]:
     }
     moving = {str(j.get("name")) for j in root.findall("joint") if j.get("type") != "fixed"}
     fixed = sum(joint.get("type") == "fixed" for joint in root.findall("joint"))
-    remarks = [f"{fixed} fixed joints: what they carry is part of the body before"] if fixed else []
+    what = "1 fixed joint: what it carries" if fixed == 1 else f"{fixed} fixed joints: what they carry"
+    remarks = [f"{what} is part of the body before"] if fixed else []
     locked = {j: why for j, why in locked_by_mimicry(mimics).items() if j in moving}
     return locked, urdf_motors(root), remarks
 
@@ -160,15 +164,19 @@ def _texts(
     own = [body.joint for body in bodies if body.elastic is not None]
     told = [f"joint '{joint}' is elastic in the URDF already, and stays so" for joint in own]
     told += ["no further springs are proposed"] if own else []
-    gears = False
+    gears, springs = False, dict[str, dict[str, FloatArray]]()  # directions by name, of each joint
     for body in (body for body in bodies if body.elastic is None):
         limits = model.limits.get(body.joint, JointLimits())
         carried = carried_inertia(model.chain, body.joint)
         gear = None if own else proposed_gear(carried, body.type == "prismatic", limits.effort)
         if gear is not None and gear.frequency_hz > HIGHEST_HZ:
-            told.append(f"gear of '{body.joint}': rigid, it would swing at {gear.frequency_hz:.0f} Hz")
+            told.append(
+                f"gear of '{body.joint}': taken as rigid, it would swing at {gear.frequency_hz:.0f} Hz, above the "
+                f"{HIGHEST_HZ:g} Hz that fits look at"
+            )
         elastic = gear is not None and gear.frequency_hz <= HIGHEST_HZ
         gears |= elastic
+        springs[body.joint] = {"gear": np.array(body.axis)} if elastic else {}
         motor = motors.get(body.joint, UrdfMotor())
         lines += _axis(body, limits, motor, gear if elastic else None, carried)
         if gear is None or body.type == "prismatic":
@@ -177,8 +185,10 @@ def _texts(
         if across.frequency_hz > HIGHEST_HZ / 2:
             continue
         directions, left = bearing_directions(model.chain, bodies, body.joint)
+        left += without_dependent(directions, springs.get(body.parent or "", {}), springs[body.joint], body)
         told += [f"no bearing '{body.joint}_{why}".replace(": ", "': ", 1) for why in left]
         for letter, direction in directions.items():
+            springs[body.joint][letter] = np.array(direction)
             label = f"{body.joint}_{letter}"
             spring = f"stiffness: {across.stiffness:.3g}, damping: {across.damping:.3g}"
             entry = f"  {key_text(label)}: {{joint: {key_text(body.joint)}, axis: {direction}, {spring}}}"

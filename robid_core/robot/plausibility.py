@@ -18,6 +18,7 @@ from scipy.linalg import eigh
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.coaxial import coaxial_springs
+from robid_core.robot.file.meeting import meeting_springs
 from robid_core.robot.stability import refuse_unstable
 from robid_core.yaml_file.problems import KeyPath
 
@@ -86,6 +87,8 @@ def remarks_on(robot: Robot) -> Iterator[Remark]:
         yield Remark("axes", f"{missing}, before anything moves or is simulated")
     for pair in coaxial_springs(robot.description):
         yield Remark(pair.first, pair.sentence)
+    for group in meeting_springs(robot.description):
+        yield Remark(group.least, group.sentence)
     poses = drawn_poses(robot)
     rest = robot.equilibrium(poses, partial=True)
     stands = np.isfinite(rest.position).all(axis=1)

@@ -4,8 +4,8 @@ By size: a gear winds up by eight milliradians at its largest torque (main axes 
 a bearing with its links is twice as stiff across the axis as the gear is along it. What then swings above `HIGHEST_HZ`
 with all that it carries, motors held, is rigid for what motors can shake: a gear in the pose where that has most
 inertia, a bearing with the stretched arm. By direction: a bearing gets the two directions across its axis, less those
-about the line of the next axis (`coaxial`), and those that no joint's motion excites: a bearing is felt through the
-mass matrix alone.
+about the line of the next axis (`coaxial`), those of which the lines about one point are too many (`meeting`), and
+those that no joint's motion excites: a bearing is felt through the mass matrix alone.
 
 Speed controllers and sensors have the size of those of the packaged robots: `SPEED_RATE` and `INTEGRAL_RATE` lie within
 their range (5 to 70/s; 8/s), torque noise is 0.5 to 0.7 thousandths of their torque limits.
@@ -22,8 +22,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robid_core.arrays import FloatArray
 from robid_core.robot.file.body import Body
 from robid_core.robot.file.expansion import directions_across
+from robid_core.robot.file.meeting import dependent_springs, has_origin_of_parent
 from robid_core.robot.file.tree import stretched_inertia
 from robid_core.robot.file.wording import PLACEHOLDER
 
@@ -120,6 +122,32 @@ def bearing_directions(
         else:
             kept[letter] = direction
     return kept, left
+
+
+def without_dependent(
+    directions: dict[str, list[float]],
+    before: Mapping[str, FloatArray],
+    gear: Mapping[str, FloatArray],
+    body: Body,
+) -> list[str]:
+    """Take bearings off `directions` that motors cannot tell from springs about the same point; return each with why.
+
+    `before` are the springs of the joint before, `gear` that of this one where it is elastic: directions by name.
+    """
+    left: list[str] = []
+    while has_origin_of_parent(body) and body.type == "revolute":
+        own = {letter: np.array(direction) for letter, direction in directions.items()}
+        behind = {f"{letter} behind": direction for letter, direction in own.items()} | dict(gear)
+        names = dependent_springs({f"{name} before": one for name, one in before.items()}, behind, body)
+        letter = next((name.removesuffix(" behind") for name in names if name.endswith(" behind")), "")
+        if not letter:
+            break
+        del directions[letter]
+        left.append(
+            f"{letter}: its line meets those of '{body.parent}' in one point, and motors feel the springs there in one "
+            "combination less"
+        )
+    return left
 
 
 def locked_by_mimicry(mimics: Mapping[str, str]) -> dict[str, str]:

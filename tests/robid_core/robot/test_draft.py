@@ -138,12 +138,31 @@ def test_a_bearing_that_no_motor_stirs_is_not_proposed(tmp_path: Path) -> None:
         )
 
 
+def test_of_springs_about_one_point_no_more_are_proposed_than_motors_determine(tmp_path: Path) -> None:
+    """A shoulder whose axes meet: a gear and a tilt before, two tilts behind; apart all four are proposed."""
+    for distance, left in ((0, ["upper_x"]), (0.15, [])):
+        parts = (
+            '<link name="base"/>',
+            joint("turn", "base", "column", "0 0 1", "0 0 0", 400),
+            link("column", 20, 0.3),
+            joint("upper", "column", "arm", "0 1 0", f"{distance} 0 0", 400),
+            link("arm", 20, 0.6),
+            joint("elbow", "arm", "forearm", "0 1 0", "0 0 0.6", 100),
+            link("forearm", 10, 0.5),
+        )
+        draft = draft_of(urdf(tmp_path, *parts), "arm")
+        told = [remark.split("'")[1] for remark in draft.remarks if "in one point" in remark]
+        assert told == left
+        bearings = [name for name in ("turn_x", "upper_x", "upper_z") if f"  {name}: " in draft.robot]
+        assert bearings == [name for name in ("turn_x", "upper_x", "upper_z") if name not in left]
+
+
 def test_a_spring_too_stiff_to_be_seen_is_left_out_aloud(tmp_path: Path) -> None:
     """8 mrad at 4000 N m, 5e5 N m/rad, on a hand of 1.3 kg and at most 0.03 kg m^2: above 600 Hz."""
     parts = tuple(part.replace('effort="40"', 'effort="4000"') for part in PARTS)
     draft = draft_of(urdf(tmp_path, *parts), "arm")
     (told,) = [remark for remark in draft.remarks if "rigid" in remark]
-    frequency = float(re.findall(r"gear of 'wrist': rigid, it would swing at (\d+) Hz", told)[0])
+    frequency = float(re.findall(r"gear of 'wrist': taken as rigid, it would swing at (\d+) Hz", told)[0])
     assert frequency > 600
     wrist = draft.robot[draft.robot.index("  wrist:") :]
     assert "gear: {" not in wrist
