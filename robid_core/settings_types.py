@@ -74,6 +74,9 @@ def _as_written(value: str) -> str:
     return value.written if isinstance(value, LocatedPath) else value
 
 
+_WHERE = "paths begin at the folder of the pipeline file, those of recordings at the data folder, and stay below it"
+
+
 def relative_path(text: str) -> str:
     """Return `text` where it is a relative path without tricks; raises ValueError otherwise (fault Y05)."""
     if not text.strip() or any(ord(character) < 32 for character in text):
@@ -81,10 +84,13 @@ def relative_path(text: str) -> str:
     if "\\" in text:
         raise ValueError(f"'{text}' has a backslash; separate folders with '/'")
     if text.startswith(("/", "~")) or re.match(r"[A-Za-z]:", text):
-        raise ValueError(f"'{text}' is absolute; give a path relative to its root")
+        raise ValueError(f"'{text}' is absolute; {_WHERE}: copy the file there")
     parts = text.split("/")
     if ".." in parts:
-        raise ValueError(f"'{text}' leaves its root by '..'; give a path below it")
+        raise ValueError(
+            f"'{text}' leaves its root by '..'; {_WHERE}: copy the file there, or put the pipeline file "
+            "into a folder above it"
+        )
     device = next((part for part in parts if is_device_name(part)), None)
     if device is not None:
         raise ValueError(f"'{device}' is the name of a device on some systems; choose another")
@@ -135,6 +141,8 @@ def robot_source(text: str, places: Places) -> str:
     """Return what `Robot.load` takes for a packaged robot or a robot.yaml; raises ValueError for neither."""
     if text in PACKAGED_FILES:
         return text
+    if text.endswith((".urdf", ".xacro")):
+        raise ValueError(f"'{text}' is a URDF; `robid init FOLDER --robot {text}` makes a robot file of it")
     if "/" not in text and not text.endswith((".yaml", ".yml")):
         near = difflib.get_close_matches(text, PACKAGED_FILES, n=1)
         hint = f"did you mean '{near[0]}'?" if near else f"there are: {', '.join(PACKAGED_FILES)}"

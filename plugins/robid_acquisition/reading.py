@@ -20,6 +20,7 @@ from robid_acquisition.time_stamps import SECONDS, TimeStamps, likely_unit
 from robid_core import BoolArray, Context, DataRejected, FloatArray, Robot, Settings
 
 CUT = "cut the recording before it or repair it"
+LARGEST = 1e30  # beyond, squares and their sums overflow, and no unit makes a measurement of it
 ON_LINK = "link_"  # begins the names of channels of inertial units
 
 
@@ -107,6 +108,12 @@ class ReadFiles(Sources):
             name: channel_table(own[name], name, channel, robot.axis_names)
             for name, channel in self.channels.items()
         }
+        for name, table in tables.items():
+            if len(far := np.argwhere((np.abs(table) > LARGEST) & np.isfinite(table))):
+                raise DataRejected(
+                    f"channel {name} is {table[tuple(far[0])]:.3g} at sample {far[0][0]}, which no sensor measures; is "
+                    "the file damaged?"
+                )
         lengths = {name: len(table) for name, table in tables.items()}
         if len(set(lengths.values())) > 1:
             raise DataRejected(f"A06: the channels have different lengths: {lengths}")

@@ -34,7 +34,7 @@ from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.record_checks import check_record
 from robid_acquisition.recording import Recording
 from robid_acquisition.samples import Samples
-from robid_acquisition.signals import samples_per_period, split_periods, window
+from robid_acquisition.signals import refuse_beyond, samples_per_period, split_periods, window
 from robid_core import (
     BoolArray,
     Channel,
@@ -284,6 +284,8 @@ class RecordedAcquisition(ReadFiles):
         start_s = self.start_s if recording.start_s is None else recording.start_s
         stop_s = self.stop_s if recording.stop_s is None else recording.stop_s
         step = samples.sample_time_s
+        if not self.starts_s:  # else its duration ends it
+            refuse_beyond(len(samples), step, stop_s)
         kept = window(len(samples), step, start_s, stop_s, self.drop_first_s, self.drop_last_s)
         if self.gaps == "refuse" and (hole := samples.first_hole(kept)):
             raise DataRejected(hole)

@@ -6,6 +6,8 @@ import numpy as np
 
 from robid_core import DataRejected, FloatArray
 
+BEYOND = 1e-3  # of a recording: a time so much behind its end is the end, as another clock says it
+
 
 def window(
     n_sample: int,
@@ -26,6 +28,15 @@ def window(
             f"{f' once {dropped:g} s are dropped' if dropped else ''}; it lasts {n_sample * sample_time:g} s"
         )
     return slice(first, stop)
+
+
+def refuse_beyond(n_sample: int, sample_time: float, stop_s: float | None) -> None:
+    """Raise DataRejected where a stretch should end behind the end of its file."""
+    lasts = n_sample * sample_time
+    if stop_s is not None and stop_s > lasts * (1 + BEYOND) + sample_time:
+        raise DataRejected(
+            f"stop_s of {stop_s:g} s is beyond the end: the file lasts {lasts:g} s; correct it, or leave it out"
+        )
 
 
 def samples_per_period(n_sample: int, sample_time: float, period_s: float | None) -> int:

@@ -58,6 +58,7 @@ REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free fu
 UNSEEN = ("controller", "sensor", "drive")
 RELAID = 3  # times that functions of speed are laid anew
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
+FAR = 2.0  # misfit of what did not converge: not just short of the minimum
 STARTS_THEN = 8  # where the nominal robot's leads nowhere
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 
@@ -78,10 +79,10 @@ def _at_bound(problem: TorqueProblem, point: FloatArray) -> npt.NDArray[np.bool_
 
 
 def _leads_nowhere(problem: TorqueProblem, solution: Solution) -> bool:
-    """Whether passes did not converge, or left a spring at a bound."""
+    """Whether passes left a spring at a bound, or did not converge and left much."""
     bounded = np.flatnonzero(_at_bound(problem, solution.point))
     kinds = (problem.free.robot.parameter_kind(problem.free.names[i]) for i in bounded)
-    return not solution.converged or "stiffness" in kinds
+    return "stiffness" in kinds or (not solution.converged and misfit(problem, solution.point) > FAR)
 
 
 class TorqueResidualFit(Estimator):

@@ -121,9 +121,17 @@ def configuration(text: str | None, robot: Robot) -> FloatArray:
     if text is None:
         return np.zeros(robot.n_axis)
     try:
-        return np.array([float(part) for part in text.split(",")])
+        angle = np.array([float(part) for part in text.split(",")])
     except ValueError:
         raise ConfigurationError(f"--at {text}: give {robot.n_axis} numbers with commas, rad or m") from None
+    if len(angle) == robot.n_axis:  # another number is refused by the robot
+        limits = zip(robot.axis_names, angle, robot.drives.lower, robot.drives.upper, strict=True)
+        for name, value, lower, upper in limits:
+            if not lower <= value <= upper:
+                raise ConfigurationError(
+                    f"--at {text}: {value:g} is beyond the limits of {name}, {lower:g} to {upper:g} rad or m; degrees?"
+                )
+    return angle
 
 
 def model_of(source: str, robot: Robot) -> Model | None:

@@ -118,6 +118,11 @@ def _look(path: Path) -> tuple[dict[str, str], dict[str, UrdfMotor], list[str]]:
         for joint in root.findall("joint")
         if (mimic := joint.find("mimic")) is not None
     }
+    names = {str(joint.get("name")) for joint in root.findall("joint")}
+    for joint, other in mimics.items():
+        if other == joint or other not in names:
+            what = "itself" if other == joint else f"'{other}', which is no joint of the file"
+            raise ConfigurationError(f"{path.name}: joint '{joint}' mimics {what}; correct its <mimic>")
     moving = {str(j.get("name")) for j in root.findall("joint") if j.get("type") != "fixed"}
     fixed = sum(joint.get("type") == "fixed" for joint in root.findall("joint"))
     what = "1 fixed joint: what it carries" if fixed == 1 else f"{fixed} fixed joints: what they carry"

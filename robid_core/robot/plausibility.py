@@ -143,6 +143,12 @@ def _surroundings(robot: Robot) -> Iterator[Remark]:
 def _bodies(robot: Robot) -> Iterator[Remark]:
     for index, body in enumerate(robot.description.bodies):
         place = f"bodies[{index}] ({body.joint})"
+        if (distance := math.hypot(*body.centre_of_mass)) > _LONGEST_M:
+            yield Remark(
+                f"{place}.centre_of_mass",
+                f"{distance:.4g} m away; were millimetres written?",
+                impossible=True,
+            )
         length = math.hypot(*body.translation)
         if length > _LONGEST_M:
             yield Remark(

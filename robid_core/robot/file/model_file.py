@@ -83,7 +83,9 @@ def read_model(path: Path, locked: Mapping[str, float]) -> RobotModel:
         Where no reader for its suffix can be imported.
     """
     if not path.is_file():
-        raise ConfigurationError(f"{path} is no file; the path is relative to the robot file")
+        raise ConfigurationError(
+            f"{path} is no file; in a robot file the path of a model is relative to that file"
+        )
     model: RobotModel = load_plugin(MODELS, path.suffix.lstrip(".").lower())(path, locked)
     chain = model.chain
     modal = [name for name, kind in zip(chain.names, chain.joint_type, strict=True) if kind >= len(_KINDS)]

@@ -70,6 +70,12 @@ def find_robot(name_or_path: str, folder: Path | None = None) -> Path:
     if name_or_path in PACKAGED_FILES:
         return PACKAGED / PACKAGED_FILES[name_or_path]
     path = (folder or Path.cwd()) / name_or_path
+    if path.suffix in (".urdf", ".xacro"):
+        raise ConfigurationError(
+            f"{path} is a URDF; `robid init FOLDER --robot {path}` makes a robot file of it"
+        )
+    if path.is_dir():
+        raise ConfigurationError(f"{path} is a folder; name the robot file in it")
     if not path.is_file():
         if (path.parent / "manifest.json").is_file():
             raise ConfigurationError(

@@ -373,13 +373,26 @@ def test_the_sampling_time_is_given_exactly_once(times: dict[str, Any]) -> None:
         ({"channels": {"motor_position": {"column": "q", "unit": "rad"}}, "period_s": 0.107}, "A09"),
         ({"channels": {"motor_position": {"column": "q", "unit": "rad"}}, "period_s": 20.0}, "A11"),
         ({"channels": {"motor_position": {"column": "q", "unit": "rad"}}, "start_s": 11.0}, "it lasts 10 s"),
+        (
+            {"channels": {"motor_position": {"column": "q", "unit": "rad"}}, "stop_s": 200.0},
+            "stop_s of 200 s is beyond the end: the file lasts 10 s",
+        ),
+        (
+            {"channels": {"motor_position": {"column": "huge", "unit": "rad"}}},
+            "motor_position is 1e.300 at sample 7",
+        ),
     ],
 )
 def test_what_the_file_cannot_give_is_rejected(
     tmp_path: Path, one: Robot, settings: dict[str, Any], told: str
 ) -> None:
     path = saved(
-        tmp_path, q=np.arange(1000.0), r=np.arange(9.0), table=np.zeros((1000, 2)), cube=np.zeros((2, 2, 2))
+        tmp_path,
+        q=np.arange(1000.0),
+        r=np.arange(9.0),
+        table=np.zeros((1000, 2)),
+        cube=np.zeros((2, 2, 2)),
+        huge=np.where(np.arange(1000) == 7, 1e300, 0.1),
     )
     with pytest.raises(DataRejected, match=told):
         read(tmp_path, one, path=path, sample_time_s=0.01, **settings)

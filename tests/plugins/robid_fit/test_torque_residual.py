@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -291,3 +292,46 @@ def test_channels_that_are_samples_apart_are_doubted(late: int, doubted: bool) -
     said = [str(doubt) for doubt in fit.doubts if doubt.kind == "timing"]
     assert bool(said) == doubted
     assert all("the torque lags the angles by" in one for one in said)
+
+
+def test_a_fit_that_leads_nowhere_from_the_nominal_robot_begins_anew_from_several_starts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first search is made to end at half the stiffness, unsettled, as one does that took a resonance for another.
+
+    Asked for one start, or where passes settle, there is no second search.
+    """
+    robot = Robot.load("one_axis")
+    record = record_of(robot, robot, np.array([[0.2], [-0.5]]), 3)
+    searches: list[int] = []
+    settled = passes.solve
+
+    def astray(problem: Any, limit: int, error: float, progress: Any, starts: Any = (), **more: Any) -> Any:
+        solution = settled(problem, limit, error, progress, starts, **more)
+        searches.append(1 + len(starts))
+        if starts or "begin" in more:
+            return solution
+        point = solution.point.copy()
+        point[problem.free.names.index("gear_stiffness.axis_1")] -= np.log(2.0)
+        return dataclasses.replace(solution, point=point, converged=False)
+
+    fit = TorqueResidualFit().run((record,), robot, context())
+    assert (fit.n_starts, fit.converged) == (1, True)
+    monkeypatch.setattr("robid_fit.torque_residual.solve", astray)
+    fit = TorqueResidualFit(friction_widths=(0.5, 5.0)).run((record,), robot, context())
+    assert (searches, fit.n_starts, fit.converged) == ([1, 8], 8, True)
+    assert fit.parameters.value("gear_stiffness.axis_1") == pytest.approx(
+        robot.parameter("gear_stiffness.axis_1"), rel=1e-2
+    )
+    searches.clear()
+    fit = TorqueResidualFit(friction_widths=(0.5, 5.0), starts=1).run((record,), robot, context())
+    assert (searches, fit.n_starts, fit.converged) == ([1], 1, False)
+
+
+def test_starts_stay_where_a_robot_can_be() -> None:
+    """Friction of a nominal robot without any is drawn around nothing, and never below."""
+    robot = Robot.load("one_axis").with_parameters({"friction.axis_1.viscous": 0.0})
+    record = record_of(robot, robot, np.array([[0.2], [-0.5]]), 3)
+    fit = TorqueResidualFit(starts=6).run((record,), robot, context())
+    assert fit.converged
+    assert fit.n_starts == 6

@@ -109,6 +109,7 @@ def test_effects_that_a_format_cannot_hold_are_told(tmp_path: Path, told: Told) 
         ("a.mat", {"to": "urdf"}, "a file of urdf ends with .urdf"),
         ("a.urdf", {"at": "0"}, "--at and --outputs are for state_space"),
         ("a.mat", {"at": "x"}, "--at x: give 1 numbers with commas"),
+        ("a.mat", {"at": "90"}, "--at 90: 90 is beyond the limits of axis_1, .* degrees"),
         ("there.mat", {}, "is there already"),
     ],
 )

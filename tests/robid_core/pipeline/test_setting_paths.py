@@ -58,7 +58,10 @@ def test_a_missing_recording_says_where_it_was_looked_for_and_where_to_get_it(
     ("settings", "message"),
     [
         ("path: /etc/passwd", "'/etc/passwd' is absolute"),
-        ("path: ../a.csv", "'../a.csv' leaves its root by '..'"),
+        (
+            "path: ../a.csv",
+            "'../a.csv' leaves its root by '..'; paths begin at the folder of the pipeline file",
+        ),
         ("path: x/../../a.csv", "leaves its root by '..'"),
         ("path: 'C:a.csv'", "'C:a.csv' is absolute"),
         ("path: ~/a.csv", "'~/a.csv' is absolute"),

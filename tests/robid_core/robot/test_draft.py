@@ -169,6 +169,16 @@ def test_a_spring_too_stiff_to_be_seen_is_left_out_aloud(tmp_path: Path) -> None
     assert draft.robot.count("gear: {") == 2
 
 
+@pytest.mark.parametrize(
+    ("other", "told"), [("finger_left_", "'finger_left_', which is no joint"), ("finger_right", "itself")]
+)
+def test_a_joint_that_mimics_none_is_refused(tmp_path: Path, other: str, told: str) -> None:
+    """The finger that it should mimic would become an axis with a motor."""
+    parts = tuple(part.replace('<mimic joint="finger_left"/>', f'<mimic joint="{other}"/>') for part in PARTS)
+    with pytest.raises(ConfigurationError, match=f"joint 'finger_right' mimics {told}"):
+        draft_of(urdf(tmp_path, *parts), "arm")
+
+
 def test_an_axis_along_the_arm_carries_what_turns_about_it(tmp_path: Path) -> None:
     """A forearm in line with its joint has no lever, however long the arm is; about the one before it is a pendulum."""
     parts = (

@@ -59,6 +59,12 @@ def test_millimetres_and_points_are_told() -> None:
     body = robot.description.bodies[0].model_dump(mode="json")
     long = changed(robot, bodies=[{**body, "translation": (0.0, 0.0, 300.0)}])
     assert [r.where for r in remarks_on(long) if r.impossible] == ["bodies[0] (axis_1).translation"]
+    away = changed(robot, bodies=[{**body, "centre_of_mass": (0.0, 0.0, 500.0)}])
+    (first, *_) = [r for r in remarks_on(away) if r.impossible]
+    assert (first.where, first.what) == (
+        "bodies[0] (axis_1).centre_of_mass",
+        "500 m away; were millimetres written?",
+    )
     heavy = changed(robot, bodies=[{**body, "inertia": [[3e5, 0, 0], [0, 3e5, 0], [0, 0, 3e5]]}])
     assert any("86.6 m; kg mm^2?" in r.what and r.impossible for r in remarks_on(heavy))
     point = changed(robot, bodies=[{**body, "inertia": [[0.0] * 3] * 3}])

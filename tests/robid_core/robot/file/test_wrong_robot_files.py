@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError
-from robid_core.robot.file.reading import read_description
+from robid_core.robot.file.reading import find_robot, read_description
+from robid_core.settings_types import Places, robot_source
 from robid_core.yaml_file.problems import FileProblems
 
 TEXT = """\
@@ -485,3 +486,15 @@ def test_a_file_changed_at_random_is_read_or_refused_and_never_a_traceback(tmp_p
     assert 100 < len(told) < 200
     lines = [line for message in told for line in message.split("\n")]
     assert all(re.match(r"robot\.yaml:\d+:\d+: ", line) for line in lines)
+
+
+def test_a_urdf_or_a_folder_in_place_of_a_robot_file_says_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    with pytest.raises(
+        ConfigurationError, match=r"robid init FOLDER --robot .*arm\.urdf` makes a robot file of it"
+    ):
+        find_robot("arm.urdf", tmp_path)
+    with pytest.raises(ConfigurationError, match="is a folder; name the robot file in it"):
+        find_robot(".", tmp_path)
+    with pytest.raises(ValueError, match=r"'arm\.urdf' is a URDF; `robid init FOLDER --robot arm\.urdf`"):
+        robot_source("arm.urdf", Places(tmp_path, tmp_path, tmp_path, "the default"))
