@@ -61,7 +61,7 @@ MOVES = (
 
 WITHOUT_LINES = (
     "period_s is given and no lines: fits and diagnoses take the motion for one that does not repeat; with lines: auto "
-    "they keep its periods apart, which tells the noise (lines: []: as it is)"
+    "they average its periods separately, which gives the noise level (lines: []: as it is)"
 )
 
 

@@ -28,6 +28,6 @@ def _line(
 ) -> str:
     """Gain and p-value in the noise that the robot leaves."""
     chance = chance_text(p_value, SMALLEST)
-    text = f"{place_text(use, on, side)}: {chance}, gain {max(gain, 0.0):.1f} of twice the log-likelihood"
+    text = f"{place_text(use, on, side)}: {chance}, twice the log-likelihood rises by {max(gain, 0.0):.1f}"
     reason = refused.get((use, on, side))
     return f"{text}; not named: {reason}." if reason else f"{text}."

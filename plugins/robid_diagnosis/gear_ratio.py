@@ -33,8 +33,9 @@ def gear_ratio_lines(findings: Sequence[Finding], values: ParameterTable) -> lis
         if alike.all() and (np.abs(size) > SURE * error).all():
             factor = np.exp(mean)
             found.append(
-                f"{axis}: the gains of angle and torque and the rotor together are a gear ratio that the file tells "
-                f"{100 * abs(factor - 1):.3g} ± {100 * factor * spread:.1g} % too {'large' if mean > 0 else 'small'}."
+                f"{axis}: gains of angle and torque and the rotor inertia together suggest that the robot file's gear "
+                f"ratio is {100 * abs(factor - 1):.3g} ± {100 * factor * spread:.1g} % too "
+                f"{'large' if mean > 0 else 'small'}."
             )
     return found
 

@@ -105,7 +105,7 @@ class Prediction(DiagnosisStage):
         check_variants(record, robot, others, ())
         if files and explained is not None and explained.model is not None:
             raise ConfigurationError(
-                "robots: the robot of a diagnosis is one robot; tell what variants carry as constants of the record "
+                "robots: the robot of a diagnosis is one robot; give what variants carry as constants of the record "
                 "(constants: {payload_kg: effect.load.mass}), or predict one variant"
             )
         pieces, marked = pieces_of(record)

@@ -28,7 +28,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
     if finding.kind == "unknown" and not finding.names:
         return (
             f"{finding.on}: no effect of the catalogue explains the residual; {finding.effect} would "
-            f"(gain {finding.gain:.3g} of twice the log-likelihood)."
+            f"(twice the log-likelihood rises by {finding.gain:.3g})."
         )
     what = {
         "cause": "{}",

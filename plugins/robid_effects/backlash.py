@@ -88,6 +88,7 @@ class Backlash(ForceEffect):
                 return ""
             depth = max(depth, half - position.min() if upper > lower else half + position.max())
         return (
-            "no experiment touches both flanks of the gap: its width is hardly told, whatever its stated error; it "
-            f"was entered to a depth of {depth:.2g} rad. Measure poses in which gravity is balanced, or faster moves"
+            "no experiment touches both flanks of the gap: its width is poorly determined, and its standard error "
+            f"is too small; motions went {depth:.2g} rad deep into it. Measure poses in which gravity is balanced, or "
+            "faster moves"
         )

@@ -83,7 +83,7 @@ def curves_of(
             FrictionCurve(
                 axis=axis,
                 law=", ".join(name for name in own.names if name != "speed")
-                + f", turning within {own.width:.3g} rad/s",
+                + f", transition speed {own.width:.3g} rad/s",
                 speed_unit=robot.parameter_unit(f"friction.{axis}.speed"),
                 unit_symbol=robot.parameter_unit(f"friction.{axis}.coulomb"),
                 speed=speed,

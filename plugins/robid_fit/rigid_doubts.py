@@ -122,7 +122,7 @@ def _unlike(solution: RigidSolution) -> Iterator[Doubt]:
     if solution.asked > WIDENED:
         yield Doubt(
             "tolerance",
-            f"bodies differ from the robot file {solution.asked:.3g} times as much as their tolerances promise",
+            f"bodies differ from the robot file by {solution.asked:.3g} times their stated tolerances",
             "state what is known of them (prior, widen), or look for what acts in the machine and is not in the model",
         )
 

@@ -97,8 +97,8 @@ class TorqueResidualFit(Estimator):
     """Patterns of the parameters that are estimated, effects by `effect.<label>.*`; null: springs, dampers, viscous
     friction, and the inertia of bodies and rotors."""
     fixed: tuple[str, ...] = ()
-    """Patterns of parameters that are held all the same; `friction.*.speed` holds the speed within which friction
-    turns round, which is found else."""
+    """Patterns of parameters that are held all the same; `friction.*.speed` holds the transition speed of
+    Coulomb friction, which is estimated otherwise."""
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations by pattern, in natural scales (0.01: one percent); wide for springs, 0.01 for bodies."""
     highest_hz: PositiveFloat = 100.0
@@ -315,13 +315,13 @@ class TorqueResidualFit(Estimator):
             at_bound=at_bound,
             prior=np.sqrt(((slope * problem.prior) ** 2).sum(axis=1)),
         )
-        status = "converged" if solution.converged else f"{self.passes} passes were not enough"
+        status = "converged" if solution.converged else "not converged"
         status += (
-            f"; the last of {len(solution.changes)} passes moved the springs by {solution.changes[-1]:.2g} standard "
-            "errors"
+            f" after {len(solution.changes)} passes; the last one moved the springs by at most "
+            f"{solution.changes[-1]:.2g} standard errors"
         )
         if np.isfinite(solution.contraction):
-            status += f" (a pass leaves {solution.contraction:.2g} of a deviation)"
+            status += f", and each leaves {100 * solution.contraction:.2g} % of the way to the end"
         delay = problem.delay(point)
         status += f"; torque lags by {', '.join(f'{1e6 * own:.3g}' for own in delay)} us"
         return Fit(
@@ -392,7 +392,7 @@ def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     return (
         Doubt(
             "tolerance",
-            f"bodies differ from the robot file {times:.3g} times as much as their tolerances promise, "
+            f"bodies differ from the robot file by {times:.3g} times their stated tolerances, "
             f"{worst} by {far.max():.3g} of them",
             'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; 0.01 '
             "unless set), or look for what the model lacks (robid diagnose)",

@@ -16,11 +16,11 @@ from robid_core.commands.arguments import (
 def command(
     file: PipelineArgument = DEFAULT_PIPELINE, overrides: Overrides = None, data: DataRoot = None
 ) -> None:
-    """Check a pipeline file and tell all its mistakes, as file:line:column: setting: what is wrong; what to do.
+    """Check a pipeline file and list all mistakes, as file:line:column: setting: what is wrong; what to do.
 
-    Plugins are imported, settings, wiring, the robot, what settings say of it, and named files checked; nothing is run
-    or written. Numbers of a robot with drives that are hard to believe are remarked, and so are springs that no data
-    tell apart by structure.
+    Plugins are imported; settings, wiring, the robot, what settings say of it, and named files are checked; nothing is
+    run or written. Implausible numbers of a robot with drives are remarked on, and so are springs that no data can
+    distinguish.
     """
     from robid_core.robot.file.coaxial import coaxial_springs
     from robid_core.robot.file.meeting import meeting_springs

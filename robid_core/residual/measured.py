@@ -176,7 +176,7 @@ def check_variants(
     nominal = [variant for variant in found if variant and variant not in robots]
     if len(nominal) > 1:
         raise ConfigurationError(
-            f"the record has the variants {', '.join(name for name in found if name)}; tell the robot of each that is "
+            f"the record has the variants {', '.join(name for name in found if name)}; give the robot of each that is "
             f"not the nominal one, `robots: {{{nominal[-1]}: {nominal[-1]}.yaml}}`, or choose one with `variant:` "
             "where it is read"
         )

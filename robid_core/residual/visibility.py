@@ -55,9 +55,9 @@ class Visibility:
         named = ", ".join(self.names[i] for i in blind[:MOST_NAMES])
         more = f" and {len(blind) - MOST_NAMES} more" if len(blind) > MOST_NAMES else ""
         raise NotIdentifiable(
-            f"the data do not tell {named}{more}: hold what cannot be seen (fixed: [{self.names[blind[0]]}]), give it "
-            "a prior, or measure configurations that show it; of an effect whose size starts at zero nothing else "
-            "shows",
+            f"the data do not determine {named}{more}: fix what they do not show (fixed: [{self.names[blind[0]]}]), "
+            "give it a prior, or measure configurations that show it; other numbers of an effect whose size starts at "
+            "zero cannot be seen",
             [self.names[i] for i in blind],
         )
 

@@ -261,7 +261,7 @@ def state_in_motion(
     if lanes.torque is None or (robot.drives.back_emf > 0).all():
         if (control.integral_gain > 0).any():
             raise DataRejected(
-                "motor_torque was not recorded, and alone tells what the integrators of the drives held at the start; "
+                "motor_torque was not recorded, and is needed for the initial state of the drives' integrators; "
                 "record it, or start where the robot stands still (start: rest)"
             )
         return replace(state, measured=before, holding_torque=np.zeros_like(state.holding_torque))

@@ -126,7 +126,7 @@ class _Confined:
             how = "R11: the server that starts processes was killed, and this one ended without a result"
             advice = "run again; where memory runs out the system kills, so give it less work if that repeats"
         elif code is None:
-            how = "R09: its process tells nothing any more and goes on: its code put another program in its place"
+            how = "R09: its process no longer answers: its code put another program in its place"
             advice = "a plugin starts programs beside itself and closes only its own files; tell its author"
         elif code == -signal.SIGKILL:
             how = f"R11: its process was killed{limit}, as the system does where memory runs out"

@@ -56,7 +56,7 @@ def test_shares_are_those_of_the_whole_inverse(robot: Robot) -> None:
     assert seen.rank < 5
     assert f"{seen.rank} of 5 directions" in str(seen)
     with pytest.raises(
-        NotIdentifiable, match=r"do not tell effect.cog.phase: hold .*fixed: \[effect.cog.phase\]"
+        NotIdentifiable, match=r"do not determine effect.cog.phase: fix .*fixed: \[effect.cog.phase\]"
     ) as refused:
         seen.check(np.ones(5, dtype=bool))
     assert refused.value.names == ("effect.cog.phase",)
