@@ -41,7 +41,7 @@ def test_gains_and_rotor_of_a_wrong_ratio_are_said_to_be_one(factor: float, cons
     )
     (line,) = gear_ratio_lines((angle, torque), rotor(1 / factor**2))
     assert line.startswith("elbow: gains of angle and torque and the rotor inertia together suggest")
-    number, way = line.rsplit(" tells ", 1)[1].split(" ± ")[0], line.rsplit(" ", 1)[1]
+    number, way = line.rsplit(" gear ratio is ", 1)[1].split(" ± ")[0], line.rsplit(" ", 1)[1]
     assert float(number) == pytest.approx(100 * abs(factor - 1), abs=100 * ERROR)
     assert way == ("large." if factor > 1 else "small.")
 
