@@ -60,6 +60,12 @@ class Artifact:
 
     suffix: ClassVar[str] = ".h5"
 
+    def __init_subclass__(cls, **given: Any) -> None:
+        """Keep the short text of an artifact in every kind: `dataclass` writes one with all numbers where none is."""
+        super().__init_subclass__(**given)
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Artifact.__repr__  # type: ignore[method-assign]
+
     def __post_init__(self) -> None:
         """Freeze the arrays and check axes, types and finiteness."""
         lengths: dict[str, int] = {}
@@ -166,6 +172,12 @@ class Artifact:
         if not isinstance(artifact, cls):
             raise DataRejected(f"{path}: holds a {type(artifact).__name__}, not a {cls.__name__}")
         return artifact
+
+    def __repr__(self) -> str:
+        """Return its class and a sentence, on one line."""
+        from robid_core.artifacts.summary import summary
+
+        return f"<{type(self).__name__} {' '.join(summary(self).split())}>"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows of it."""

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from robid_core.arrays import BoolArray, FloatArray, IntArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.evidence_tables import channel_table
+from robid_core.artifacts.tables import Table
 from robid_core.errors import DataRejected
 
 
@@ -58,7 +60,13 @@ class DenseRun(Artifact):
         return self.channels[name]
 
     def values(self, name: str) -> FloatArray:
-        """Return a channel's values, shape (n_config, n_block, n_exp, n_period, n_sample, n_axis)."""
+        """Return a channel's values, shape (n_config, n_block, n_exp, n_period, n_sample, n_axis).
+
+        >>> import numpy as np, robid_core as robid
+        >>> record = robid.Record.from_arrays(motor_position=np.zeros((50, 2)), angle=[[0.0, 0.0]], sample_time_s=1e-3)
+        >>> record.run.values("motor_position").shape
+        (1, 1, 1, 1, 50, 2)
+        """
         return self.channel(name).values
 
     def lanes(self, name: str) -> FloatArray:
@@ -84,6 +92,10 @@ class DenseRun(Artifact):
             test=None if self.test is None else self.test[index],
             constants=None if self.constants is None else self.constants[index],
         )
+
+    def table(self) -> Table:
+        """Return a row for each channel: its side of the gear, its unit, its smallest and largest value."""
+        return channel_table(self)
 
     @property
     def n_period(self) -> int:

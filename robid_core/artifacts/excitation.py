@@ -8,6 +8,8 @@ import numpy as np
 
 from robid_core.arrays import FloatArray, IntArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.evidence_tables import excitation_table
+from robid_core.artifacts.tables import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,23 @@ class Excitation(Artifact):
         shape (n_block, n_exp, n_axis).
         """
         return mean_travel(self.realization(configuration), self.sample_time_s)
+
+    def table(self) -> Table:
+        """Return a row for each configuration and axis: largest speed asked for, and what was predicted, motor side.
+
+        Torque, speed and travel are there where a simulation cleared the excitation, the share of the torque limit
+        where the robot file tells one.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_configurations, example_excitation
+        >>> robot = robid.Robot.load("one_axis")
+        >>> table = example_excitation(robot, example_configurations(robot)).table()
+        >>> table["configuration"], table["axis"], [round(speed, 1) for speed in table["reference_rad_s"]]
+        ([0, 1], ['axis_1', 'axis_1'], [8.9, 9.3])
+        """
+        return excitation_table(self)
 
 
 def mean_travel(speed_reference: FloatArray, sample_time_s: float) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from robid_core.arrays import FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.separating_experiment import SeparatingExperiment
+from robid_core.artifacts.tables import Table, finding_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,10 @@ class Finding(Artifact):
     def n_seen(self) -> int:
         """Configurations in which it is seen."""
         return int((self.by_own_size > SEEN).sum())
+
+    def table(self) -> Table:
+        """Return a row for each of its numbers: what was told, what was found, how much that gains."""
+        return finding_table([self])
 
 
 SEEN = 9.0  # of twice the log-likelihood: three standard errors

@@ -10,6 +10,7 @@ from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.doubts import Doubt, judge
 from robid_core.artifacts.essential import EssentialParameters
+from robid_core.artifacts.evidence_tables import error_table
 from robid_core.artifacts.finding import DiagnosedData, Finding, ResidualCurve, SearchRecord
 from robid_core.artifacts.friction_curve import FrictionCurve
 from robid_core.artifacts.misfit import MisfitTable
@@ -123,6 +124,10 @@ class PredictionErrors(Artifact):
     of_limit: FloatArray | None = array("n_axis", optional=True, finite=False)
     noise: FloatArray | None = array("n_axis", optional=True, finite=False)
 
+    def table(self) -> Table:
+        """Return a row for each axis: what is left, in units and of what was measured, and its 95 % range."""
+        return error_table(self)
+
 
 @dataclass(frozen=True, eq=False)
 class Fit(Artifact):
@@ -221,4 +226,4 @@ class Diagnosis(Artifact):
 
     def table(self) -> Table:
         """Return a row for each number of each finding: what was told, what was found, how much that gains."""
-        return finding_table(self)
+        return finding_table(self.findings)

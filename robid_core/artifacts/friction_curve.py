@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.evidence_tables import friction_table
+from robid_core.artifacts.tables import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,3 +27,7 @@ class FrictionCurve(Artifact):
     speed: FloatArray = array("n_point")
     measured: FloatArray = array("n_point")
     fitted: FloatArray = array("n_point")
+
+    def table(self) -> Table:
+        """Return a row for each point: speed, measured friction and that of the law."""
+        return friction_table(self)

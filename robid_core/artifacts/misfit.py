@@ -12,6 +12,8 @@ import numpy as np
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.evidence_tables import misfit_rows
+from robid_core.artifacts.tables import Table
 from robid_core.errors import DataRejected
 
 
@@ -44,6 +46,10 @@ class MisfitTable(Artifact):
         """The bands in words: `below 3 Hz`, `3-10 Hz`."""
         pairs = zip(self.band_edges_hz[:-1].tolist(), self.band_edges_hz[1:].tolist(), strict=True)
         return tuple(f"{low:.3g}-{high:.3g} Hz" if low > 0 else f"below {high:.3g} Hz" for low, high in pairs)
+
+    def table(self) -> Table:
+        """Return a row for each axis and band: misfit on the excited lines and in the other bins."""
+        return misfit_rows(self)
 
     def worst(self, above: float, most: int = 3) -> tuple[str, ...]:
         """Say where the misfit is largest: `35 on axis_3 below 3 Hz (other bins)`, the worst first."""

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from robid_core.arrays import BoolArray, FloatArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.evidence_tables import check_table
+from robid_core.artifacts.tables import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,3 +37,7 @@ class ResponseCheck(Artifact):
         """Which stiffnesses agree, shape (n_stiffness,)."""
         result: BoolArray = abs(self.z) <= self.limit
         return result
+
+    def table(self) -> Table:
+        """Return a row for each stiffness: both estimates with their errors, how far apart, whether they agree."""
+        return check_table(self)

@@ -9,6 +9,8 @@ import numpy as np
 
 from robid_core.arrays import BoolArray, FloatArray, IntArray
 from robid_core.artifacts.artifact import Artifact, array
+from robid_core.artifacts.evidence_tables import rival_table
+from robid_core.artifacts.tables import Table
 
 MINUTE = 60.0
 
@@ -73,6 +75,10 @@ class SeparatingExperiment(Artifact):
         if np.isfinite(repeat).all():
             text += f", {repeat.min():.2g} where a recorded one is repeated"
         return text + (f"; none of this kind separates it from {untold}" if untold else "")
+
+    def table(self) -> Table:
+        """Return a row for each rival: expected log-likelihood ratio, that of a repetition, whether it is separated."""
+        return rival_table(self)
 
 
 def _duration(seconds: float) -> str:

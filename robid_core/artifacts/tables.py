@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from robid_core.artifacts.configurations import Configurations
-    from robid_core.artifacts.fit import Diagnosis, ParameterTable, TimeComparison
+    from robid_core.artifacts.finding import Finding
+    from robid_core.artifacts.fit import ParameterTable, TimeComparison
     from robid_core.artifacts.frf import Frf
     from robid_core.artifacts.record import Record
 
@@ -111,11 +112,11 @@ def configuration_table(configurations: Configurations) -> Table:
     return table
 
 
-def finding_table(diagnosis: Diagnosis) -> Table:
-    """Return a row for each number of each finding, the one that gains most first."""
+def finding_table(findings: Iterable[Finding]) -> Table:
+    """Return a row for each number of each finding, in their order."""
     rows = [
         (one.kind, one.effect, one.where, name, unit, nominal, value, error, one.gain, one.p_value)
-        for one in diagnosis.findings
+        for one in findings
         for name, unit, nominal, value, error in zip(
             one.names or ("",),
             one.units or ("",),

@@ -20,19 +20,9 @@ from robid_core.errors import ConfigurationError, MotionRefused, PluginError
 from robid_core.gate import MotionLimits
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
 from robid_core.registry import DYNAMICS, load_plugin
+from robid_core.robot import effects as laws
 from robid_core.robot.arrays import DriveArrays, chain_of, drive_arrays, mechanism_of
 from robid_core.robot.batched_dynamics import BatchedDynamics
-from robid_core.robot.effects import (
-    BoundEffect,
-    added_terms,
-    bound_effects,
-    channel_gain,
-    force_terms,
-    motor_damping,
-    motor_viscosity,
-    signal_terms,
-    structured,
-)
 from robid_core.robot.file.description import RobotDescription
 from robid_core.robot.file.left_out import AxisKey, left_out
 from robid_core.robot.file.named_parameters import with_parameters
@@ -44,30 +34,40 @@ from robid_core.robot.unknowns import NamedUnknowns
 from robid_core.robot.variants import Variants
 
 if TYPE_CHECKING:
-    from robid_core.mechanics import (
-        Chain,
-        Equilibrium,
-        LinearModel,
-        Mechanism,
-        ResponseGradient,
-        SecondOrderModel,
-    )
-
+    from robid_core import mechanics
 
 LIMITS: tuple[AxisKey, ...] = ("torque_limit", "speed_limit")  # without which nothing moves
 KERNEL = "kernel"  # the compiled functions of robid_core.mechanics
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Robot(NamedUnknowns, Variants, Motions, Identified):
-    """Chain, drives and elastic coordinates of one robot, with names for its unknowns."""
+    """Chain, drives and elastic coordinates of one robot, with names for its unknowns.
+
+    >>> robot = Robot.load("one_axis")
+    >>> robot
+    <Robot one_axis: axis_1, 29 parameters, effects: none>
+    >>> robot.parameters()["gear_stiffness.axis_1"], robot.to_yaml().splitlines()[0]
+    (80000.0, 'robid_robot: 1')
+    >>> robot.to_urdf().splitlines()[1], robot.to_mjcf().splitlines()[0]
+    ('<robot name="one_axis">', '<mujoco model="one_axis">')
+    >>> robot.motor_angle([[0.5]]).round(3).tolist(), robot.joint_angle([[50.0]]).tolist()
+    ([[50.0]], [[0.5]])
+    >>> robot.gravity_torque([[0.5], [1.0]]).round(3).tolist()
+    [[-1.115], [-1.759]]
+    >>> rough = robot.with_effect("grease", "friction.stribeck", "axis_1", values={"breakaway": 1.2})
+    >>> rough.without_effect("grease") == robot, rough.without_friction().parameter("friction.axis_1.coulomb")
+    (True, 0.0)
+    >>> from robid_core.mechanics import MotorMotion
+    >>> still = MotorMotion(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 40, 1)))  # for 40 steps, 10 samples
+    >>> robot.prescribe(still).torque.shape
+    (1, 10, 1)
+    """
 
     description: RobotDescription
     dynamics: str = KERNEL
-    """What computes equilibria, linear models, responses, derivatives and poses: kernel, or a plugin of robid.dynamics.
-
-    Another one rounds otherwise: whatever depends on the robot depends on this name too.
-    """
+    """What computes equilibria, linear models, responses, derivatives and poses: kernel, or a plugin of robid.dynamics,
+    which rounds otherwise: whatever depends on the robot depends on this name too."""
     base: RobotDescription | None = field(default=None, compare=False, repr=False)
     """What the robot file said, for a robot with other numbers or effects; null: this is no robot of a file."""
     file: Path | None = field(default=None, compare=False, repr=False)
@@ -83,9 +83,12 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         file = find_robot(name_or_path, folder)
         description = read_description(file)
         robot = cls(description, dynamics, description, file.absolute())
-        _ = robot.mechanism, robot.drives  # a wrong inertia or an unknown joint is told now
-        _ = robot.batches  # and so is a library that is missing
+        _ = robot.mechanism, robot.drives, robot.batches  # wrong inertias and missing libraries are told now
         return robot
+
+    def __repr__(self) -> str:
+        effects = ", ".join(self.description.effects) or "none"
+        return f"<Robot {self.name}: {', '.join(self.axis_names)}, {len(self.layout)} parameters, effects: {effects}>"
 
     @property
     def batches(self) -> BatchedDynamics:
@@ -94,16 +97,15 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         Raises ConfigurationError where no plugin has that name, PluginError where it cannot be imported; the
         message names the extra to install.
         """
-        if self.dynamics != KERNEL:
-            try:
-                plugin: BatchedDynamics = load_plugin(DYNAMICS, self.dynamics)
-            except PluginError as error:
-                raise PluginError(f"robot uses dynamics '{self.dynamics}': {error}") from error
-            return plugin
-        from robid_core import mechanics
+        if self.dynamics == KERNEL:
+            from robid_core import mechanics
 
-        kernels: BatchedDynamics = mechanics
-        return kernels
+            return mechanics
+        try:
+            plugin: BatchedDynamics = load_plugin(DYNAMICS, self.dynamics)
+        except PluginError as error:
+            raise PluginError(f"robot uses dynamics '{self.dynamics}': {error}") from error
+        return plugin
 
     @property
     def name(self) -> str:
@@ -137,12 +139,12 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     @functools.cached_property
     def structure(self) -> RobotDescription:
         """Description with the structure effects in it: what chain, mechanism and drives are made from."""
-        return structured(self) if self.description.effects else self.description
+        return laws.structured(self) if self.description.effects else self.description
 
     @functools.cached_property
-    def effects(self) -> tuple[BoundEffect, ...]:
+    def effects(self) -> tuple[laws.BoundEffect, ...]:
         """Force and signal effects at their places."""
-        return bound_effects(self)
+        return laws.bound_effects(self)
 
     @functools.cached_property
     def terms_of_effects(self) -> dict[str, tuple[ForceTerm | SignalTerm, ...]]:
@@ -152,7 +154,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     @functools.cached_property
     def forces(self) -> tuple[ForceTerm, ...]:
         """Laws that exert forces: the motors' friction and the force effects."""
-        return force_terms(self)
+        return laws.force_terms(self)
 
     @functools.cached_property
     def bending_forces(self) -> tuple[ForceTerm, ...]:
@@ -162,7 +164,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     @functools.cached_property
     def signals(self) -> tuple[SignalTerm, ...]:
         """Laws on commands and measurements."""
-        return signal_terms(self)
+        return laws.signal_terms(self)
 
     @functools.cached_property
     def is_possible(self) -> bool:
@@ -173,12 +175,12 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
             return False
 
     @functools.cached_property
-    def chain(self) -> Chain:
+    def chain(self) -> mechanics.Chain:
         """Joints and bodies as arrays, elastic coordinates included."""
         return chain_of(self.structure)
 
     @functools.cached_property
-    def mechanism(self) -> Mechanism:
+    def mechanism(self) -> mechanics.Mechanism:
         """Chain with motors and gears: the map from motors to joints."""
         return mechanism_of(self.structure, self.chain)
 
@@ -213,18 +215,23 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
         return robot_to_mjcf(self)
 
-    # Angles and limits ------------------------------------------------------------------------------
-
     def motor_angle(self, angle: npt.ArrayLike) -> FloatArray:
         """Motor angles (shaft side) of joint-side angles, shape (..., n_axis)."""
-        joint = np.asarray(angle, dtype=float)
-        result: FloatArray = np.linalg.solve(self.drives.gear, joint[..., None])[..., 0]
-        return result
+        solved = np.linalg.solve(self.drives.gear, self._angles(angle)[..., None])
+        return np.asarray(solved[..., 0], dtype=np.float64)
 
     def joint_angle(self, motor: npt.ArrayLike) -> FloatArray:
         """Joint-side angles of motor angles, shape (..., n_axis)."""
-        result: FloatArray = np.asarray(motor, dtype=float) @ self.drives.gear.T
+        result: FloatArray = self._angles(motor) @ self.drives.gear.T
         return result
+
+    def _angles(self, angle: npt.ArrayLike) -> FloatArray:
+        """Angles as an array; ConfigurationError where there is not one for each motor."""
+        found, n = np.asarray(angle, dtype=float), self.n_axis
+        if found.shape[-1:] != (n,):
+            told = f"shape {found.shape}, expected (..., {n}): one angle for each of its {n} axes"
+            raise ConfigurationError(f"{self.name}: angles of {told}")
+        return found
 
     @property
     def limits(self) -> MotionLimits:
@@ -236,39 +243,31 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         if missing:
             raise MotionRefused(f"D03: {missing}; nothing was sent")
         ends = np.stack([self.motor_angle(self.drives.lower), self.motor_angle(self.drives.upper)])
-        return MotionLimits(
-            self.axis_names,
-            ends.min(axis=0),
-            ends.max(axis=0),
-            self.drives.speed_limit,
-            self.drives.acceleration_limit,
-        )
-
-    # Equilibrium, linear model, response --------------------------------------------------------------
+        speed, acceleration = self.drives.speed_limit, self.drives.acceleration_limit
+        return MotionLimits(self.axis_names, ends.min(axis=0), ends.max(axis=0), speed, acceleration)
 
     def gravity_torque(self, angle: npt.ArrayLike) -> FloatArray:
         """Motor torque that holds the arm against gravity, shape (n_config, n_axis)."""
         return self.equilibrium(angle).torque
 
-    def equilibrium(self, angle: npt.ArrayLike, partial: bool = False) -> Equilibrium:
+    def equilibrium(self, angle: npt.ArrayLike, partial: bool = False) -> mechanics.Equilibrium:
         """Rest position under gravity at joint-side motor angles (n_config, n_axis), nonlinear springs included.
 
         Raises NotTrustworthy where a configuration has no stable rest; with `partial` such rows are NaN, and
         `Equilibrium.refused` says why.
+
+        >>> Robot.load("one_axis").equilibrium([[0.5]]).position.round(4).tolist()  # motor, arm
+        [[50.0, 0.5014]]
         """
         from robid_core.mechanics import solve_equilibrium
 
-        stiffness, _ = self.spring_arrays()
-        motor = self.motor_angle(angle)
+        motor, bent = self.motor_angle(angle), self.bending_forces
+        at = (self.mechanism, self.spring_arrays()[0], motor)
         if partial:
-            return solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces, partial)
+            return solve_equilibrium(*at, bent, partial)
         key = (motor.shape, motor.tobytes())
-        found = self._rest.get(key)
-        if found is None:
-            if self.bending_forces:
-                found = solve_equilibrium(self.mechanism, stiffness, motor, self.bending_forces)
-            else:
-                found = self.batches.solve_equilibrium(self.mechanism, stiffness, motor)
+        if (found := self._rest.get(key)) is None:
+            found = solve_equilibrium(*at, bent) if bent else self.batches.solve_equilibrium(*at)
             for values in (found.position, found.joint, found.torque):
                 values.setflags(write=False)
             self._rest.clear()  # threads may ask for others meanwhile: what is returned is not read from here
@@ -276,7 +275,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         return found
 
     @functools.cached_property
-    def _rest(self) -> dict[tuple[tuple[int, ...], bytes], Equilibrium]:
+    def _rest(self) -> dict[tuple[tuple[int, ...], bytes], mechanics.Equilibrium]:
         """The last rest by motor angles: linear model and weight ask for the same one after the other."""
         return {}
 
@@ -285,7 +284,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         angle: npt.ArrayLike,
         motor_damping: FloatArray | None = None,
         motor_speed: tuple[FloatArray, FloatArray] | None = None,
-    ) -> SecondOrderModel:
+    ) -> mechanics.SecondOrderModel:
         """Mass, damping and stiffness at the gravity equilibrium of each configuration, springs deflected.
 
         Parameters
@@ -298,18 +297,21 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
             (rms of the small signal, amplitude of the slow sine) of the motors' speeds, rad/s, shape (n_config, n_axis)
             each: what friction on the arm is linearised under. Left out, such friction has its viscous part only.
             Nonlinear springs have their slope at rest either way.
+
+        >>> Robot.load("one_axis").second_order([[0.5]]).stiffness[0, 0].round().tolist()
+        [8.0, -800.0]
         """
         stiffness, damping = self.spring_arrays()
         rest = self.equilibrium(angle)
-        own = motor_viscosity(self) if self.effects else self.drives.viscous
+        own = laws.motor_viscosity(self) if self.effects else self.drives.viscous
         extra = own if motor_damping is None else motor_damping
         extra = np.broadcast_to(extra, (*rest.position.shape[:-1], self.n_axis)).copy()
         model = self.batches.second_order_model(self.mechanism, stiffness, damping, rest.position, extra)
         if not self.bending_forces:
             return model
-        added = added_terms(self, rest.position, motor_speed)
+        more = laws.added_terms(self, rest.position, motor_speed)
         return replace(
-            model, stiffness=model.stiffness + added.stiffness, damping=model.damping + added.damping
+            model, stiffness=model.stiffness + more.stiffness, damping=model.damping + more.damping
         )
 
     def linearize(
@@ -317,27 +319,21 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         angle: npt.ArrayLike,
         outputs: Sequence[str] = ("motor_acceleration",),
         motor_damping: FloatArray | None = None,
-    ) -> LinearModel:
+    ) -> mechanics.LinearModel:
         """State space (2.5)-(2.7) at one configuration, shape (n_axis,), with named inputs and outputs.
 
         Outputs: motor_angle, motor_speed, motor_acceleration, arm_angle, joint_torque,
         frame_acceleration.<body>. Viscous friction is in it; Coulomb friction only through `motor_damping`
         (see `equivalent_motor_damping`), which replaces the viscous one.
+
+        >>> Robot.load("one_axis").linearize([0.5], ["motor_speed", "joint_torque"]).output_names
+        ('motor_speed.axis_1', 'joint_torque.axis_1')
         """
         from robid_core.mechanics import linear_model
 
-        stiffness, damping = self.spring_arrays()
-        rest = self.equilibrium(angle)
-        model = self.second_order(angle, motor_damping)
-        return linear_model(
-            self.mechanism,
-            stiffness,
-            damping,
-            rest.position,
-            tuple(outputs),
-            second_order=model,
-            pose=self.batches.pose_of,
-        )
+        model, pose = self.second_order(angle, motor_damping), self.batches.pose_of
+        at = (self.mechanism, *self.spring_arrays(), self.equilibrium(angle).position)
+        return linear_model(*at, tuple(outputs), second_order=model, pose=pose)
 
     def response(
         self,
@@ -357,12 +353,11 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         >>> Robot.load("one_axis").response([[0.0]], np.array([10.0, 20.0])).shape
         (1, 2, 1, 1)
         """
-        model = self.second_order(angle, motor_damping)
-        plain = self.batches.response(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
+        omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
+        plain = self.batches.response(self.second_order(angle, motor_damping), omega, self._hold_time(hold))
         if not self.signals:
             return plain
-        omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
-        acting, measured, reported = (channel_gain(self, channel, omega) for channel in CHANNELS)
+        acting, measured, reported = (laws.channel_gain(self, channel, omega) for channel in CHANNELS)
         distorted: ComplexArray = measured[:, :, None] * plain * (acting / reported)[:, None, :]
         return distorted
 
@@ -372,10 +367,13 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
         frequency_hz: FloatArray,
         motor_damping: FloatArray | None = None,
         hold: str = "zero_order_hold",
-    ) -> ResponseGradient:
+    ) -> mechanics.ResponseGradient:
         """Response and the factors of its derivatives at a fixed equilibrium (see mechanics.response).
 
         Of the plant alone: signal effects are not in it.
+
+        >>> Robot.load("one_axis").response_with_gradient([[0.5]], np.array([10.0, 20.0])).spring_vectors.shape
+        (1, 2, 1, 1)
         """
         model = self.second_order(angle, motor_damping)
         return self.batches.response_with_gradient(model, 2 * np.pi * frequency_hz, self._hold_time(hold))
@@ -397,4 +395,6 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
 
         d = self.drives
         own = equivalent_damping(speed_rms, slow_sine_speed, d.coulomb, d.viscous, d.friction_speed)
-        return own + motor_damping(self, speed_rms, slow_sine_speed, frequency_hz) if self.effects else own
+        if not self.effects:
+            return own
+        return own + laws.motor_damping(self, speed_rms, slow_sine_speed, frequency_hz)

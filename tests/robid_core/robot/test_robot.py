@@ -1,5 +1,6 @@
 """The robot: its file, its names, its equilibrium and its linear model against independent mechanics."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -153,3 +154,40 @@ def test_threads_that_ask_for_other_poses_get_their_own_rest() -> None:
         np.testing.assert_array_equal(torque, alone[k % 8])
     with pytest.raises(ValueError, match="read-only"):
         found[0][0, 0] = 0.0
+
+
+def test_angles_that_are_not_one_for_each_axis_are_told_in_a_sentence(six: Robot) -> None:
+    """Whatever takes angles asks `motor_angle` or `joint_angle` first."""
+    frequency = np.array([10.0, 20.0])
+    calls = {
+        (1, 1): (
+            lambda: six.response([[0.4]], frequency),
+            lambda: six.response_with_gradient([[0.4]], frequency),
+            lambda: six.second_order([[0.4]]),
+            lambda: six.equilibrium([[0.4]]),
+            lambda: six.gravity_torque([[0.4]]),
+            lambda: six.joint_angle([[0.4]]),
+            lambda: six.standing([[0.4]]),
+            lambda: six.drive(np.zeros((1, 5, 6)), [[0.4]]),
+            lambda: six.simulate(np.zeros((1, 5, 6)), [[0.4]]),
+        ),
+        (1,): (lambda: six.linearize([0.4]),),
+        (): (lambda: six.motor_angle(0.4),),
+    }
+    for shape, those in calls.items():
+        for call in those:
+            with pytest.raises(ConfigurationError) as error:
+                call()
+            assert re.fullmatch(
+                rf"six_axis: angles of shape \({', '.join(map(str, shape))},?\), expected \(\.\.\., 6\): one angle for "
+                "each of its 6 axes",
+                str(error.value),
+            )
+
+
+def test_a_robot_is_one_line_as_text(six: Robot) -> None:
+    n = len(six.parameters())
+    shown = repr(six.with_effect("grease", "friction.stribeck", "axis_1"))
+    assert shown.startswith("<Robot six_axis: axis_1, axis_2, axis_3, axis_4, axis_5, axis_6, ")
+    assert shown.endswith(" parameters, effects: grease>")
+    assert repr(six) == shown.partition(" axis_6, ")[0] + f" axis_6, {n} parameters, effects: none>"
