@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.arrays import FloatArray
+from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import Frf, ResponseComparison
 from robid_core.plot.bode import TICK_TEXT, TICKS
 from robid_core.plot.rounding import rounded_to
@@ -68,6 +68,18 @@ def distortion_panels(
                 values = np.where(level[:, a] > 0, level[:, a], np.nan)
                 found.append(_trace(a, frf.frequency_hz, values, name, mode="lines", line=line))
     return found
+
+
+def level_of_response(accelerations: ComplexArray) -> FloatArray:
+    """Root mean square of the accelerations' coefficients over blocks and experiments, (n_config, n_freq, n_axis).
+
+    Parameters
+    ----------
+    accelerations
+        As `Record.spectra` gives them, (n_config, n_block, n_freq, n_axis, n_exp).
+    """
+    level: FloatArray = np.sqrt((np.abs(accelerations) ** 2).mean(axis=(1, 4)))
+    return level
 
 
 def panel_layout(

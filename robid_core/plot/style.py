@@ -69,3 +69,15 @@ def layout(height: int, left: int, top: int, bottom: int, **extra: Any) -> dict[
 def plain(text: str) -> str:
     """Return text as a label shows it: Plotly reads a little HTML in labels, and names are shown as they are."""
     return escape(text, quote=False)
+
+
+def columns_of(n: int) -> int:
+    """Return in how many columns the panels of `n` axes stand."""
+    return 1 if n == 1 else 2 if n <= 4 else 3
+
+
+def shown(figure: Figure) -> Any:
+    """Return a Plotly figure of plain values."""
+    import plotly.graph_objects  # slow to import
+
+    return plotly.graph_objects.Figure(figure)
