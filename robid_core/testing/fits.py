@@ -26,6 +26,7 @@ Data = Callable[[Robot, int], Mapping[type[Artifact], Artifact]]
 CHANGE = 1.2  # of springs, dampers, friction and effects, up and down in turn
 SMALL_CHANGE = 1.05  # of what a fit may believe to be known: bodies, rotors, gears
 CHANGED_KINDS = ("stiffness", "damping", "friction", "effect")
+SAME = 1e-6  # relative: a number of the table, and that of the robot made of it
 ERRORS = 6.0  # standard errors that an estimate may be off, beside the tolerance
 TOLD = 0.25  # standard error over change, from which a parameter counts as told by the data
 REPETITIONS = 8
@@ -157,7 +158,22 @@ def _check_estimates(name: str, plant: KnownPlant, fit: Fit, tolerance: float) -
                 raise ContractBroken(
                     f"{name}: {says}; that is hardly nearer than the {began:.5g} from which it started"
                 )
+    _check_model(name, plant, fit)
     return tuple(told)
+
+
+def _check_model(name: str, plant: KnownPlant, fit: Fit) -> None:
+    """Check that the robot that is stored, and predicted with, has the numbers of the table."""
+    if fit.model is None:
+        return
+    robot = Robot.of_model(fit.model)
+    for one in plant.names:
+        kept, estimate = robot.parameter(one), fit.parameters.value(one)
+        if not np.isclose(kept, estimate, rtol=SAME):
+            raise ContractBroken(
+                f"{name}: its table says that {one} is {estimate:.5g}, and the robot of its `model` has {kept:.5g}; "
+                "make the model of the estimates (robot.model(values, names, covariance))"
+            )
 
 
 def _check_standard_errors(

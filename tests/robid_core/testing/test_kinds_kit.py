@@ -130,6 +130,14 @@ class Lost(SpringFit):
         return super().run(frf, robot).replace(converged=False, status="ran out of steps")
 
 
+class Forgetful(SpringFit):
+    """Right in its table, and a model of what it was told."""
+
+    def run(self, frf: Frf, robot: Robot) -> Fit:
+        fit = super().run(frf, robot)
+        return fit.replace(model=robot.model({NAME: robot.parameter(NAME)}, (NAME,), fit.covariance))
+
+
 def test_a_fit_that_finds_the_plant_passes() -> None:
     check_stage(SpringFit, for_axes=(1,))
 
@@ -146,6 +154,10 @@ def test_a_fit_that_finds_the_plant_passes() -> None:
         (Overconfident, "the standard errors are too small, or the estimates biased"),
         (Timid, "the standard errors are too large"),
         (Nameless, r"estimates no parameter that one_axis has a value of \(it names k\)"),
+        (
+            Forgetful,
+            r"table says that gear_stiffness.axis_1 is 9\d+(\.\d+)?, and the robot of its `model` has 80000",
+        ),
         (Lost, "does not converge with data of a known plant: ran out of steps"),
     ],
 )
