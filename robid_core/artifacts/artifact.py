@@ -39,6 +39,14 @@ def array(
     that does not exist, such as the standard error of a parameter that is fixed). What a result must be to be stored
     (`soundness.py`): `known`, not all of it NaN; `rising` along its axis; `covariance`, matrices that are symmetric and
     not negative; `least`, what no value is below.
+
+    >>> from dataclasses import dataclass
+    >>> import numpy as np, robid_core as robid
+    >>> @dataclass(frozen=True, eq=False)
+    ... class Wear(robid.Artifact):
+    ...     depth: robid.FloatArray = robid.array("n_axis", "m")
+    >>> Wear(np.array([1e-6, 2e-6])), Wear.unit("depth")
+    (<Wear n_axis 2>, 'm')
     """
     metadata = {
         "axes": tuple(axes.split()),
@@ -123,12 +131,22 @@ class Artifact:
 
     @classmethod
     def axes(cls, name: str) -> tuple[str, ...]:
-        """Return the axis names of an array field."""
+        """Return the axis names of an array field.
+
+        >>> import robid_core as robid
+        >>> robid.Frf.axes("response")
+        ('n_config', 'n_freq', 'n_out', 'n_in')
+        """
         return tuple(cls._field(name).metadata["axes"])
 
     @classmethod
     def unit(cls, name: str) -> str:
-        """Return the unit of an array field, in SI symbols."""
+        """Return the unit of an array field, in SI symbols.
+
+        >>> import robid_core as robid
+        >>> robid.Frf.unit("response")
+        '(rad/s^2)/(N m)'
+        """
         return str(cls._field(name).metadata["unit"])
 
     @classmethod
@@ -136,11 +154,23 @@ class Artifact:
         return next(item for item in dataclasses.fields(cls) if item.name == name)
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed."""
+        """Return a copy with some fields changed.
+
+        >>> import numpy as np, robid_core as robid
+        >>> where = robid.Configurations(("axis_1",), np.array([[0.5], [1.0]]))
+        >>> where.replace(axis_names=("hip",)).table()
+        {'configuration': [0, 1], 'hip': [0.5, 1.0]}
+        """
         return dataclasses.replace(self, **changes)
 
     def select(self, axis: str, index: Any) -> Self:
-        """Return a copy with only some entries along a named axis (`index`: a mask, slice or integer array)."""
+        """Return a copy with only some entries along a named axis (`index`: a mask, slice or integer array).
+
+        >>> import numpy as np, robid_core as robid
+        >>> where = robid.Configurations(("axis_1",), np.array([[0.5], [1.0], [1.5]]))
+        >>> where.select("n_config", [0, 2]).angle.tolist()
+        [[0.5], [1.5]]
+        """
         changes = {}
         for item in dataclasses.fields(self):
             value = getattr(self, item.name)
@@ -165,7 +195,15 @@ class Artifact:
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
-        """Read an artifact of this class (or of a subclass that the file names) from `path`."""
+        """Read an artifact of this class (or of a subclass that the file names) from `path`.
+
+        >>> import pathlib, tempfile, robid_core as robid
+        >>> from robid_core.testing import example_frf
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "frf.h5"
+        >>> example_frf(robid.Robot.load("one_axis")).write(path)
+        >>> robid.Frf.read(path).axis_names
+        ('axis_1',)
+        """
         from robid_core.artifacts.hdf5 import read_hdf5
 
         artifact = read_hdf5(Path(path))

@@ -54,7 +54,13 @@ class DenseRun(Artifact):
             )
 
     def channel(self, name: str) -> Channel:
-        """Return a channel by name; DataRejected names the ones that exist."""
+        """Return a channel by name; DataRejected names the ones that exist.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> example_record(robid.Robot.load("one_axis")).run.channel("motor_torque").unit_symbol
+        'N m'
+        """
         if name not in self.channels:
             raise DataRejected(f"the record has no channel {name}; it has {', '.join(sorted(self.channels))}")
         return self.channels[name]
@@ -70,7 +76,13 @@ class DenseRun(Artifact):
         return self.channel(name).values
 
     def lanes(self, name: str) -> FloatArray:
-        """Return a channel's values, periods of each experiment one after another, (n_experiment, n_sample, n_axis)."""
+        """Return a channel's values, periods of each experiment one after another, (n_experiment, n_sample, n_axis).
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> example_record(robid.Robot.load("one_axis")).run.lanes("motor_torque").shape  # three periods of 500 samples
+        (4, 1500, 1)
+        """
         values = self.values(name)
         return values.reshape(-1, values.shape[3] * values.shape[4], values.shape[5])
 
@@ -94,7 +106,14 @@ class DenseRun(Artifact):
         )
 
     def table(self) -> Table:
-        """Return a row for each channel: its side of the gear, its unit, its smallest and largest value."""
+        """Return a row for each channel: its side of the gear, its unit, its smallest and largest value.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> table = example_record(robid.Robot.load("one_axis")).run.table()
+        >>> table["channel"], table["unit"]
+        (['motor_position', 'motor_torque', 'speed_reference'], ['rad', 'N m', 'rad/s'])
+        """
         return channel_table(self)
 
     @property

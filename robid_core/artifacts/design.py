@@ -30,7 +30,14 @@ class Design(Configurations):
     predicted_standard_error: FloatArray = array("n_parameter", "relative", finite=False, keyword=True)
 
     def table(self) -> Table:
-        """Return a row for each configuration: its angles, its weight and how often it is measured."""
+        """Return a row for each configuration: its angles, its weight and how often it is measured.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_design
+        >>> table = example_design(robid.Robot.load("one_axis")).table()
+        >>> list(table), sum(table["weight"])
+        (['configuration', 'axis_1', 'weight', 'experiments'], 1.0)
+        """
         return Table(
             {**super().table(), "weight": self.weight.tolist(), "experiments": self.experiments.tolist()}
         )

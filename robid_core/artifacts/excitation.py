@@ -91,7 +91,15 @@ class Excitation(Artifact):
         return float(self.n_config * n_block * n_exp * self.period_s)
 
     def realization(self, configuration: int) -> FloatArray:
-        """Return the reference of a configuration, shape (n_block, n_exp, n_sample, n_axis)."""
+        """Return the reference of a configuration, shape (n_block, n_exp, n_sample, n_axis).
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_configurations, example_excitation
+        >>> robot = robid.Robot.load("one_axis")
+        >>> excitation = example_excitation(robot, example_configurations(robot))
+        >>> excitation.realization(0).shape
+        (2, 1, 500, 1)
+        """
         result: FloatArray = self.reference[configuration % self.reference.shape[0]]
         return result
 
@@ -101,6 +109,12 @@ class Excitation(Artifact):
         The integral of the reference over a period has a mean, one to two amplitudes of the slow sine's
         travel; a motion that starts at the configuration *minus* this has it in its middle. Motor side, rad,
         shape (n_block, n_exp, n_axis).
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_configurations, example_excitation
+        >>> robot = robid.Robot.load("one_axis")
+        >>> example_excitation(robot, example_configurations(robot)).start_offset(0).shape
+        (2, 1, 1)
         """
         return mean_travel(self.realization(configuration), self.sample_time_s)
 
@@ -117,7 +131,7 @@ class Excitation(Artifact):
         >>> robot = robid.Robot.load("one_axis")
         >>> table = example_excitation(robot, example_configurations(robot)).table()
         >>> table["configuration"], table["axis"], [round(speed, 1) for speed in table["reference_rad_s"]]
-        ([0, 1], ['axis_1', 'axis_1'], [8.9, 9.3])
+        ([0, 1], ['axis_1', 'axis_1'], [9.3, 9.8])
         """
         return excitation_table(self)
 
@@ -133,6 +147,15 @@ def mean_travel(speed_reference: FloatArray, sample_time_s: float) -> FloatArray
         One period, rad/s, shape (..., n_sample, n_axis).
     sample_time_s
         Of the reference.
+
+    Examples
+    --------
+    A sine begins in one end of its travel, an amplitude below the middle:
+
+    >>> import numpy as np, robid_core as robid
+    >>> time = 1e-3 * np.arange(1000)
+    >>> robid.mean_travel(2 * np.pi * np.sin(2 * np.pi * time)[:, None], 1e-3).round(2).tolist()
+    [1.0]
     """
     travel = np.cumsum(speed_reference, axis=-2) * sample_time_s
     result: FloatArray = travel.mean(axis=-2)

@@ -46,16 +46,36 @@ class ParameterTable(Artifact):
     prior: FloatArray | None = array("n_parameter", optional=True, finite=False, least=0.0)
 
     def value(self, name: str) -> float:
-        """Return the estimate of one parameter."""
+        """Return the estimate of one parameter.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> example_fit(robid.Robot.load("one_axis")).parameters.value("gear_stiffness.axis_1")
+        80000.0
+        """
         return float(self.estimate[self.names.index(name)])
 
     def as_mapping(self) -> dict[str, float]:
-        """Return the estimates by name, as `Robot.with_parameters` takes them: nuisances are left out."""
+        """Return the estimates by name, as `Robot.with_parameters` takes them: nuisances are left out.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> robot = robid.Robot.load("one_axis")
+        >>> example_fit(robot).parameters.as_mapping()
+        {'gear_stiffness.axis_1': 80000.0, 'gear_damping.axis_1': 60.0}
+        """
         rows = zip(self.names, self.groups, self.estimate.tolist(), strict=True)
         return {name: value for name, group, value in rows if group != NUISANCE}
 
     def table(self, everything: bool = False) -> Table:
-        """Return a row for each parameter that is reported, or for `everything`: start, estimate, standard error."""
+        """Return a row for each parameter that is reported, or for `everything`: start, estimate, standard error.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> table = example_fit(robid.Robot.load("one_axis")).parameters
+        >>> table.table()["parameter"], table.table(everything=True)["unit"]
+        (['gear_stiffness.axis_1'], ['N m/rad', 'N m s/rad'])
+        """
         return parameter_table(self, everything)
 
 
@@ -98,7 +118,14 @@ class TimeComparison(Artifact):
     modelled: FloatArray = array("n_sample n_axis")
 
     def table(self) -> Table:
-        """Return a row for each sample: time, and both values of each axis."""
+        """Return a row for each sample: time, and both values of each axis.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_diagnosis
+        >>> comparison = example_diagnosis(robid.Robot.load("one_axis")).time[0]
+        >>> list(comparison.table())
+        ['time_s', 'measured.axis_1', 'modelled.axis_1']
+        """
         return comparison_table(self)
 
 
@@ -125,7 +152,14 @@ class PredictionErrors(Artifact):
     noise: FloatArray | None = array("n_axis", optional=True, finite=False)
 
     def table(self) -> Table:
-        """Return a row for each axis: what is left, in units and of what was measured, and its 95 % range."""
+        """Return a row for each axis: what is left, in units and of what was measured, and its 95 % range.
+
+        >>> import numpy as np, robid_core as robid
+        >>> one, no = np.ones(1), np.array([False])
+        >>> errors = robid.PredictionErrors("fit", "torque", "N m", ("axis_1",), one, one / 50, one / 60, one / 40, no)
+        >>> errors.table()["relative"]
+        [0.02]
+        """
         return error_table(self)
 
 
@@ -167,7 +201,14 @@ class Fit(Artifact):
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
-        """Every doubt and remark about these numbers, as screen, page and manifest tell them."""
+        """Every doubt and remark about these numbers, as screen, page and manifest tell them.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> fit = example_fit(robid.Robot.load("one_axis"))
+        >>> [doubt.kind for doubt in fit.replace(converged=False).doubts]
+        ['convergence']
+        """
         return judge(self)
 
     @property
@@ -225,5 +266,11 @@ class Diagnosis(Artifact):
         return self.verdict
 
     def table(self) -> Table:
-        """Return a row for each number of each finding: what was told, what was found, how much that gains."""
+        """Return a row for each number of each finding: what was told, what was found, how much that gains.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_diagnosis
+        >>> list(example_diagnosis(robid.Robot.load("one_axis")).table())[:6]
+        ['kind', 'effect', 'where', 'parameter', 'unit', 'nominal']
+        """
         return finding_table(self.findings)

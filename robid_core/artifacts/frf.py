@@ -98,7 +98,12 @@ class Frf(Artifact):
         return everything if self.valid is None else self.valid
 
     def covariance(self, configuration: int) -> ComplexArray:
-        """Dense covariance of vec(G) in one configuration, shape (n_freq, n_out*n_in, n_out*n_in)."""
+        """Dense covariance of vec(G) in one configuration, shape (n_freq, n_out*n_in, n_out*n_in).
+
+        >>> from robid_core.testing import example_frf, example_robot
+        >>> example_frf(example_robot(2)).covariance(0).shape
+        (19, 4, 4)
+        """
         if self.input_gram_inverse is None or self.output_covariance is None:
             raise ValueError(f"{self.estimator} states no covariance")
         gram = self.input_gram_inverse[configuration].conj()
@@ -122,7 +127,14 @@ class Frf(Artifact):
         return result
 
     def variance(self) -> FloatArray:
-        """Variance of each entry (complex: of real plus imaginary part), shape of `response`."""
+        """Variance of each entry (complex: of real plus imaginary part), shape of `response`.
+
+        >>> import robid_core as robid
+        >>> frf = robid.Frf.from_arrays(
+        ...     [2.0, 2j], [5.0, 10.0], deviation=0.1, angle=[[0.0]], sample_time_s=1e-3, torque_hold="continuous")
+        >>> frf.variance().round(6).ravel().tolist()
+        [0.01, 0.01]
+        """
         if self.input_gram_inverse is None or self.output_covariance is None:
             raise ValueError(f"{self.estimator} states no covariance")
         gram = np.einsum("cfjj->cfj", self.input_gram_inverse).real
@@ -265,6 +277,17 @@ class Frf(Artifact):
             If `blocks` does not have the shape of the record.
         PoorExcitation
             If more than a tenth of a configuration's lines is masked.
+
+        Examples
+        --------
+        An estimator of one's own:
+
+        >>> import numpy as np, robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> record = example_record(robid.Robot.load("one_axis"))
+        >>> u, y = record.spectra()
+        >>> robid.Frf.from_blocks(record, y @ np.linalg.inv(u), estimator="own")
+        <Frf by own: 2 configurations, 19 lines from 10 to 82 Hz of axis_1; uncertainty: scatter of 2 blocks, ...>
         """
         from robid_core.estimation.response.covariance import block_products, gram_inverse_of_mean, pool_lines
         from robid_core.estimation.response.spectra import CONDITION_LIMIT, factor_inputs, refuse_masked

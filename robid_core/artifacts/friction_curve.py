@@ -29,5 +29,11 @@ class FrictionCurve(Artifact):
     fitted: FloatArray = array("n_point")
 
     def table(self) -> Table:
-        """Return a row for each point: speed, measured friction and that of the law."""
+        """Return a row for each point: speed, measured friction and that of the law.
+
+        >>> import numpy as np, robid_core as robid
+        >>> speed = np.array([1.0, 2.0])
+        >>> robid.FrictionCurve("axis_1", "viscous", "rad/s", "N m", speed, 0.1 * speed, 0.1 * speed).table()["fitted"]
+        [0.1, 0.2]
+        """
         return friction_table(self)

@@ -48,11 +48,23 @@ class MisfitTable(Artifact):
         return tuple(f"{low:.3g}-{high:.3g} Hz" if low > 0 else f"below {high:.3g} Hz" for low, high in pairs)
 
     def table(self) -> Table:
-        """Return a row for each axis and band: misfit on the excited lines and in the other bins."""
+        """Return a row for each axis and band: misfit on the excited lines and in the other bins.
+
+        >>> import numpy as np, robid_core as robid
+        >>> misfit = robid.MisfitTable(("axis_1",), np.array([0.0, 3.0, 10.0]), np.array([[1.1, 4.0]]), np.ones((1, 2)))
+        >>> misfit.table()["band"], misfit.table()["lines"]
+        (['below 3 Hz', '3-10 Hz'], [1.1, 4.0])
+        """
         return misfit_rows(self)
 
     def worst(self, above: float, most: int = 3) -> tuple[str, ...]:
-        """Say where the misfit is largest: `35 on axis_3 below 3 Hz (other bins)`, the worst first."""
+        """Say where the misfit is largest, the worst first.
+
+        >>> import numpy as np, robid_core as robid
+        >>> misfit = robid.MisfitTable(("axis_1",), np.array([0.0, 3.0, 10.0]), np.array([[1.1, 4.0]]), np.ones((1, 2)))
+        >>> misfit.worst(above=2.0)
+        ('4 on axis_1 at 3-10 Hz (lines)',)
+        """
         found = [
             (float(values[axis, band]), f"on {name} {where if 'below' in where else f'at {where}'} ({bins})")
             for values, bins in ((self.lines, "lines"), (self.other, "other bins"))

@@ -62,7 +62,13 @@ class Model(Artifact):
             )
 
     def standard_errors(self) -> dict[str, float]:
-        """Return the standard errors of the free parameters by name, in their own units."""
+        """Return the standard errors of the free parameters by name, in their own units.
+
+        >>> import numpy as np, robid_core as robid
+        >>> name = "gear_stiffness.axis_1"
+        >>> robid.Robot.load("one_axis").model({name: 9e4}, [name], np.array([[250000.0]])).standard_errors()
+        {'gear_stiffness.axis_1': 500.0}
+        """
         return dict(zip(self.free_names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
 

@@ -190,6 +190,15 @@ class Record(Artifact):
         ------
         DataRejected
             If none is left, or configurations and blocks do not keep equally many.
+
+        Examples
+        --------
+        >>> import numpy as np, robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> record = example_record(robid.Robot.load("one_axis"))  # two configurations, two blocks
+        >>> held_out = np.array([[[False], [True]], [[False], [True]]])
+        >>> record.replace(runs=(record.run.replace(test=held_out),)).training().run.valid.shape[:3]
+        (2, 1, 1)
         """
         if all(run.test is None or not run.test.any() for run in self.runs):
             return self
@@ -200,6 +209,13 @@ class Record(Artifact):
         """Return the record of some of its experiments, a mask of shape (n_config, n_block, n_exp).
 
         Configurations and blocks of which nothing is kept go; raises as `training`.
+
+        >>> import numpy as np, robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> record = example_record(robid.Robot.load("one_axis"))  # two configurations, two blocks
+        >>> record.part(np.array([[[True], [True]], [[False], [False]]]))
+        <Record (example): 1 configurations, 3 s of axis_1, 19 excited lines; channels motor_position, motor_torque,
+        speed_reference>
         """
         index = packed(kept)
         configurations = index[0].ravel()
@@ -245,6 +261,14 @@ class Record(Artifact):
         ------
         DataRejected
             If a period that is kept has a missing sample, or none is left.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> u, y = example_record(robid.Robot.load("one_axis")).spectra(discard=1)
+        >>> u.shape, y.shape
+        ((2, 2, 19, 1, 1), (2, 2, 19, 1, 1))
         """
         u, y = self.spectra_by_period(discard)
         return u.mean(axis=-1), y.mean(axis=-1)
@@ -301,6 +325,14 @@ class Record(Artifact):
         """DFT of each period of a channel, scaled by 1/n_sample, at the excited lines or at the bins `line`.
 
         Returns shape (n_config, n_block, n_exp, n_period - discard, n_freq, n_axis). Raises as `spectra`.
+
+        >>> import numpy as np, robid_core as robid
+        >>> time = 1e-3 * np.arange(1000)
+        >>> record = robid.Record.from_arrays(
+        ...     motor_torque=3 * np.cos(2 * np.pi * 5 * time), sample_time_s=1e-3, angle=[[0.0]], excited_hz=[5],
+        ...     torque_hold="zero_order_hold")
+        >>> abs(record.period_spectra("motor_torque")).round(6).ravel().tolist()  # half the amplitude
+        [1.5]
         """
         run = self.run
         if discard >= run.n_period:

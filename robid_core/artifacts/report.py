@@ -27,12 +27,26 @@ class Report(Artifact):
             raise ValueError("Report.html is empty: a page has something to show")
 
     def write(self, path: Path | str) -> None:
-        """Write the page itself."""
+        """Write the page itself.
+
+        >>> import pathlib, tempfile, robid_core as robid
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "page.html"
+        >>> robid.Report("<p>stiff</p>").write(path)
+        >>> path.read_text()
+        '<p>stiff</p>'
+        """
         Path(path).write_text(self.html, encoding="utf-8")
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
-        """Read the page back; StoreError where it cannot be read, is empty, or is no text."""
+        """Read the page back; StoreError where it cannot be read, is empty, or is no text.
+
+        >>> import pathlib, tempfile, robid_core as robid
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "page.html"
+        >>> robid.Report("<p>stiff</p>").write(path)
+        >>> robid.Report.read(path).html
+        '<p>stiff</p>'
+        """
         try:
             text = Path(path).read_text(encoding="utf-8")
             if not text:
@@ -55,5 +69,10 @@ class Truth(Artifact):
     value: FloatArray = array("n_parameter")
 
     def as_mapping(self) -> dict[str, float]:
-        """Return the true values by name."""
+        """Return the true values by name.
+
+        >>> import numpy as np, robid_core as robid
+        >>> robid.Truth("one_axis_true", ("gear_stiffness.axis_1",), np.array([6e4])).as_mapping()
+        {'gear_stiffness.axis_1': 60000.0}
+        """
         return dict(zip(self.names, self.value.tolist(), strict=True))

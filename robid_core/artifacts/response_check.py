@@ -39,5 +39,12 @@ class ResponseCheck(Artifact):
         return result
 
     def table(self) -> Table:
-        """Return a row for each stiffness: both estimates with their errors, how far apart, whether they agree."""
+        """Return a row for each stiffness: both estimates with their errors, how far apart, whether they agree.
+
+        >>> import numpy as np, robid_core as robid
+        >>> one = np.ones(1)
+        >>> check = robid.ResponseCheck("frf.log", "", 1.0, 3.0, ("a",), ("N m/rad",), one, one, one, one, 4 * one)
+        >>> check.table()["agree"]
+        [False]
+        """
         return check_table(self)

@@ -77,7 +77,14 @@ class SeparatingExperiment(Artifact):
         return text + (f"; none of this kind separates it from {untold}" if untold else "")
 
     def table(self) -> Table:
-        """Return a row for each rival: expected log-likelihood ratio, that of a repetition, whether it is separated."""
+        """Return a row for each rival: expected log-likelihood ratio, that of a repetition, whether it is separated.
+
+        >>> import numpy as np, robid_core as robid
+        >>> angle, ratio = np.zeros(1), np.array([4.0])
+        >>> tried = robid.SeparatingExperiment(("dahl",), 0.5, 9.0, 3, 1, "", angle, np.zeros((5, 1)), ratio, ratio)
+        >>> tried.table()
+        {'rival': ['dahl'], 'expected': [4.0], 'repeat': [4.0], 'separated': [True]}
+        """
         return rival_table(self)
 
 

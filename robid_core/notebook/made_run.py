@@ -34,6 +34,11 @@ class Run(Mapping[str, Artifact]):
     (['where'], 2, {'where': 'made'})
     >>> robid.Run.load(run.path)["where"].n_config
     2
+    >>> run.table()["result"], run.doubts
+    (['Configurations'], ())
+    >>> run.robot("where")  # of a fit the robot that it found
+    Traceback (most recent call last):
+    robid_core.errors.ConfigurationError: ... holds no model...
     """
 
     def __init__(self, folder: RunFolder, manifest: Manifest) -> None:
