@@ -287,6 +287,9 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     ) -> mechanics.SecondOrderModel:
         """Mass, damping and stiffness at the gravity equilibrium of each configuration, springs deflected.
 
+        >>> Robot.load("one_axis").second_order([[0.5]]).stiffness[0, 0].round().tolist()
+        [8.0, -800.0]
+
         Parameters
         ----------
         angle
@@ -297,9 +300,6 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
             (rms of the small signal, amplitude of the slow sine) of the motors' speeds, rad/s, shape (n_config, n_axis)
             each: what friction on the arm is linearised under. Left out, such friction has its viscous part only.
             Nonlinear springs have their slope at rest either way.
-
-        >>> Robot.load("one_axis").second_order([[0.5]]).stiffness[0, 0].round().tolist()
-        [8.0, -800.0]
         """
         stiffness, damping = self.spring_arrays()
         rest = self.equilibrium(angle)
