@@ -320,7 +320,7 @@ def test_what_was_asked_for_and_gains_more_than_chance_is_told_with_why_it_is_no
     assert not diagnosis.findings
     own = next(line for line in diagnosis.verdict.splitlines() if "axis_1 (motor): p = " in line)
     assert float(own.split("p = ")[1].split(",")[0]) < 1e-3
-    gain = float(own.split("gain ")[1].split()[0])
+    gain = float(own.split("rises by ")[1].split()[0].rstrip(";.,"))
     assert gain < float(own.split("not named: a cause has to gain ")[1].split()[0])
     assert "Nothing significant" not in diagnosis.verdict
     assert "gains more than chance, and not enough" in diagnosis.verdict

@@ -182,7 +182,7 @@ def test_test_experiments_alone_are_no_data(told: Robot) -> None:
 def test_a_variant_that_is_not_told_is_refused(told: Robot, loaded_file: str) -> None:
     """So are robots that nothing was measured under, and a number that all share and one tells otherwise."""
     record = measured((told, carrying(told, TOLD_KG)), POSES, 11)
-    with pytest.raises(ConfigurationError, match="tell the robot of each that is not the nominal one"):
+    with pytest.raises(ConfigurationError, match="give the robot of each that is not the nominal one"):
         diagnosed((record,), told)
     with pytest.raises(ConfigurationError, match="nothing was measured as 'heavy'"):
         diagnosed((record,), told, robots={"heavy": loaded_file})

@@ -136,5 +136,5 @@ def test_a_width_is_told_where_one_experiment_touches_both_flanks(place) -> None
     for positions in ([above], [below], [above, below]):
         said = Backlash.hardly_told(gap, place, positions)
         assert said.startswith("no experiment touches both flanks")
-        assert f"entered to a depth of {0.9 * GAP:.2g} rad" in said
+        assert f"motions went {0.9 * GAP:.2g} rad deep" in said
     assert "a depth of 0 rad" in Backlash.hardly_told(gap, place, [HALF + 0.1 * GAP + np.abs(wave)])

@@ -220,7 +220,7 @@ def test_what_a_simulation_does_not_depend_on_is_refused(tmp_path: Path) -> None
     record = record_of(plant, without=("motor_torque",))
     with pytest.raises(DataRejected, match="the record has no channel motor_torque"):
         TimeDomainFit(**FREE).run((record,), plant, context())
-    with pytest.raises(DataRejected, match="what the integrators of the drives held"):
+    with pytest.raises(DataRejected, match="initial state of the drives. integrators"):
         TimeDomainFit(**FREE, outputs=("motor_position",), horizon_s=0.3).run((record,), plant, context())
     with pytest.raises(ConfigurationError, match="less than three samples"):
         TimeDomainFit(**FREE, horizon_s=0.002).run((record_of(plant),), plant, context())

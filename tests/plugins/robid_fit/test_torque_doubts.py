@@ -49,7 +49,7 @@ def test_bodies_that_are_further_off_than_promised_are_doubted() -> None:
         "wide": TorqueResidualFit(prior=wide).run((record,), nominal, context()),
     }
     (doubt,) = [one for one in told["narrow"].doubts if one.kind == "tolerance"]
-    assert float(re.findall(r"robot file ([\d.]+) times", doubt.sentence)[0]) > 3.5
+    assert float(re.findall(r"robot file by ([\d.]+) times", doubt.sentence)[0]) > 3.5
     assert not [one for one in told["wide"].doubts if one.kind == "tolerance"]
     right = record_of(nominal, nominal, np.array([[0.3], [-0.8]]), 22)
     assert not [

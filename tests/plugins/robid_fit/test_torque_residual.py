@@ -219,7 +219,7 @@ def test_two_payloads_share_the_springs(tmp_path: Path, plant: Robot, nominal: R
     error = table.estimate[index] / np.array([true[n] for n in nominal.stiffness_names]) - 1
     assert np.sqrt((error**2).mean()) < 1e-3
     assert fit.misfit == pytest.approx(1.0, abs=0.05)
-    with pytest.raises(ConfigurationError, match="tell the robot of each that is not the nominal one"):
+    with pytest.raises(ConfigurationError, match="give the robot of each that is not the nominal one"):
         TorqueResidualFit().run((both,), nominal, context())
     with pytest.raises(ConfigurationError, match="nothing was measured as 'heavy'"):
         TorqueResidualFit(robots={"heavy": str(path)}).run((both,), nominal, context())

@@ -333,7 +333,9 @@ def test_R09_a_stage_that_becomes_another_program_is_told(
     monkeypatch.setattr("robid_core.run.confine.GONE_S", 0.5)
     world.run(last="frf")
     world.edit(FIT, FIT + "        os.execvp('sleep', ['sleep', '41.75'])\n")
-    with pytest.raises(PluginError, match="R09: .* goes on: its code put another program in its place"):
+    with pytest.raises(
+        PluginError, match="R09: .* no longer answers: its code put another program in its place"
+    ):
         confined(world, last="fit")
     assert "sleep 41.75" not in subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True).stdout
 
