@@ -137,4 +137,4 @@ def test_a_width_is_told_where_one_experiment_touches_both_flanks(place) -> None
         said = Backlash.hardly_told(gap, place, positions)
         assert said.startswith("no experiment touches both flanks")
         assert f"motions went {0.9 * GAP:.2g} rad deep" in said
-    assert "a depth of 0 rad" in Backlash.hardly_told(gap, place, [HALF + 0.1 * GAP + np.abs(wave)])
+    assert "went 0 rad deep" in Backlash.hardly_told(gap, place, [HALF + 0.1 * GAP + np.abs(wave)])
