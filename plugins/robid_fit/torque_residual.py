@@ -315,11 +315,11 @@ class TorqueResidualFit(Estimator):
             at_bound=at_bound,
             prior=np.sqrt(((slope * problem.prior) ** 2).sum(axis=1)),
         )
-        status = "converged" if solution.converged else "not converged"
-        status += (
-            f" after {len(solution.changes)} passes; the last one moved the springs by at most "
-            f"{solution.changes[-1]:.2g} standard errors"
+        n_pass = len(solution.changes)
+        status = (
+            f"converged after {n_pass} passes" if solution.converged else f"{n_pass} passes were not enough"
         )
+        status += f"; the last one moved the springs by at most {solution.changes[-1]:.2g} standard errors"
         if np.isfinite(solution.contraction):
             status += f", and each leaves {100 * solution.contraction:.2g} % of the way to the end"
         delay = problem.delay(point)

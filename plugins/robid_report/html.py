@@ -33,13 +33,12 @@ from robid_core import (
     Record,
     Report,
     ReportStage,
-    ResponseComparison,
     Robot,
     TimeComparison,
     Truth,
     link_meshes,
 )
-from robid_core.plot import DARK, comparison_of, pooled
+from robid_core.plot import DARK, beside, pooled
 from robid_report.beside import comparison, fit_with_response, other_fits
 from robid_report.body import body_data
 from robid_report.causes import cause_sections
@@ -127,10 +126,10 @@ def response_section(
     if comparison is None:
         if frf is None:
             return None, []
-        comparison = answered(frf, robot)
+        comparison = beside(frf, robot)
         if fit is not None and fit.model is not None:
             comparison = dataclasses.replace(
-                answered(frf, Robot.of_model(fit.model)), start=comparison.start, curve_start=comparison.curve
+                beside(frf, Robot.of_model(fit.model)), start=comparison.start, curve_start=comparison.curve
             )
     spectra = spectra_of(record, comparison.frequency_hz)
     steady = steady_state(record, spectra, comparison) if record is not None and spectra is not None else None
@@ -139,13 +138,6 @@ def response_section(
         [] if steady is None else [(f"Excited lines, configuration {steady[0] + 1}, {model_name}", steady[1])]
     )
     return response_plots(comparison, fitted, of_responses, frf, spectra), over_time
-
-
-def answered(frf: Frf, robot: Robot) -> ResponseComparison:
-    """Return measured responses beside those of a robot, its curve drawn between the lines, too."""
-    between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
-    model, curve = (robot.response(frf.angle, f, hold=frf.torque_hold) for f in (frf.frequency_hz, between))
-    return comparison_of(frf, model, (between, curve))
 
 
 def body_section(

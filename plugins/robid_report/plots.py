@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from robid_core import ComplexArray, FloatArray, Frf, ResponseComparison, TimeComparison
+from robid_core import ComplexArray, Frf, ResponseComparison, TimeComparison
 from robid_core.plot import (
+    DECADES,
+    PANEL,
     bode_data,
     bode_layout,
     distortion_panels,
     kept_samples,
+    level_of_response,
     noun,
     panel_layout,
     residual_panels,
@@ -21,8 +24,6 @@ from robid_report.numbers import percent, significant
 
 TALL = 440  # pixels of a figure that stands alone
 LOW = 300  # of one in a row of several
-PANEL = 190  # of one without a phase
-DECADES = {"type": "log", "exponentformat": "power", "dtick": 1}
 
 
 def response_plots(
@@ -63,7 +64,8 @@ def response_plots(
             },
         }
     if frf is not None and (frf.odd_distortion is not None or frf.even_distortion is not None):
-        level = _level_of_response(spectra, n_config)
+        known = spectra is not None and len(spectra[1]) == n_config
+        level = level_of_response(spectra[1]) if spectra is not None and known else None
         rows["response-distortion"] = {
             "data": [
                 distortion_panels(frf, c, None if level is None else level[c])
@@ -77,14 +79,6 @@ def response_plots(
         "rows": rows,
         "entries": {"data": single, "layouts": {1: bode_layout(alone, 1, TALL)}},
     }
-
-
-def _level_of_response(spectra: tuple[ComplexArray, ComplexArray] | None, n_config: int) -> FloatArray | None:
-    """Root mean square of the accelerations' coefficients over experiments, (n_config, n_freq, n_axis)."""
-    if spectra is None or len(spectra[1]) != n_config:
-        return None
-    level: FloatArray = np.sqrt((np.abs(spectra[1]) ** 2).mean(axis=(1, 4)))
-    return level
 
 
 def time_plots(comparison: TimeComparison, heading: str) -> dict[str, Any]:

@@ -1,9 +1,16 @@
 """Figures of results, by Plotly: those of the page and those of a notebook, from the same numbers in the same style."""
 
-from robid_core.plot.bode import Entry, bode_data, bode_layout, comparison_of
+from robid_core.plot.bode import Entry, beside, bode_data, bode_layout
 from robid_core.plot.estimates import correlation, parameters
 from robid_core.plot.figures import distortion, friction, residuals, response, time
-from robid_core.plot.panels import distortion_panels, panel_layout, residual_panels
+from robid_core.plot.panels import (
+    DECADES,
+    PANEL,
+    distortion_panels,
+    level_of_response,
+    panel_layout,
+    residual_panels,
+)
 from robid_core.plot.pool import pooled
 from robid_core.plot.recorded import record
 from robid_core.plot.rounding import compact
@@ -12,17 +19,20 @@ from robid_core.plot.traces import kept_samples, noun, traces
 
 __all__ = [
     "DARK",
+    "DECADES",
     "Entry",
     "Figure",
+    "PANEL",
+    "beside",
     "bode_data",
     "bode_layout",
     "compact",
-    "comparison_of",
     "correlation",
     "distortion",
     "distortion_panels",
     "friction",
     "kept_samples",
+    "level_of_response",
     "noun",
     "panel_layout",
     "parameters",

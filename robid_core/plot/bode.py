@@ -14,6 +14,7 @@ from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import Frf, ResponseComparison
 from robid_core.plot.rounding import compact, rounded_to
 from robid_core.plot.style import BAND, MEASURED, MODEL, START, Figure, axis, heading_over, layout, title
+from robid_core.robot import Robot
 
 FLOOR = 1e-12  # (rad/s^2)/(N m); an entry that is zero by symmetry would be at minus infinity dB
 SPREAD = 2.0  # standard deviations on either side
@@ -48,6 +49,21 @@ def comparison_of(
         curve=curve,
         curve_start=curve,
     )
+
+
+def beside(frf: Frf, robot: Robot) -> ResponseComparison:
+    """Return a measured response beside that of a robot, drawn between the lines, too.
+
+    Friction damps as under the motion that was measured, where the response knows that.
+    """
+    between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
+    damping = None
+    if frf.speed_rms is not None and frf.slow_sine_speed is not None:
+        damping = robot.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed, frf.frequency_hz)
+    model, curve = (
+        robot.response(frf.angle, f, damping, hold=frf.torque_hold) for f in (frf.frequency_hz, between)
+    )
+    return comparison_of(frf, model, (between, curve))
 
 
 def bode_data(

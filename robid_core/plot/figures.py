@@ -6,18 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.artifacts import Diagnosis, Fit, Frf, Record, ResponseComparison
+from robid_core.artifacts import Diagnosis, Fit, Frf, Record
 from robid_core.errors import ConfigurationError
 from robid_core.plot.arguments import axis_number, check_kind, check_number
-from robid_core.plot.bode import Entry, bode, comparison_of
+from robid_core.plot.bode import Entry, beside, bode, comparison_of
 from robid_core.plot.curves import friction_curves, residual_curves, side_by_side
-from robid_core.plot.panels import distortion_panels, level_of_response, panel_layout, residual_panels
+from robid_core.plot.panels import (
+    DECADES,
+    PANEL,
+    distortion_panels,
+    level_of_response,
+    panel_layout,
+    residual_panels,
+)
 from robid_core.plot.style import columns_of, shown
 from robid_core.plot.traces import traces
 from robid_core.robot import Robot
-
-PANEL = 190  # pixels of a row of panels without a phase
-DECADES = {"type": "log", "exponentformat": "power", "dtick": 1}
 
 
 def response(
@@ -66,9 +70,9 @@ def response(
         found = None if model.model is None else Robot.of_model(model.model)
         if found is None:
             raise ConfigurationError("the fit has neither a response nor a model; give a robot in its place")
-        comparison, fitted = _beside(frf, found), True
+        comparison, fitted = beside(frf, found), True
     elif model is not None:
-        comparison = _beside(frf, model)
+        comparison = beside(frf, model)
     else:
         comparison = comparison_of(frf, np.full(frf.response.shape, 0j))
     check_number("configuration", configuration, len(comparison.measured))
@@ -229,19 +233,6 @@ def _response_residuals(fit: Fit, axis: str | None, configuration: int) -> Any:
     names = comparison.axis_names
     layout = panel_layout(names, "std. errors", columns_of(len(names)), PANEL, {"rangemode": "tozero"})
     return shown({"data": residual_panels(comparison, configuration), "layout": layout})
-
-
-def _beside(frf: Frf, robot: Robot) -> ResponseComparison:
-    """Return a response beside a robot's, friction as it damps under the motion that was measured."""
-    between = ResponseComparison.frequencies_of_curves(frf.frequency_hz)
-    damping = None
-    if frf.speed_rms is not None and frf.slow_sine_speed is not None:
-        damping = robot.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed, frf.frequency_hz)
-    return comparison_of(
-        frf,
-        robot.response(frf.angle, frf.frequency_hz, damping, hold=frf.torque_hold),
-        (between, robot.response(frf.angle, between, damping, hold=frf.torque_hold)),
-    )
 
 
 def _entries(names: tuple[str, ...], output: str | None, into: str | None) -> list[Entry]:

@@ -70,6 +70,10 @@ def distortion_panels(
     return found
 
 
+PANEL = 190  # pixels of a row of panels without a phase
+DECADES = {"type": "log", "exponentformat": "power", "dtick": 1}
+
+
 def level_of_response(accelerations: ComplexArray) -> FloatArray:
     """Root mean square of the accelerations' coefficients over blocks and experiments, (n_config, n_freq, n_axis).
 

@@ -424,7 +424,8 @@ def test_a_fit_of_torques_is_drawn_as_its_model_answers_beside_the_robot_file(ro
     data = figures_of(html)["response"]["rows"]["response-axes"]["data"][0]
     fitted, file = curve(data, "fitted model"), curve(data, "start")
     for drawn, one in ((fitted, softer), (file, robot)):
-        response = one.response(frf.angle, np.asarray(drawn["x"]), hold=frf.torque_hold)[0, :, 0, 0]
+        damping = one.equivalent_motor_damping(frf.speed_rms, frf.slow_sine_speed, frf.frequency_hz)
+        response = one.response(frf.angle, np.asarray(drawn["x"]), damping, hold=frf.torque_hold)[0, :, 0, 0]
         np.testing.assert_allclose(drawn["y"], 20 * np.log10(np.abs(response)), atol=0.05)
     assert "response-residuals" not in figures_of(html)["response"]["rows"]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError, Fit, Frf, FrictionCurve, Robot, TimeComparison, plot
-from robid_core.plot.bode import bode
+from robid_core.plot.bode import bode, comparison_of
 from robid_core.plot.pool import pooled
 from robid_core.plot.rounding import compact, rounded_to
 from robid_core.plot.traces import kept_samples
@@ -101,7 +101,7 @@ def test_a_phase_that_passes_180_degrees_is_broken_there(frf: Frf) -> None:
              "degrees_of_freedom", "speed_rms", "slow_sine_speed")
         ),
     )  # fmt: skip
-    comparison = plot.comparison_of(one, one.response)
+    comparison = comparison_of(one, one.response)
     data = bode(comparison, 0, [(0, 0, "")], False, 1, 440)["data"]
     phase = next(trace for trace in data if trace["name"] == "robot file" and trace["yaxis"] != "y")
     assert phase["y"] == [100, 170, None, -170, -110]
