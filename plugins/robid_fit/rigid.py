@@ -37,12 +37,14 @@ from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
 from robid_fit.rigid_model import KINDS, Columns, Kind, random_motion, torque_columns
+from robid_fit.rigid_rows import marginalised
 from robid_fit.rigid_solution import RigidProblem, RigidSolution
 from robid_fit.rigid_unknowns import Delays, RigidUnknowns
 
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
 # A fit that leaves more than this share of the torque unexplained describes another machine.
 LARGEST_RELATIVE_ERROR = 0.5
+TOLD = 0.005  # of the samples: fewer at rest are not worth a word
 SEEN = 0.5  # of what was known before: a short table shows what the data have told better
 
 
@@ -105,7 +107,10 @@ class RigidBodyFit(Estimator):
     drop_last: NonNegativeInt = 50
     """Samples left out at the end."""
     friction_speed: NonNegativeFloat | None = None
-    """Speed scale of Coulomb friction, tanh(v / v_s), at the motor; 0: plain sign(v); null: the robot's."""
+    """Speed v_s within which Coulomb friction turns, tanh(v / v_s), at all motors; 0: plain sign(v); null: found for
+    each motor, friction.<axis>.speed, from the robot file's value on."""
+    at_rest: Literal["leave_out", "keep"] = "leave_out"
+    """What becomes of samples at which an axis stands still: friction holds it there by any torque up to its level."""
     discard: NonNegativeInt | None = None
     """Leading periods left out of a periodic record; null: decided from the data, as many as differ from
     those after them."""
@@ -127,10 +132,13 @@ class RigidBodyFit(Estimator):
             refuse_copies(record)
         progress = context.progress if context is not None else lambda *_: None
         robot, _ = variant_robots(record, robot, {}, self.constants)  # of one variant: others are refused
-        stiff = rigid_robot(robot)
-        speed = robot.drives.friction_speed
+        fixed = self.fixed
         if self.friction_speed is not None:
-            speed = np.full(robot.n_axis, self.friction_speed)
+            fixed += tuple(f"friction.{axis}.speed" for axis in robot.axis_names)
+            if self.friction_speed > 0:  # a robot file has no plain sign
+                robot = robot.with_parameters(dict.fromkeys(fixed[-robot.n_axis :], self.friction_speed))
+        stiff = rigid_robot(robot)
+        speed = np.full(robot.n_axis, 0.0) if self.friction_speed == 0 else robot.drives.friction_speed
         sampling = Sampling(
             self.cutoff_hz,
             self.filter_order,
@@ -138,6 +146,7 @@ class RigidBodyFit(Estimator):
             self.drop_first,
             self.drop_last,
             leading_periods(record, self.discard, context.log if context is not None else None),
+            self.at_rest == "leave_out",
         )
         timed = self.delays != "none"
         equations = RigidEquations.of_records(record, stiff, speed, sampling, timed=timed)
@@ -150,7 +159,7 @@ class RigidBodyFit(Estimator):
             stiff,
             equations.columns,
             self.unknowns,
-            self.fixed,
+            fixed,
             self.prior,
             self.delays,
             record[0].runs[0].sample_time_s,
@@ -167,7 +176,7 @@ class RigidBodyFit(Estimator):
         if self.blocks is None:
             return found
         residual, n_unsettled = problem.left_out(solution, self.blocks, progress)
-        left = _share(residual, equations.torque)
+        left = _share(residual, equations)
         told = ", ".join(
             f"{name} {100 * own:.3g} %" for name, own in zip(robot.axis_names, left.tolist(), strict=True)
         )
@@ -176,20 +185,23 @@ class RigidBodyFit(Estimator):
             + (f" ({n_unsettled} of these fits did not settle)" if n_unsettled else "")
             + f": {told}",
             stated_doubts=found.stated_doubts
-            + prediction_doubts(_share(solution.at.residual, equations.torque), left, robot.axis_names),
+            + prediction_doubts(_share(solution.at.residual, equations), left, robot.axis_names),
         )
 
 
-def _share(residual: FloatArray, torque: FloatArray) -> FloatArray:
-    """What is left of each torque, rms, (n_axis,)."""
-    result: FloatArray = np.linalg.norm(residual, axis=0) / np.linalg.norm(torque, axis=0)
+def _share(residual: FloatArray, equations: RigidEquations) -> FloatArray:
+    """What is left of each torque that counts, rms, (n_axis,)."""
+    counted = equations.counted
+    result: FloatArray = np.linalg.norm(counted * residual, axis=0) / np.linalg.norm(
+        counted * equations.torque, axis=0
+    )
     return result
 
 
 def _refuse_still(equations: RigidEquations, independent: IntArray) -> None:
     """Refuse a record in which a base parameter does not act at all."""
     regressor = equations.regressor[:, :, independent]
-    still = np.flatnonzero(~regressor.any(axis=(0, 1)))
+    still = np.flatnonzero(~(regressor * equations.counted[..., None]).any(axis=(0, 1)))
     if len(still):
         unseen = ", ".join(equations.columns.names[independent[i]] for i in still)
         raise NotIdentifiable(f"the motion does not excite {unseen}; move these axes or hold the parameters")
@@ -201,14 +213,23 @@ def _essential(
     names: tuple[str, ...],
     index: IntArray,
     base: FloatArray,
+    bends: list[int],
 ) -> EssentialParameters:
-    """Return what least squares without tolerances keep of base parameters: columns `index`, values `base`."""
-    weight = 1 / (solution.deviation * np.sqrt(solution.inflation))
-    columns = equations.regressor[:, :, index]
-    target = (solution.at.residual + columns @ base) * weight
-    rows = (columns * weight[:, None]).reshape(-1, len(index))
-    freedom = float((len(target) / solution.inflation).sum())
-    found = eliminate(rows, target.ravel(), freedom)
+    """Return what least squares without tolerances keep of base parameters: columns `index`, values `base`.
+
+    Unknowns that the torque is not linear in, `bends`, stand beside them.
+    """
+    weight = equations.counted / (solution.deviation * np.sqrt(solution.inflation))
+    columns = solution.at.regressor[:, :, index]
+    target = solution.at.residual + columns @ base
+    bent = solution.at.rows[..., bends] * solution.prior[bends]
+    rows = (np.concatenate((columns, target[..., None], bent), axis=2) * weight[..., None]).reshape(
+        weight.size, -1
+    )
+    n = len(index) + 1
+    rows = marginalised(rows[:, :n], rows[:, n:])
+    freedom = float((equations.counted.sum(axis=0) / solution.inflation).sum())
+    found = eliminate(rows[:, :-1], rows[:, -1], freedom)
     units = [equations.columns.units[i] for i in index]
     return EssentialParameters(
         names=tuple(names[i] for i in found.kept),
@@ -248,7 +269,8 @@ def _result(
     base_names = tuple(columns.names[i] for i in places[base.independent])
     base_error = np.sqrt(np.maximum(np.einsum("bi,ij,bj->b", by_unknown, covariance, by_unknown), 0.0))
     measured = solution.at.torque
-    relative = float(np.linalg.norm(residual) / np.linalg.norm(measured))
+    counted = equations.counted
+    relative = float(np.linalg.norm(counted * residual) / np.linalg.norm(counted * measured))
     known = int((base_error < 0.1 * np.abs(combined @ unknowns.linear(point))).sum())
     status = (
         f"{measured.size} equations, {len(names)} unknowns; {len(base_names)} base parameters, {known} of them known "
@@ -257,6 +279,13 @@ def _result(
     if unknowns.delays:
         late = unknowns.delay(point)[: len(unknowns.delays)]
         status += f"; torque lags by {', '.join(f'{1e6 * each:.3g}' for each in late.tolist())} us"
+    resting = [
+        f"{name} {100 * share:.0f} %"
+        for name, share in zip(robot.axis_names, 1 - counted.mean(axis=0), strict=True)
+        if share > TOLD
+    ]
+    if resting:
+        status += f"; left out, since at rest: {', '.join(resting)} of the samples"
     if solution.widened > 1:
         status += f"; tolerances of bodies widened {solution.widened:.3g} times"
     if relative > LARGEST_RELATIVE_ERROR:
@@ -308,7 +337,12 @@ def _result(
             ),
         ),
         essential=_essential(
-            equations, solution, base_names, places[base.independent], combined @ unknowns.linear(point)
+            equations,
+            solution,
+            base_names,
+            places[base.independent],
+            combined @ unknowns.linear(point),
+            unknowns.bends,
         ),
         stated_doubts=doubts(equations, unknowns, solution, by_unknown, base_names),
         model=robot.model(

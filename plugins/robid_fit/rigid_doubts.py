@@ -17,6 +17,7 @@ from robid_fit.tolerances import WIDENED
 
 COLOURED = 0.5  # from one sample to the next
 WEAK = 0.5  # of what was known before
+MANY = 0.5  # of the base parameters: a fit of which more are weak is another robot file's
 WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence
 LATEST = 1.0  # samples between torque and angle: drives differ by less
@@ -70,7 +71,8 @@ def prediction_doubts(
 def _coloured(
     equations: RigidEquations, solution: RigidSolution, base: FloatArray, axis_names: Sequence[str]
 ) -> Iterator[Doubt]:
-    residuals = [solution.at.residual[part] for part in equations.parts]
+    left = equations.counted * solution.at.residual
+    residuals = [left[part] for part in equations.parts]
     parts = [correlation(residual) for residual in residuals]
     lengths = [part.stop - part.start for part in equations.parts]
     each = np.average(parts, axis=0, weights=lengths)
@@ -115,6 +117,7 @@ def _weak(solution: RigidSolution, base: FloatArray, names: Sequence[str]) -> It
             f"{len(weak)} of {len(names)} base parameters are determined by the robot file rather than by the data: "
             f"{_listed(weak)}",
             "record motions that show them (excitation.fourier plans such), or predict like motions only",
+            "doubt" if len(weak) > MANY * len(names) else "remark",
         )
 
 

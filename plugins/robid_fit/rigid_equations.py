@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from robid_core import DataRejected, FloatArray, Record, Robot
 from robid_core.estimation.rigid.regression import decimate, decimated_index
+from robid_core.estimation.standstill import at_rest
 from robid_fit.rigid_effects import acting_laws, effect_torque
 from robid_fit.rigid_model import Columns, RigidMotion, experiments, motion_of, torque_columns
+from robid_fit.rigid_reversal import direction, direction_slope
 from robid_fit.rigid_timing import moved_back, rate
 
 BODIES = ("inertia", "rotor_inertia")
@@ -49,6 +52,8 @@ class Sampling:
     drop_first: int
     drop_last: int
     discard: int
+    leave_rest: bool = False
+    """Whether samples at which an axis stands still are left out for that axis."""
 
     def window(self, n_sample: int) -> slice:
         """Samples of an experiment that are kept."""
@@ -67,6 +72,12 @@ class RigidEquations:
     sampling: Sampling
     columns: Columns
     """Names, units and values of the robot; the regressor in it is that of the last experiment alone."""
+    friction_speed: FloatArray
+    """v_s of tanh(v / v_s), (n_axis,)."""
+    regressor: FloatArray
+    """Torque per unit of every column at the equations, (n_equation, n_axis, n_column)."""
+    counted: FloatArray
+    """One where an axis counts, zero where it stands still and that is left out, (n_equation, n_axis)."""
 
     @classmethod
     def of_records(
@@ -94,7 +105,7 @@ class RigidEquations:
         timed
             Whether a held torque counts half a sample later than it was recorded, where it acts.
         """
-        found, elapsed = list[Experiment](), 0
+        found, measured, elapsed = list[Experiment](), list[FloatArray](), 0
         for record, run in ((one, run) for one in records for run in one.runs):
             early = HELD if timed and record.torque_hold == "zero_order_hold" else 0.0
             for angle, torque in experiments(run, robot, sampling.discard, position):
@@ -112,17 +123,42 @@ class RigidEquations:
                         columns.regressor,
                     )
                 )
+                measured.append(angle[kept])
                 elapsed += len(angle)
-        return cls(tuple(found), sampling, columns)
+        regressor = np.concatenate([decimate(one.regressor, sampling.decimation) for one in found])
+        counted = np.ones(regressor.shape[:2])
+        if sampling.leave_rest:
+            counted = np.concatenate(_moving(found, measured, sampling))
+        return cls(tuple(found), sampling, columns, speed, regressor, counted)
+
+    def at_friction_speed(self, speed: FloatArray) -> RigidEquations:
+        """Return the same with Coulomb friction that turns within another speed, (n_axis,)."""
+        if (speed == self.friction_speed).all():
+            return self
+        regressor = self.regressor.copy()
+        turned = self.kept(lambda one: direction(one.motion.velocity, speed))
+        axes = range(len(speed))
+        regressor[:, axes, self.coulomb] = turned[:, axes]
+        return replace(self, friction_speed=speed, regressor=regressor)
+
+    def directions(self, axis: int, speeds: Sequence[float]) -> FloatArray:
+        """What Coulomb friction of an axis multiplies, for some speeds that it turns within, (n_equation, n_speed)."""
+        return self.kept(
+            lambda one: direction(one.motion.velocity[:, [axis] * len(speeds)], np.array(speeds))
+        )
+
+    def friction_slope(self) -> FloatArray:
+        """Return the derivative of the torque by v_s, per unit of Coulomb friction, (n_equation, n_axis)."""
+        return self.kept(lambda one: direction_slope(one.motion.velocity, self.friction_speed))
+
+    @property
+    def coulomb(self) -> list[int]:
+        """Columns of the Coulomb friction of each axis."""
+        return [column for column, kind in enumerate(self.columns.kinds) if kind == "coulomb"]
 
     def kept(self, of: Callable[[Experiment], FloatArray]) -> FloatArray:
         """What each experiment gives at all its samples, (n_sample, ...), decimated, one after the other."""
         return np.concatenate([decimate(of(one), self.sampling.decimation) for one in self.each])
-
-    @cached_property
-    def regressor(self) -> FloatArray:
-        """Shape (n_equation, n_axis, n_column)."""
-        return self.kept(lambda one: one.regressor)
 
     @cached_property
     def torque(self) -> FloatArray:
@@ -187,3 +223,21 @@ class RigidEquations:
             )
         found = np.concatenate(both)
         return found[..., 0], found[..., 1:]
+
+
+def _moving(
+    each: Sequence[Experiment], measured: Sequence[FloatArray], sampling: Sampling
+) -> list[FloatArray]:
+    """One where an axis moves, (n_equation, n_axis) of each experiment; what a low-pass mixes rests together."""
+    still = at_rest(
+        measured,
+        [one.motion.velocity for one in each],
+        [one.motion.position for one in each],
+        [one.sample_time for one in each],
+        sampling.cutoff_hz,
+    )
+    if sampling.decimation > 1:
+        reach = 2 * sampling.decimation + 1
+        near = [scipy.ndimage.maximum_filter1d(one, reach, axis=0) for one in still]
+        still = [one[decimated_index(len(one), sampling.decimation)] for one in near]
+    return [np.where(one, 0.0, 1.0) for one in still]

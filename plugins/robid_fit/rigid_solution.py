@@ -24,12 +24,13 @@ from robid_core.estimation.rigid.coloured import (
 )
 from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_fit.rigid_equations import RigidEquations
+from robid_fit.rigid_reversal import GRID, best_of_grid
+from robid_fit.rigid_rows import beside, size, spanned, triangles
 from robid_fit.rigid_unknowns import RigidUnknowns
 from robid_fit.tolerances import tolerance_factor
 
 ROUNDS = 40
 STAYS = 0.02  # standard errors, and share of a weight or a tolerance: less is no change
-DEPENDS = 1e-12  # of the largest singular value: instruments that say nothing of their own
 HUBER = 1.345  # deviations beyond which a sample counts less: 95 % efficient where noise is normal
 NORMAL = 1.4826  # standard deviations in a median of absolute values
 WIDEST = 100.0  # times a tolerance
@@ -52,6 +53,8 @@ class Linearised:
     """Derivative of the predicted torque, (n_equation, n_axis, n_unknown)."""
     torque: FloatArray
     """Measured, its delay taken off, (n_equation, n_axis)."""
+    regressor: FloatArray
+    """Torque per unit of every column, (n_equation, n_axis, n_column)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,25 +97,21 @@ class RigidProblem:
         widen: bool,
         counts: FloatArray | None = None,
     ) -> None:
-        """Prepare; `counts` is zero for equations that are left out, (n_equation,)."""
+        """Prepare; `counts` is zero for equations that are left out, (n_equation,), beside those at rest."""
         self.equations, self.unknowns, self.instruments = equations, unknowns, instruments
         self.robust, self.widen = robust, widen
-        self._counts = np.ones(len(equations.torque)) if counts is None else counts
-        self.laws = tuple(name for name in unknowns.free.names if name.startswith("effect."))
+        self._counts = equations.counted if counts is None else equations.counted * counts[:, None]
+        self.laws, self._place = unknowns.laws, unknowns.bends
         self._n_free = len(unknowns.free.names)
-        late = range(unknowns.n_own, len(unknowns.names))
-        self._place = [
-            *(unknowns.names.index(name) for name in self.laws),
-            *late,
-        ]  # of what the torque bends with
 
     def linearised(self, point: FloatArray) -> Linearised:
         """Run all laws about a point."""
         return Linearised(point, *self._of(self.equations, point))
 
-    def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What is left, its derivative with the sign turned, and the measured torque without its delay."""
+    def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, ...]:
+        """What is left, its derivative with the sign turned, the measured torque without its delay, the regressor."""
         unknowns = self.unknowns
+        equations = equations.at_friction_speed(unknowns.friction_speed(point, equations.friction_speed))
         linear = unknowns.linear(point)
         robot = unknowns.free.robot_at(point[: self._n_free]) if self.laws else unknowns.free.robot
         torque, columns = equations.of_effects(robot, self.laws, linear)
@@ -121,11 +120,15 @@ class RigidProblem:
         rows = equations.regressor @ unknowns.linear_slopes(point)
         if self.laws:
             rows = rows + columns @ unknowns.slopes(point)[self._place[: len(self.laws)]]
+        if unknowns.turning:
+            turned = equations.friction_slope() * linear[equations.coulomb] * equations.friction_speed
+            for axis, place in unknowns.turning.items():
+                rows[:, axis, place] += turned[:, axis]
         if unknowns.delays:
             # Of the predicted torque: the derivative of the measured one would count its noise as information.
             later = -unknowns.sample_time_s * equations.rate(predicted)
             rows[..., unknowns.n_own :] = later[..., None] * unknowns.delayed
-        return measured - predicted, rows, measured
+        return measured - predicted, rows, measured, equations.regressor
 
     def left_out(
         self, at: RigidSolution, n_block: int, progress: Callable[[float, float, str], None]
@@ -147,11 +150,10 @@ class RigidProblem:
 
     def solve(self, begin: Linearised | None = None) -> RigidSolution:
         """Go on until weights, tolerances and unknowns stay."""
-        unknowns = self.unknowns
-        here = begin or self.linearised(unknowns.start)
+        here = begin or self._first()
         scale, widened = np.sqrt((self.equations.torque**2).mean(axis=0)), 1.0
         scale = np.where(scale > 0, scale, 1.0)
-        kappa, weights, n_rounds = np.ones_like(scale), self._counts[:, None] * np.ones_like(scale), 0
+        kappa, weights, n_rounds = np.ones_like(scale), self._counts, 0
         settled, asked, last = False, 1.0, np.zeros_like(here.point)
         while not settled and n_rounds < ROUNDS:
             n_rounds += 1
@@ -170,6 +172,20 @@ class RigidProblem:
                 (deviation <= rounding).any()
             )
         return self._solution(here, scale, kappa, weights, (widened, asked), n_rounds, settled)
+
+    def _first(self) -> Linearised:
+        """Begin at the told robot, but with the best of some speeds within which friction turns, axis by axis."""
+        unknowns, point = self.unknowns, self.unknowns.start
+        here = self.linearised(point)
+        for axis, place in unknowns.turning.items():
+            grid = np.clip(GRID, unknowns.lower[place], unknowns.upper[place])
+            directions = self.equations.directions(axis, (unknowns.free.start[place] * np.exp(grid)).tolist())
+            level = unknowns.columns.value[self.equations.coulomb[axis]]
+            torque = here.residual[:, axis] + level * here.regressor[:, axis, self.equations.coulomb[axis]]
+            counts = self._counts[:, axis]
+            best = best_of_grid(counts * torque, self._triangles[axis][0], counts[:, None] * directions)
+            point[place] = grid[best]
+        return self.linearised(point)
 
     # One round
 
@@ -212,7 +228,7 @@ class RigidProblem:
         while True:
             there = self._reached(here.point + step)
             if there is not None:
-                after = _size(basis, there.residual * weight) + priors(there.point)
+                after = size(basis, there.residual * weight) + priors(there.point)
                 if not self._place or after <= before * (1 + SAME):
                     return there
             if np.abs(step).max() < SMALL:
@@ -235,55 +251,53 @@ class RigidProblem:
 
         With instruments, as far as these show them: two-stage least squares.
         """
+        turned = [self.equations.coulomb[axis] for axis in self.unknowns.turning]
         bent = np.concatenate((here.rows[..., self._place], here.residual[..., None]), axis=2)
-        bent = bent * weight[..., None]
-        n = self.equations.regressor.shape[2]
+        bent, n = bent * weight[..., None], here.regressor.shape[2]
         if basis is None and not self.robust:
+            bent = np.concatenate((here.regressor[..., turned] * weight[..., None], bent), axis=2)
             parts = [
-                _beside(q, weight[:, axis].max() * r, bent[:, axis])
+                beside(q, weight[:, axis].max() * r, bent[:, axis])
                 for axis, (q, r) in enumerate(self._triangles)
             ]
+            rows = np.concatenate(parts)
+            rows[:, turned] = rows[:, n : n + len(turned)]
+            rows = np.delete(rows, range(n, n + len(turned)), axis=1)
         else:
-            columns = np.concatenate((self.equations.regressor * weight[..., None], bent), axis=2)
+            columns = np.concatenate((here.regressor * weight[..., None], bent), axis=2)
             each = columns.swapaxes(0, 1)
             if basis is None:
                 parts = [np.asarray(np.linalg.qr(own, mode="r"), dtype=np.float64) for own in each]
             else:
                 parts = [q.T @ own for q, own in zip(basis, each, strict=True)]
-        rows = np.concatenate(parts)
+            rows = np.concatenate(parts)
         return rows[:, :n], rows[:, n:-1], rows[:, -1]
 
     @cached_property
     def _triangles(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Orthonormal and triangular factor of the columns of each axis, equations that are left out being zero."""
-        counted = self.equations.regressor * self._counts[:, None, None]
-        factors = [np.linalg.qr(counted[:, axis]) for axis in range(counted.shape[1])]
-        return [(factor.Q, factor.R) for factor in factors]
+        """Factors of the columns of each axis; those of friction that turns, and equations left out, are zero."""
+        counted = self.equations.regressor * self._counts[:, :, None]
+        counted[..., [self.equations.coulomb[axis] for axis in self.unknowns.turning]] = 0.0
+        return triangles(counted)
 
     def _basis(self, here: Linearised, weight: FloatArray) -> list[FloatArray]:
         """Orthonormal functions that the instruments of each axis span, (n_equation, n)."""
         assert self.instruments is not None
-        seen = self._of(self.instruments, here.point)[1]
-        columns = np.concatenate((self.instruments.regressor, seen[..., self._place]), axis=2)
-        found = []
-        for axis in range(weight.shape[1]):
-            own = columns[:, axis] * weight[:, axis, None]
-            length = np.linalg.norm(own, axis=0)
-            vectors, values, _ = np.linalg.svd(own[:, length > 0] / length[length > 0], full_matrices=False)
-            found.append(vectors[:, values > DEPENDS * values.max(initial=0.0)])
-        return found
+        _, rows, _, regressor = self._of(self.instruments, here.point)
+        return spanned(np.concatenate((regressor, rows[..., self._place]), axis=2), weight)
 
     # Weights and tolerances
 
     def _weights(self, at: Linearised) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviation and long-run ratio of each axis, and what each sample counts, (n_equation, n_axis)."""
-        residual, n = self._counts[:, None] * at.residual, int(self._counts.sum())
-        each = self._counts[:, None] * np.ones_like(residual)
+        each, n = self._counts.copy(), self._counts.sum(axis=0)
+        residual = each * at.residual
         if self.robust:
-            middle = NORMAL * np.median(np.abs(residual[self._counts > 0]), axis=0)
+            seen = np.where(self._counts > 0, np.abs(residual), np.nan)
+            middle = NORMAL * np.nanmedian(seen, axis=0)
             size = np.abs(residual) / np.where(middle > 0, middle, 1.0)
             each = each * np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-300)))
-        freedom = max(n - len(at.point) / residual.shape[1], 1.0)
+        freedom = np.maximum(n - len(at.point) / residual.shape[1], 1.0)
         power = ((each * residual) ** 2).sum(axis=0)
         floor = ROUNDING * float(np.abs(self.equations.torque).max())
         deviation = np.maximum(np.sqrt(power / freedom), max(floor, 1e-300))
@@ -353,9 +367,9 @@ class RigidProblem:
         hessian = np.diag(precision) + np.sum([one.information for one in shares], axis=0)
         scores = np.sum([one.scores for one in shares], axis=0)
         self._refuse_alike(hessian)
-        freedom = float((len(each) / kappa).sum())
+        freedom = float((self._counts.sum(axis=0) / kappa).sum())
         covariance = sandwich(hessian, scores, precision, freedom)
-        white = sandwich(hessian, alone, precision, float(len(each)))
+        white = sandwich(hessian, alone, precision, float(self._counts.sum(axis=0).mean()))
         return RigidSolution(
             at,
             covariance,
@@ -369,18 +383,3 @@ class RigidProblem:
             n_rounds,
             converged,
         )
-
-
-def _beside(q: FloatArray, r: FloatArray, more: FloatArray) -> FloatArray:
-    """Triangular factor of the columns ``q r`` with more beside them, (n_row, n_column + n_more)."""
-    along = q.T @ more
-    rest = np.linalg.qr(more - q @ along, mode="r")
-    result: FloatArray = np.block([[r, along], [np.zeros((len(rest), r.shape[1])), rest]])
-    return result
-
-
-def _size(basis: list[FloatArray] | None, residual: FloatArray) -> float:
-    """Squared size of a weighted residual, (n_equation, n_axis), as far as instruments show it."""
-    if basis is None:
-        return float((residual**2).sum())
-    return float(sum(((own.T @ residual[:, axis]) ** 2).sum() for axis, own in enumerate(basis)))

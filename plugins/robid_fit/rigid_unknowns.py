@@ -1,5 +1,7 @@
 """Unknowns of a rigid fit: bodies, rotors, effects in natural scales, friction in its own units, delays of torques.
 
+Of friction, the speed within which it turns is changed by its logarithm: the torque is not linear in it.
+
 The ten numbers of a body are its mass, centre of mass and moments about it, so that whatever is found is a body that
 can be: second moments stay positive (`FreeParameters`). The torque is linear in mass, first moments and inertia about
 the joint, which these are turned into here.
@@ -23,7 +25,7 @@ from robid_fit.rigid_ripple import amplitude_and_phase, ripples
 
 MOMENTS = tuple(noun.partition(".")[2] for noun in PARAMETERS[4:])
 ENTRIES = tuple(zip(*(index.tolist() for index in np.triu_indices(3)), strict=True))
-FRICTION = ("viscous", "coulomb", "offset")
+TURNS = ".speed"  # of friction: the number that the torque is not linear in
 PROMISED = ("mass", "centre_of_mass", "inertia", "rotor_inertia")  # by drawings and data sheets
 TOLERANCE = 0.1  # of what these promise, where nobody says another
 LATE = 0.5  # samples: of two channels' timing, before the data
@@ -35,7 +37,7 @@ class RigidUnknowns:
     """What a rigid fit moves: coordinates of `free`, `friction` and `ripple` in N m, `delays` in samples."""
 
     free: FreeParameters
-    """Bodies, rotors and effects."""
+    """Bodies, rotors, effects, and speeds within which Coulomb friction turns."""
     friction: tuple[str, ...]
     """Viscous and Coulomb friction and offsets that are estimated."""
     columns: Columns
@@ -84,6 +86,8 @@ class RigidUnknowns:
                 return "inertia" if place.partition(".")[0] in bodies else ""
             if noun == "effect":
                 return "effects" if place.partition(".")[0] in laws else ""
+            if name.endswith(TURNS):
+                return "coulomb"
             return noun if noun == "rotor_inertia" else place.rpartition(".")[2]
 
         names = [
@@ -91,8 +95,11 @@ class RigidUnknowns:
             for name in robot.layout
             if kind_of(name) in kinds and not any(fnmatchcase(name, pattern) for pattern in fixed)
         ]
-        free = [name for name in names if not name.startswith("friction.")]
         friction = tuple(name for name in columns.names if name in names and name.startswith("friction."))
+        turns = {axis: f"friction.{axis}.coulomb" for axis in robot.axis_names}
+        rubs = {axis for axis, level in turns.items() if level in names or robot.parameter(level) > 0}
+        free = [name for name in names if not name.startswith("friction.")]
+        free += [name for name in names if name.endswith(TURNS) and name.split(".")[1] in rubs]
         promised = {name: TOLERANCE for name in free if name.partition(".")[0] in PROMISED}
         late = {
             "none": (),
@@ -247,7 +254,35 @@ class RigidUnknowns:
     def _own(self) -> dict[str, int]:
         """Unknowns that are columns themselves: rotors and friction."""
         columns = {name: column for column, name in enumerate(self.columns.names)}
-        return {n: columns[n] for n in self.names if n.startswith(("rotor_inertia.", "friction."))}
+        own = self.friction + tuple(n for n in self.free.names if n.startswith("rotor_inertia."))
+        return {name: columns[name] for name in own}
+
+    # What it is not linear in
+
+    @cached_property
+    def laws(self) -> tuple[str, ...]:
+        """Parameters of laws that are run along the motion."""
+        return tuple(name for name in self.free.names if name.startswith("effect."))
+
+    @cached_property
+    def bends(self) -> list[int]:
+        """Unknowns that the torque is not linear in: of laws, speeds within which friction turns, delays."""
+        laws = [self.free.names.index(name) for name in self.laws]
+        return [*laws, *self.turning.values(), *range(self.n_own, len(self.names))]
+
+    @cached_property
+    def turning(self) -> dict[int, int]:
+        """Axes of which the speed that friction turns within is free, and where its coordinate stands."""
+        places = {name: place for place, name in enumerate(self.free.names)}
+        names = [f"friction.{axis}{TURNS}" for axis in self.free.robot.axis_names]
+        return {axis: places[name] for axis, name in enumerate(names) if name in places}
+
+    def friction_speed(self, point: FloatArray, held: FloatArray) -> FloatArray:
+        """Speeds within which friction turns, (n_axis,); those that are not free are `held`."""
+        speed = held.copy()
+        for axis, place in self.turning.items():
+            speed[axis] = self.free.start[place] * np.exp(point[place])
+        return speed
 
     def _numbers(self, joint: str, found: Mapping[str, float]) -> FloatArray:
         """Mass, centre and moments of a body, (10,), held ones from the robot file."""

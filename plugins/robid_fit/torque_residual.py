@@ -20,7 +20,6 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from robid_core import (
     ConfigurationError,
     Context,
-    Doubt,
     Estimator,
     Fit,
     FloatArray,
@@ -51,13 +50,12 @@ from robid_core.residual import (
     variant_robots,
 )
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
-from robid_fit.tolerances import WIDENED, tolerance_factor
+from robid_fit.torque_doubts import doubts, standing
 from robid_fit.torque_gain import common_scale_problem
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
 RELAID = 3  # times that functions of speed are laid anew
-LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 FAR = 2.0  # misfit of what did not converge: not just short of the minimum
 STARTS_THEN = 8  # where the nominal robot's leads nowhere
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
@@ -168,7 +166,7 @@ class TorqueResidualFit(Estimator):
             model=model,
             excited=excited_range(record),
             friction=curves_of(problem, solution.point, friction),
-            stated_doubts=(*fit.stated_doubts, *other_shapes(robot, friction)),
+            stated_doubts=(*fit.stated_doubts, *other_shapes(robot, friction), *standing(record)),
         )
 
     def _solved(
@@ -336,65 +334,5 @@ class TorqueResidualFit(Estimator):
             covariance=covariance,
             free_names=free.names + nuisances,
             misfit_against=problem.blocks[0].noise_source,
-            stated_doubts=(*_late(problem, point), *_unlike(problem, solution), *_rattling(problem)),
+            stated_doubts=doubts(problem, solution),
         )
-
-
-def _rattling(problem: TorqueProblem) -> tuple[Doubt, ...]:
-    """Say which experiments a fit left out: it stands on the others."""
-    n_left_out, n = sum(problem.left_out), sum(np.prod(block.measured.shape[:2]) for block in problem.blocks)
-    if not n_left_out:
-        return ()
-    sentence = (
-        f"{n_left_out} of {n} experiments are not used: the model rattles there within a gap and does not repeat its "
-        "motion as the machine did"
-    )
-    remedy = "measure smaller or slower motions, or poses in which gravity loads the axis"
-    return (Doubt("rattling", sentence, remedy, "remark"),)
-
-
-def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
-    """Doubt channels that are further apart than those of one drive are."""
-    delay, sample_time = problem.delay(point), problem.blocks[0].motion.sample_time_s
-    axes = problem.free.robot.axis_names
-    lags = {"the torque": float(delay[np.argmax(np.abs(delay))])}
-    lags |= {
-        f"{one.channel} of {axes[one.axis]}": float(late)
-        for one, late in zip(problem.sensors, problem.sensing(point)[1], strict=True)
-    }
-    found = []
-    for channel, lag in lags.items():
-        samples = lag / sample_time
-        if abs(samples) <= LATEST:
-            continue
-        way = "lags" if samples > 0 else "leads"
-        sentence = (
-            f"{channel} {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
-        )
-        remedy = "look at the clocks of both channels, and shift the recorded one until a fit finds less than a sample"
-        found.append(Doubt("timing", sentence, remedy))
-    return tuple(found)
-
-
-def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
-    """Doubt bodies that differ from the robot file by more than was promised: then their errors are too small."""
-    free, n = problem.free, problem.n_free
-    bodies = np.array([free.robot.parameter_kind(name) == "inertia" for name in free.names], dtype=bool)
-    if not bodies.any():
-        return ()
-    prior, point = problem.prior[:n][bodies], solution.point[:n][bodies]
-    error = np.sqrt(np.diag(solution.covariance)[:n][bodies])
-    times, far = tolerance_factor(point, error, prior, least_seen=1.0), np.abs(point / prior)
-    if times <= WIDENED:
-        return ()
-    names = [name for name, own in zip(free.names, bodies.tolist(), strict=True) if own]
-    worst = names[int(np.argmax(far))]
-    return (
-        Doubt(
-            "tolerance",
-            f"bodies differ from the robot file by {times:.3g} times their stated tolerances, "
-            f"{worst} by {far.max():.3g} of them",
-            'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; 0.01 '
-            "unless set), or look for what the model lacks (robid diagnose)",
-        ),
-    )

@@ -13,7 +13,8 @@ from robid_core.residual.misfit import power_in_noise
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
-from robid_fit.torque_residual import TorqueResidualFit, _rattling
+from robid_fit.torque_doubts import rattling
+from robid_fit.torque_residual import TorqueResidualFit
 
 GAP = 1e-3  # rad, of 100 motor turns: it opens and closes with every wave of the multisine
 PLAY = Hypothesis((Addition("play", "transmission.backlash", "axis_1", "gear", {"gap": GAP}, ("gap",)),))
@@ -52,7 +53,7 @@ def test_experiments_in_which_the_model_rattles_do_not_count(plant: Robot, recor
     assert fitted.misfit < 1.1
     gap, error = fitted.estimate("effect.play.gap")
     assert abs(gap - GAP) < 3 * error < 0.2 * GAP
-    (remark,) = _rattling(problem)
+    (remark,) = rattling(problem)
     assert remark.is_remark
     assert "2 of 12 experiments are not used" in remark.sentence
 

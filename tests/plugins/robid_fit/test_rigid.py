@@ -101,7 +101,7 @@ def test_held_parameters_keep_the_robot_files_values(tmp_path: Path) -> None:
     record = recording(robot, 3)
     fit = RigidBodyFit(unknowns=("viscous", "coulomb"), cutoff_hz=50.0, decimation=20).run((record,), robot)
     assert tuple(fit.parameters.as_mapping()) == tuple(
-        f"friction.j{i}.{kind}" for kind in ("viscous", "coulomb") for i in (1, 2, 3)
+        f"friction.j{i}.{kind}" for kind in ("speed", "viscous", "coulomb") for i in (1, 2, 3)
     )
     for name, deviation in relative_deviation(fit, robot).items():
         assert abs(deviation) < 0.005, name

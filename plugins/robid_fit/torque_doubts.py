@@ -1,0 +1,127 @@
+"""What only a torque fit can doubt: channels far apart, bodies unlike the file's, axes that rattle or stand still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robid_core import Doubt, FloatArray, Record
+from robid_core.estimation.rigid.regression import differentiate, smooth
+from robid_core.estimation.standstill import at_rest
+from robid_core.residual import Solution, TorqueProblem
+from robid_fit.tolerances import WIDENED, tolerance_factor
+
+LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
+STANDING = 0.2  # of the samples
+OF_MOTION_HZ = 20.0  # motion below it
+SHORTEST = 50  # samples
+
+
+def doubts(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
+    """Return the reasons not to rely on a fit that lie in where it ended."""
+    return (*_late(problem, solution.point), *_unlike(problem, solution), *rattling(problem))
+
+
+def standing(records: Sequence[Record]) -> tuple[Doubt, ...]:
+    """Doubt friction of axes that stand still for much of the time: what holds them is no function of the speed."""
+    shares = _share_at_rest(records)
+    told = [
+        f"{name} in {100 * share:.0f} %"
+        for name, share in zip(records[0].axis_names, shares.tolist(), strict=True)
+        if share > STANDING
+    ]
+    if not told:
+        return ()
+    return (
+        Doubt(
+            "standstill",
+            f"axes stand still for much of the time: {', '.join(told)} of the samples. Friction holds an axis at rest "
+            "by any torque up to its level, which no function of the speed says",
+            "fit with fit.rigid, which leaves such samples out, cut the record to where the axes move (start_s, "
+            "stop_s), or measure motions without rests",
+        ),
+    )
+
+
+def _share_at_rest(records: Sequence[Record]) -> FloatArray:
+    """Share of the samples at which each axis stands still, (n_axis,)."""
+    measured, smoothed, speeds, times = [], [], [], []
+    highest = OF_MOTION_HZ
+    runs = [run for record in records for run in record.runs if "motor_position" in run.channels]
+    for run in runs:
+        highest = min(highest, 0.2 / run.sample_time_s)
+    for run in runs:
+        for angle in run.lanes("motor_position"):
+            known = angle[np.isfinite(angle).all(axis=1)]
+            if len(known) < SHORTEST:
+                continue
+            measured.append(known)
+            smoothed.append(smooth(known, run.sample_time_s, highest))
+            speeds.append(differentiate(smoothed[-1], run.sample_time_s))
+            times.append(run.sample_time_s)
+    if not measured:
+        return np.zeros(len(records[0].axis_names))
+    still = np.concatenate(at_rest(measured, speeds, smoothed, times, highest))
+    result: FloatArray = still.mean(axis=0)
+    return result
+
+
+def rattling(problem: TorqueProblem) -> tuple[Doubt, ...]:
+    """Say which experiments a fit left out: it stands on the others."""
+    n_left_out, n = sum(problem.left_out), sum(np.prod(block.measured.shape[:2]) for block in problem.blocks)
+    if not n_left_out:
+        return ()
+    sentence = (
+        f"{n_left_out} of {n} experiments are not used: the model rattles there within a gap and does not repeat its "
+        "motion as the machine did"
+    )
+    remedy = "measure smaller or slower motions, or poses in which gravity loads the axis"
+    return (Doubt("rattling", sentence, remedy, "remark"),)
+
+
+def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
+    """Doubt channels that are further apart than those of one drive are."""
+    delay, sample_time = problem.delay(point), problem.blocks[0].motion.sample_time_s
+    axes = problem.free.robot.axis_names
+    lags = {"the torque": float(delay[np.argmax(np.abs(delay))])}
+    lags |= {
+        f"{one.channel} of {axes[one.axis]}": float(late)
+        for one, late in zip(problem.sensors, problem.sensing(point)[1], strict=True)
+    }
+    found = []
+    for channel, lag in lags.items():
+        samples = lag / sample_time
+        if abs(samples) <= LATEST:
+            continue
+        way = "lags" if samples > 0 else "leads"
+        sentence = (
+            f"{channel} {way} the angles by {abs(samples):.1f} samples, or more: the fit looks near zero only"
+        )
+        remedy = "look at the clocks of both channels, and shift the recorded one until a fit finds less than a sample"
+        found.append(Doubt("timing", sentence, remedy))
+    return tuple(found)
+
+
+def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
+    """Doubt bodies that differ from the robot file by more than was promised: then their errors are too small."""
+    free, n = problem.free, problem.n_free
+    bodies = np.array([free.robot.parameter_kind(name) == "inertia" for name in free.names], dtype=bool)
+    if not bodies.any():
+        return ()
+    prior, point = problem.prior[:n][bodies], solution.point[:n][bodies]
+    error = np.sqrt(np.diag(solution.covariance)[:n][bodies])
+    times, far = tolerance_factor(point, error, prior, least_seen=1.0), np.abs(point / prior)
+    if times <= WIDENED:
+        return ()
+    names = [name for name, own in zip(free.names, bodies.tolist(), strict=True) if own]
+    worst = names[int(np.argmax(far))]
+    return (
+        Doubt(
+            "tolerance",
+            f"bodies differ from the robot file by {times:.3g} times their stated tolerances, "
+            f"{worst} by {far.max():.3g} of them",
+            'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; 0.01 '
+            "unless set), or look for what the model lacks (robid diagnose)",
+        ),
+    )

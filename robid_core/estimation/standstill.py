@@ -1,0 +1,60 @@
+"""Samples at which an axis stands still: friction may have any value up to its level there.
+
+What friction is while an axis sticks, no function of its speed says. A fit leaves such samples out, or says how many
+there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+
+from robid_core.arrays import BoolArray, FloatArray
+
+SPAN_S = 0.1  # an axis that turns back is slow for less
+NOISE = 2.0  # standard deviations of the speed's noise
+SLOWEST, SLOW = 1e-3, 2e-2  # of the rms speed of an axis: what counts as rest at least, and at most
+
+
+def at_rest(
+    angles: Sequence[FloatArray],
+    speeds: Sequence[FloatArray],
+    smoothed: Sequence[FloatArray],
+    sample_times: Sequence[float],
+    cutoff_hz: float,
+) -> list[BoolArray]:
+    """Return at which samples each axis stands still, (n_sample, n_axis) of each experiment.
+
+    An axis stands still where its speed over a tenth of a second is no more than what noise of the angle makes of it.
+    The noise is what a low-pass took off the angle; where it is large, an axis is at rest below a fiftieth of its rms
+    speed only. An axis that does not move in any experiment is at rest nowhere.
+
+    Parameters
+    ----------
+    angles, speeds, smoothed
+        Measured, derived and smoothed angles of the experiments, (n_sample, n_axis) each.
+    sample_times
+        Of each experiment, s.
+    cutoff_hz
+        Edge of that low-pass.
+    """
+    total = sum((speed**2).sum(axis=0) for speed in speeds)
+    rms = np.sqrt(total / sum(len(speed) for speed in speeds))
+    found = []
+    for angle, speed, smooth, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
+        noise = _noise_of_speed(angle - smooth, sample_time, cutoff_hz)
+        slow = np.clip(NOISE * noise, SLOWEST * rms, SLOW * rms)
+        n_span = 2 * max(round(SPAN_S / sample_time / 2), 1) + 1
+        mean = scipy.ndimage.uniform_filter1d(speed**2, n_span, axis=0, mode="nearest")
+        still = mean < slow**2
+        found.append(scipy.ndimage.maximum_filter1d(still, n_span, axis=0))
+    return found
+
+
+def _noise_of_speed(above: FloatArray, sample_time: float, cutoff_hz: float) -> FloatArray:
+    """Rms of the speed below an edge, (n_axis,), by white noise of which all `above` that edge is known."""
+    density = np.median(above**2, axis=0) / 0.455 / (0.5 / sample_time - cutoff_hz)  # median of a chi square
+    result: FloatArray = 2 * np.pi * np.sqrt(density * cutoff_hz**3 / 3)
+    return result
