@@ -69,7 +69,7 @@ def write_map(output: Path, lines: Sequence[str]) -> None:
 
 
 def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
-    """Show recordings one after the other, and return them; what cannot be read in a folder is told and left out."""
+    """Show recordings one after the other, and return them; of several, what cannot be read is told and left out."""
     from robid_core.commands.recordings.inspection import inspect, recordings_in
     from robid_core.commands.recordings.screen import recording_lines, short_line
     from robid_core.errors import RobidError
@@ -80,7 +80,7 @@ def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
             try:
                 one = inspect(file, form)
             except RobidError as error:
-                if not path.is_dir():
+                if len(paths) == 1 and not path.is_dir():
                     raise
                 typer.echo(f"{file}: left out: {error}")
                 continue

@@ -10,16 +10,14 @@ from pathlib import Path
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
 from robid_core.commands.recordings.motion import poses_differ
+from robid_core.commands.recordings.pattern import pattern_of
 from robid_core.commands.recordings.screen import clock_text, listed, step_of
 from robid_core.robot.file.wording import PLACEHOLDER
 
 FEWEST = 4  # experiments of a diagnosis; fewer are cut, which periods are not
+CHANNELS = "  channels:"
+LENGTH_TOLERANCE = 0.1  # share of the longest by which a recording of one stage may be shorter
 SAMPLE_TIME_S = 0.001  # written where no file tells the sampling time
-FIELDS = {
-    "config": {"c", "cfg", "config", "configuration", "pose"},
-    "block": {"b", "block", "repetition", "rep"},
-    "exp": {"e", "exp", "experiment", "run", "trial", "test"},
-}
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*(?: [A-Za-z0-9_./-]+)*")
 _WORDS_OF_YAML = {"true", "false", "yes", "no", "on", "off", "null", "y", "n", "none"}
 
@@ -34,13 +32,45 @@ def stage_lines(recordings: Sequence[Inspected], root: Path) -> list[str]:
     for one in recordings:
         if one.is_record or (one.guesses is not None and one.guesses.chosen):
             groups.setdefault(one.kind, []).append(one)
-    stages = [_stage(group, root) for group in _joined(list(groups.values()))]
+    alike = [part for group in groups.values() for part in _of_one_length(group)]
+    stages = [_stage(group, root) for group in _joined(alike)]
     if not stages:
         return []
+    if len(alike) > len(groups):
+        _share_channels(stages)
     lines = ["stages:"]
-    for number, stage in enumerate(stages, start=1):
-        lines += [f"  acquire{'' if number == 1 else f'_{number}'}:", *(f"    {line}" for line in stage)]
+    names = [f"acquire{'' if number == 1 else f'_{number}'}" for number in range(1, len(stages) + 1)]
+    for name, stage in zip(names, stages, strict=True):
+        lines += [f"  {name}:", *(f"    {line}" for line in stage)]
+    if len(alike) > len(groups):
+        lines.append(
+            "  # their lengths differ; fits and diagnoses take several records: "
+            f"inputs: {{record: [{', '.join(names)}]}}"
+        )
     return lines
+
+
+def _share_channels(stages: Sequence[list[str]]) -> None:
+    """Let stages take the channels of the first one that has the same."""
+    heads: dict[tuple[str, ...], str] = {}
+    for number, lines in enumerate(stages, start=1):
+        first = next((i for i, line in enumerate(lines) if line == CHANNELS), len(lines))
+        map_ = tuple(lines[first + 1 :])
+        if map_ in heads:
+            lines[first:] = [f"{CHANNELS} *{heads[map_]}"]
+        elif map_:
+            heads[map_] = f"channels{'' if number == 1 else f'_{number}'}"
+            lines[first] = f"{CHANNELS} &{heads[map_]}"
+
+
+def _of_one_length(group: list[Inspected]) -> list[list[Inspected]]:
+    """Return recordings one by one where their lengths differ so much that one stage refuses them; periods do not."""
+    if group[0].is_record or all(one.repeats is not None for one in group):
+        return [group]
+    lengths = [_length(one) for one in group]
+    if min(lengths) >= (1 - LENGTH_TOLERANCE) * max(lengths):
+        return [group]
+    return [[one] for one in group]
 
 
 def _joined(groups: list[list[Inspected]]) -> list[list[list[Inspected]]]:
@@ -94,7 +124,7 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
         lines.append(
             "  torque_hold: zero_order_hold  # guess: a digital controller; continuous: measured, filtered"
         )
-    lines.append("  channels:")
+    lines.append(CHANNELS)
     for group in groups:
         other = "" if group is groups[0] else _below(group[0].file, root)
         lines += [f"    {_channel_line(channel, taken, other)}" for channel in _chosen(group[0])]
@@ -176,36 +206,6 @@ def _left_lines(channels: Iterable[Guess]) -> list[str]:
     further = "those of further axes belong into the list of a channel: column: [FIRST, SECOND]"
     lines = [f"    # not taken: {listed(another)}; {further}"] if another else []
     return lines + ([f"    # not recognised: {listed(unknown)}"] if unknown else [])
-
-
-def pattern_of(names: Sequence[str], poses_differ: bool = False) -> str:
-    """Return the pattern of names that differ in up to three numbers, empty where there is none.
-
-    `poses_differ`: a single number counts configurations, whatever the name calls it.
-    """
-    parts = [re.split(r"([0-9]+)", name) for name in names]
-    if len({tuple(part[::2]) for part in parts}) > 1:
-        return ""
-    places = [index for index in range(1, len(parts[0]), 2) if len({part[index] for part in parts}) > 1]
-    if not 0 < len(places) <= len(FIELDS):
-        return ""
-    words = {place: re.split("[^a-z]", parts[0][place - 1].lower().rstrip("_-"))[-1] for place in places}
-    fields = {
-        place: next((one for one, known in FIELDS.items() if word in known), "")
-        for place, word in words.items()
-    }
-    if poses_differ and len(places) == 1:
-        fields = dict.fromkeys(places, "config")
-    named = [field for field in fields.values() if field]
-    if len(set(named)) < len(named):
-        fields, named = dict.fromkeys(places, ""), []
-    rest = [field for field in FIELDS if field not in named]
-    for place in reversed([place for place in places if not fields[place]]):
-        fields[place] = rest.pop()
-    template = list(parts[0])
-    for place, field in fields.items():
-        template[place] = f"{{{field}}}"
-    return "".join(template)
 
 
 def data_root(files: Sequence[Path], root: Path) -> Path:

@@ -124,6 +124,8 @@ def said_by(name: str, unit: str = "", hint: str = "") -> Said:
     if quantity == "temperature" and stated in _OF_QUANTITY["time"]:
         quantity = "time"  # temps in French
     found = stated or _unit_in(last, quantity)
+    if not found and not quantity and every & (MEASURED | REFERENCE):
+        found = _unit_at_end(last)
     if not quantity and found:
         quantity = next((one for one, units in _OF_QUANTITY.items() if found in units), "")
     return Said(
@@ -145,6 +147,12 @@ def quantity_of(words: list[str]) -> str:
 def known_unit(text: str) -> str:
     """Return a unit as channel maps write it, empty where it is not known."""
     return _UNITS.get(text.strip().lower(), "")
+
+
+def _unit_at_end(words: list[str]) -> str:
+    """Return the unit at the end of a name that says no quantity, as in `A1_ist_deg`; one letter is none."""
+    found = [_unit_in(words, quantity) for quantity in _OF_QUANTITY]
+    return next((unit for unit in found if unit and len(words[-1]) > 1), "")
 
 
 def _unit_in(words: list[str], quantity: str) -> str:

@@ -17,8 +17,10 @@ from ruamel.yaml import YAML
 
 from robid_core import Channel, Context, DenseRun, Record, Robot
 from robid_core.commands import records
-from robid_core.commands.recordings.acquisition import data_root, pattern_of, scalar, stage_lines
+from robid_core.commands.recordings.acquisition import data_root, scalar, stage_lines
 from robid_core.commands.recordings.inspection import Inspected, inspect, recordings_in
+from robid_core.commands.recordings.names import said_by
+from robid_core.commands.recordings.pattern import pattern_of
 from robid_core.commands.recordings.screen import recording_lines
 from robid_core.errors import ConfigurationError, DataRejected, ExtraMissing
 from robid_core.pipeline import Pipeline
@@ -100,7 +102,8 @@ def test_kinova_counts_samples(tmp_path: Path) -> None:
     assert any(
         line.strip().startswith("sample_time_s:") and "# guess: Time only counts" in line for line in lines
     )
-    assert settings(pasted(tmp_path, both, DATA))["pattern"] == "kinova_gen3/joint_{exp}_trapez.csv"
+    read = [stage.stage.path for stage in pasted(tmp_path, both, DATA).stages]  # of different length
+    assert read == ["kinova_gen3/joint_2_trapez.csv", "kinova_gen3/joint_4_trapez.csv"]
 
 
 def test_axes_in_columns_with_units_are_one_channel_and_a_current_waits_for_its_constant(
@@ -236,12 +239,37 @@ def test_what_cannot_be_read_raises_and_nothing_recognised_is_told(
     [
         (["c1_b1_e1.npz", "c1_b2_e1.npz", "c2_b1_e2.npz"], "c{config}_b{block}_e{exp}.npz"),
         (["run1.mat", "run2.mat"], "run{exp}.mat"),
-        (["3/run_01.mat", "4/run_02.mat"], "{block}/run_{exp}.mat"),
+        (["3/run_01.mat", "4/run_02.mat"], "*/run_{exp}.mat"),
+        (["3/run_01.mat", "3/run_02.mat", "4/run_01.mat", "4/run_02.mat"], "{block}/run_{exp}.mat"),
+        ([f"2026-03-{10 + i}_move{i}.csv" for i in range(1, 7)], "2026-03-*_move{exp}.csv"),
+        (["day7_move1.csv", "day7_move2.csv", "day8_move3.csv", "day8_move4.csv"], "day*_move{exp}.csv"),
+        (["9_a1.csv", "8_a3.csv", "7_a1.csv", "9_a2.csv", "3_a7.csv"], ""),
         (["up.csv", "down.csv"], ""),
     ],
 )
 def test_names_that_differ_in_numbers_are_a_pattern(names: list[str], pattern: str) -> None:
     assert pattern_of(names) == pattern
+
+
+def test_files_of_different_length_have_a_stage_each_that_share_their_channels(tmp_path: Path) -> None:
+    """A stage makes one array of its files, and refuses those that are much shorter than others."""
+    for name, n_sample in (("2026-03-11_move1.csv", 300), ("2026-03-12_move2.csv", 200)):
+        file, _ = saved(tmp_path, name)
+        file.write_text("".join(file.read_text().splitlines(keepends=True)[: n_sample + 1]))
+    files = recordings_in(tmp_path)
+    lines = stage_lines([inspect(file) for file in files], tmp_path)
+    stages = YAML(typ="safe").load("\n".join(lines))["stages"]
+    assert [stage["with"]["path"] for stage in stages.values()] == [file.name for file in files]
+    assert stages["acquire"]["with"]["channels"] == stages["acquire_2"]["with"]["channels"]
+    assert "inputs: {record: [acquire, acquire_2]}" in lines[-1]
+    pipeline = pasted(tmp_path, [inspect(file) for file in files], tmp_path)
+    assert len(pipeline.stages) == 2
+
+
+def test_a_unit_and_a_word_for_a_measurement_say_a_quantity() -> None:
+    said = [said_by(name) for name in ("A1_ist_deg", "A1_soll_deg", "ist_Nm", "ist_x_m", "deg")]
+    assert [one.quantity for one in said] == ["position", "position", "torque", "", ""]
+    assert [one.reference for one in said] == [False, True, False, False, False]
 
 
 def test_names_of_columns_are_quoted_where_yaml_needs_it() -> None:
