@@ -33,6 +33,7 @@ from robid_core import (
     Timing,
     simulate_record,
 )
+from robid_core.estimation.sample_marks import have_been_seen
 from robid_core.residual import check_variants, excited_range, prescribe_record, variant_robots
 from robid_diagnosis.closed_loop import identified, relative_error
 from robid_diagnosis.comparison import (
@@ -159,9 +160,7 @@ class Prediction(DiagnosisStage):
         if missing:
             verdict.append(f"The closed loop was not simulated: {missing}.")
         if not marked and len(names) > 1:
-            verdict.append(
-                "The record has no experiments of the role test: if the fit saw it, this is no prediction."
-            )
+            verdict.append(_words_of_seen(record, fit if explained is None else None))
         first, symbol, last = runs[0]
         return Diagnosis(
             method="prediction of a record",
@@ -273,6 +272,17 @@ def _shared(nominal: Robot, own: Robot, fitted: Robot, fit: Fit) -> Robot:
     names = fit.model.names if fit.model is not None else fit.free_names
     alike = [n for n in names if n in own.layout and own.parameter(n) == nominal.parameter(n)]
     return own.with_parameters({name: fitted.parameter(name) for name in alike})
+
+
+def _words_of_seen(records: Sequence[Record], fit: Fit | None) -> str:
+    """Say whether a fit saw records that are held out by nobody."""
+    marks = fit.excited.marks if fit is not None and fit.excited is not None else None
+    seen = None if marks is None else have_been_seen(records, marks)
+    if seen is None:
+        return "The record has no experiments of the role test: if the fit saw it, this is no prediction."
+    if seen:
+        return "The fit saw this record: how well it is fitted, and no prediction."
+    return "The fit did not see this record."
 
 
 def _late(record: Record, timing: Timing | None) -> Record:

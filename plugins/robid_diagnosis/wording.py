@@ -222,6 +222,9 @@ def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
     if last.noise is not None:
         text += f"; noise alone leaves {100 * float(over_axes(last.noise)):.3g} %"
     worst = int(np.argmax(np.nan_to_num(last.relative)))
+    if len(last.axis_names) > 1:
+        each = zip(last.axis_names, last.relative.tolist(), strict=True)
+        text += f"; {', '.join(f'{name} {100 * share:.3g} %' for name, share in each)}"
     text += f"; worst on {last.axis_names[worst]}, {last.rms[worst]:.3g} {last.unit_symbol} rms."
     resting = [name for name, still in zip(last.axis_names, last.still, strict=True) if still]
     if resting:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid_core.arrays import BoolArray, FloatArray
+from robid_core.arrays import BoolArray, FloatArray, IntArray
 from robid_core.artifacts.artifact import Artifact, array
 
 
@@ -12,7 +12,8 @@ from robid_core.artifacts.artifact import Artifact, array
 class ExcitedRange(Artifact):
     """How far the axes went in a record, motor side, each (n_axis,): speeds and so on are largest sizes.
 
-    `torque` is NaN where none was recorded.
+    `torque` is NaN where none was recorded. `marks` are fingerprints of some samples, by which the data are known
+    again: a prediction of them is none.
     """
 
     axis_names: tuple[str, ...]
@@ -21,6 +22,7 @@ class ExcitedRange(Artifact):
     speed: FloatArray = array("n_axis")
     acceleration: FloatArray = array("n_axis")
     torque: FloatArray = array("n_axis", finite=False)
+    marks: IntArray | None = array("n_mark", optional=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import scipy
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts import DenseRun, ExcitedRange, Record
+from robid_core.estimation.sample_marks import sample_marks
 
 HIGHEST_HZ = 20.0  # of what counts as motion: accelerations above are those of noise and of arms that ring
 ORDER = 4
@@ -27,7 +28,8 @@ def excited_range(records: Sequence[Record]) -> ExcitedRange | None:
     position, speed, acceleration, torque = (np.concatenate(values) for values in zip(*parts, strict=True))
     low, high = np.quantile(position, [RARE, 1 - RARE], axis=0)
     sizes = (np.quantile(np.abs(values), 1 - RARE, axis=0) for values in (speed, acceleration, torque))
-    return ExcitedRange(records[0].axis_names, low, high, *sizes)
+    reach = ExcitedRange(records[0].axis_names, low, high, *sizes)
+    return reach.replace(marks=sample_marks(records))
 
 
 def _quantities(run: DenseRun) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:

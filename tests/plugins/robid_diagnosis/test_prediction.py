@@ -21,6 +21,7 @@ from robid_core import (
     Robot,
     Timing,
 )
+from robid_core.residual import excited_range
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_diagnosis.prediction import Prediction
@@ -102,6 +103,17 @@ def test_experiments_that_were_held_out_are_what_is_predicted(tmp_path: Path) ->
     assert "no prediction" not in diagnosis.verdict
     # 7 N is what the model has too little there, all the time.
     assert diagnosis.errors[1].rms[0] == pytest.approx(4.0 - OFFSET, rel=1e-3)
+
+
+def test_a_fit_that_saw_the_record_predicts_nothing_and_another_record_needs_no_role(tmp_path: Path) -> None:
+    robot = slide(tmp_path)
+    seen, other = long_record(robot), record(robot, exact_run(1.1 * reference(), 0.1))
+    fit = fit_of(robot, TRUE).replace(excited=excited_range([seen]))
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
+    assert "The fit saw this record" in Prediction().run((seen,), robot, context, fit).verdict
+    verdict = Prediction().run((other,), robot, context, fit).verdict
+    assert "The fit did not see this record" in verdict
+    assert "no prediction" not in verdict
 
 
 def test_torques_are_as_late_as_a_diagnosis_found_them(tmp_path: Path) -> None:
