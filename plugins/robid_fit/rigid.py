@@ -108,7 +108,7 @@ class RigidBodyFit(Estimator):
     """Samples left out at the end."""
     friction_speed: NonNegativeFloat | None = None
     """Speed v_s within which Coulomb friction turns, tanh(v / v_s), at all motors; 0: plain sign(v); null: found for
-    each motor, friction.<axis>.speed, from the robot file's value on."""
+    each motor from the robot file's value on (fixed: ["friction.*.speed"] holds that)."""
     at_rest: Literal["leave_out", "keep"] = "leave_out"
     """What becomes of samples at which an axis stands still: friction holds it there by any torque up to its level."""
     discard: NonNegativeInt | None = None

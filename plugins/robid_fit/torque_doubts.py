@@ -13,6 +13,7 @@ from robid_core.residual import Solution, TorqueProblem
 from robid_fit.tolerances import WIDENED, tolerance_factor
 
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
+PROMISED = 0.01  # tolerance of bodies that nobody states
 STANDING = 0.2  # of the samples
 OF_MOTION_HZ = 20.0  # motion below it
 SHORTEST = 50  # samples
@@ -115,13 +116,16 @@ def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     if times <= WIDENED:
         return ()
     names = [name for name, own in zip(free.names, bodies.tolist(), strict=True) if own]
-    worst = names[int(np.argmax(far))]
-    return (
-        Doubt(
-            "tolerance",
-            f"bodies differ from the robot file by {times:.3g} times their stated tolerances, "
-            f"{worst} by {far.max():.3g} of them",
-            'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; 0.01 '
-            "unless set), or look for what the model lacks (robid diagnose)",
-        ),
+    worst = int(np.argmax(far))
+    stated = prior[worst] > 1.5 * PROMISED
+    remedy = (
+        f"look for what the model lacks (robid diagnose); a tolerance of {prior[worst]:.2g} was stated for it already"
+        if stated
+        else 'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; '
+        f"{PROMISED:g} unless set), or look for what the model lacks (robid diagnose)"
     )
+    sentence = (
+        f"bodies differ from the robot file by {times:.3g} times their stated tolerances, {names[worst]} by "
+        f"{far.max():.3g} of them"
+    )
+    return (Doubt("tolerance", sentence, remedy),)

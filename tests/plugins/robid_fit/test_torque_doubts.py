@@ -50,6 +50,11 @@ def test_bodies_that_are_further_off_than_promised_are_doubted() -> None:
     }
     (doubt,) = [one for one in told["narrow"].doubts if one.kind == "tolerance"]
     assert float(re.findall(r"robot file by ([\d.]+) times", doubt.sentence)[0]) > 3.5
+    assert "state how well they are known" in doubt.remedy
+    followed = TorqueResidualFit(prior=dict.fromkeys(wide, 0.02)).run((record,), nominal, context())
+    (doubt,) = [one for one in followed.doubts if one.kind == "tolerance"]
+    assert doubt.remedy.startswith("look for what the model lacks")
+    assert "a tolerance of 0.02 was stated" in doubt.remedy
     assert not [one for one in told["wide"].doubts if one.kind == "tolerance"]
     right = record_of(nominal, nominal, np.array([[0.3], [-0.8]]), 22)
     assert not [
