@@ -148,7 +148,7 @@ class RawLog(Protocol):
 
 @dataclass(frozen=True)
 class Session:
-    """What a motion needs from its surroundings."""
+    """Services of a run for its motions."""
 
     robot: Robot
     log: logging.Logger
@@ -157,7 +157,7 @@ class Session:
 
 
 class Drives(BaseModel, abc.ABC):
-    """A way to the motors; its fields are what `drives: {use: ..., with: {...}}` sets."""
+    """Base of all drives, the way to the motors; its fields are what `drives: {use: ..., with: {...}}` sets."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True

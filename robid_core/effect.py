@@ -42,7 +42,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class TestValue:
-    """What a law gives for stated arguments, and where that is known from.
+    """Expected value of a law for stated arguments, and its source.
 
     Arguments are those of the law by name (position, velocity, load, step, signal, angle, speed; state as a tuple) and
     parameters of the table by name; what is left out is zero, or the parameter's default. Expected: force or signal,
@@ -133,7 +133,7 @@ class Equivalent:
 
 
 class Effect(abc.ABC):
-    """One phenomenon: where it sits, its parameters, and where the theory comes from."""
+    """Base of all effects: one physical phenomenon with its places, its parameters and its source."""
 
     source: ClassVar[str]
     """The paper or book of the law."""

@@ -45,7 +45,7 @@ class StopNotConfirmed(MotionAborted):
 
 
 class DataRejected(RobidError):
-    """Measured data cannot carry what is asked of them."""
+    """Measured data are not good enough for what is asked of them."""
 
     exit_code = 5
 
@@ -55,13 +55,13 @@ class PoorExcitation(DataRejected):
 
 
 class NotTrustworthy(RobidError):
-    """A computation ended, but its numbers must not be used."""
+    """A computation ended, but its result must not be used."""
 
     exit_code = 6
 
 
 class NotIdentifiable(NotTrustworthy):
-    """The data cannot see a parameter; the message names it, and `names` where a program asks."""
+    """The data do not determine a parameter; the message names it, and `names` where a program asks."""
 
     def __init__(self, message: str, names: Sequence[str] = ()) -> None:
         super().__init__(message)

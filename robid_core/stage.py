@@ -48,7 +48,7 @@ class Settings(BaseModel):
 
 
 class Progress(Protocol):
-    """Tells a person how far a long piece of work is."""
+    """Reports how far a long piece of work has come."""
 
     def __call__(self, done: float, total: float, note: str = "") -> None:
         """Report `done` of `total`; `note` says what is going on ("compiling kernels, once")."""
@@ -63,7 +63,7 @@ class MapTasks(Protocol):
 
 @dataclass(frozen=True)
 class Context:
-    """What a run lends to a stage: chance, parallel work, progress and log."""
+    """Services of a run for its stages: random numbers, parallel work, progress and log."""
 
     generator: np.random.Generator
     map: MapTasks
@@ -116,7 +116,7 @@ class Stage(Settings):
     for tests are left out; where `handles_variants` is false, a record of several variants (payloads, tools) is
     refused. Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines. Where
     `names_several` is true, an input that takes many takes one, or those that the pipeline names: all that there are
-    might be data that were kept to judge by.
+    might be held-out data.
     """
 
     kind: ClassVar[str] = ""
@@ -213,14 +213,14 @@ def _parameters(cls: type[Stage]) -> list[tuple[str, type, bool, bool]]:
 
 
 class CandidateDesign(Stage):
-    """Kind `configurations`: makes configurations out of nothing but the robot."""
+    """Kind `configurations`: proposes configurations of the robot, from its file alone or from a diagnosis."""
 
     kind = "configurations"
     output = Configurations
 
 
 class ExcitationDesign(Stage):
-    """Kind `excitation`: decides how the motors are moved, within limits that must be known."""
+    """Kind `excitation`: designs the motions of the experiments, within limits that must be known."""
 
     kind = "excitation"
     output = Excitation
@@ -236,14 +236,14 @@ class ExcitationDesign(Stage):
 
 
 class Acquisition(Stage):
-    """Kind `acquisition`: measures, or reads what was measured."""
+    """Kind `acquisition`: measures a record, or reads recordings."""
 
     kind = "acquisition"
     output = Record
 
 
 class Preprocessing(Stage):
-    """Kind `preprocess`: makes a better record out of a record."""
+    """Kind `preprocess`: removes disturbances from a record, and returns a record."""
 
     kind = "preprocess"
     output = Record
@@ -268,14 +268,14 @@ class Estimator(Stage):
 
 
 class ExperimentDesign(Stage):
-    """Kind `design`: chooses the configurations that tell most."""
+    """Kind `design`: chooses the configurations that are most informative about a fit's parameters."""
 
     kind = "design"
     output = Design
 
 
 class DiagnosisStage(Stage):
-    """Kind `diagnosis`: says what the simulation gets wrong."""
+    """Kind `diagnosis`: compares a model with records, and finds what the model lacks."""
 
     kind = "diagnosis"
     output = Diagnosis

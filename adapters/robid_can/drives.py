@@ -229,7 +229,9 @@ class OpenCanDrives:
         except BaseException:
             self.__exit__(*sys.exc_info())
             raise
-        self._note(f"{len(self._expected)} drives are enabled on {self._settings.interface} bus")
+        count = len(self._expected)
+        enabled = "1 drive is" if count == 1 else f"{count} drives are"
+        self._note(f"{enabled} enabled on {self._settings.interface} bus")
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -26,7 +26,7 @@ LONELY_S = 60.0  # without any worker; a killed one that is replaced is back aft
 
 @contextlib.contextmanager
 def dask_executor(address: str | None = None, n_workers: int = 2) -> Iterator[DaskMap]:
-    """Give a map over the workers of a dask cluster.
+    """Runs tasks on the workers of a dask cluster.
 
     `address` is that of a scheduler, as `dask scheduler` prints it; its workers need the versions of robid, numpy,
     scipy, numba and Python of this machine, else tasks are refused. Without it, `n_workers` processes start here with

@@ -38,7 +38,7 @@ Decoder = Callable[[bytes], Iterator[tuple[str, float]]]
 
 
 class McapRecords:
-    """The format `mcap` of `robid.records`."""
+    """Reader of MCAP logs, registered as `mcap` in the group `robid.records`."""
 
     @staticmethod
     def create(path: Path) -> McapLog:

@@ -112,7 +112,7 @@ def _opened(path: Path) -> AnyReader:
 
 
 class RosbagRecords:
-    """Reader of bags, registered as `rosbag` in the group `robid.records`."""
+    """Reader of ROS bags, registered as `rosbag` in the group `robid.records`."""
 
     @staticmethod
     def describe(path: Path) -> list[str]:

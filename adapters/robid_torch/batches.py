@@ -36,10 +36,12 @@ from robid_torch.trees import Tree, bytes_per_position, tensor, terms_at, tree_o
 
 @dataclass(frozen=True)
 class TorchDynamics:
-    """Batches on one device, each within `memory_bytes` of its memory. Used in YAML as::
+    """Dynamics of many configurations at once by PyTorch, within `memory_bytes` of memory.
 
-    robot: {model: six_axis, dynamics: torch}       # on the processor
-    robot: {model: six_axis, dynamics: torch.cuda}  # on a graphics card
+    Used in YAML as::
+
+        robot: {model: six_axis, dynamics: torch}       # on the processor
+        robot: {model: six_axis, dynamics: torch.cuda}  # on a graphics card
     """
 
     device: str = "cpu"

@@ -41,7 +41,7 @@ class Tree(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """Where the bodies are, in world axes."""
+    """Positions and axes of all bodies, in world axes."""
 
     rotation: torch.Tensor  # (n_config, n, 3, 3)
     origin: torch.Tensor  # (n_config, n, 3) of the joint frames
@@ -50,7 +50,7 @@ class Frames(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What a robot at rest weighs and how its weight bends."""
+    """Mass matrix and gravity torque of a robot, and the derivative of that torque."""
 
     mass: torch.Tensor  # (n_config, n, n)
     gravity_torque: torch.Tensor  # (n_config, n)

@@ -233,7 +233,7 @@ def _design(folder: Path) -> list[str]:
                 "Chosen configurations", "angle of axis_1, rad", "share of the experiments", curves, size=WIDE
             )
         ],
-        "design.optimal on the robot of one axis: the few poses that tell most.",
+        "design.optimal on the robot of one axis: the few poses that are most informative.",
     )
 
 

@@ -86,7 +86,7 @@ def record_of(
 
 
 class SimulatedAcquisition(Acquisition):
-    """Simulate the measurement of a plant in batches, without drives: for studies, nothing moves.
+    """Simulates the measurement of a plant in batches, without drives: for studies; nothing moves.
 
     Gives the samples that `acquisition.drives` under the same name would with `drives: {use: simulated}` and this
     plant, bit by bit, computed on all cores or on a cluster (`executor: {use: dask, ...}`). The record says that it

@@ -54,7 +54,10 @@ def find_lines(signals: FloatArray) -> tuple[IntArray, str]:
         raise DataRejected("lines: auto: no line stands out from its neighbours; give the lines")
     lines = np.flatnonzero(excited & (amplitude >= OF_ALL * np.sqrt((amplitude[excited] ** 2).mean())))
     left_out = f"; line {', '.join(map(str, sorted(slow)))} is left out as the slow sine" if len(slow) else ""
-    return lines.astype(np.int64), f"{len(lines)} lines stand out, {lines[0]} to {lines[-1]}{left_out}"
+    found = f"{len(lines)} lines stand out, {lines[0]} to {lines[-1]}"
+    if len(lines) == 1:
+        found = f"1 line stands out, {lines[0]}"
+    return lines.astype(np.int64), f"{found}{left_out}"
 
 
 def doubts_of_lines(signals: FloatArray, lines: IntArray) -> list[str]:

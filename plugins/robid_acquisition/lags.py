@@ -69,7 +69,11 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
                 return []
         if sure and (wrong := _hold(record.torque_hold, apart)):
             return [wrong]
-        whose = "all torques that tell" if len(known) > 1 else f"the torque of {next(iter(known))}"
+        whose = (
+            "all torques from which it can be estimated"
+            if len(known) > 1
+            else f"the torque of {next(iter(known))}"
+        )
         return [_sentence(whose, common, step)] if abs(common) > LATE and turned > PHASE else []
     return [
         _sentence(f"the torque of {name}", lag.samples, step)

@@ -58,9 +58,9 @@ def words_of_untold_period(
         if found is not None:
             return place, (
                 f"it repeats every {found.lag * sample_time_s:.6g} s ({found.n_period} times), and no period_s is "
-                "given; with period_s: auto and lines: auto its periods are kept apart, which tells the noise and "
-                "makes fits, and diagnoses of four experiments or more, several times faster (period_s: null: one long "
-                "motion)"
+                "given; with period_s: auto and lines: auto its single periods are used: their differences show the "
+                "noise, and fits, and diagnoses of four experiments or more, are several times faster (period_s: null: "
+                "one long motion)"
             )
     return None
 

@@ -60,8 +60,8 @@ MOVES = (
 
 
 WITHOUT_LINES = (
-    "period_s is given and no lines: fits and diagnoses take the motion for one that does not repeat; with lines: auto "
-    "they average its periods separately, which gives the noise level (lines: []: as it is)"
+    "period_s is given and no lines: fits and diagnoses treat the motion as one that does not repeat; with lines: auto "
+    "they use its single periods, whose differences show the noise (lines: []: it stays so)"
 )
 
 
@@ -84,7 +84,7 @@ class RecordedAcquisition(ReadFiles):
     """
 
     period_s: PositiveFloat | Literal["auto"] | None = None
-    """Period of the excitation: whole periods are kept apart; auto: found in the first experiment; null: no period, and
+    """Period of the excitation: whole periods are separated; auto: found in the first experiment; null: no period, and
     a recording that repeats is not reported."""
     lines: tuple[NonNegativeInt, ...] | Literal["auto"] = ()
     """Excited bins of one period, which frequency responses are made of; without them fits and diagnoses take the

@@ -71,7 +71,7 @@ def on_even_grid(
     if method == "band_limited" and sample_time_s < 0.9999 * _mean_step(time, usual):
         raise DataRejected(
             f"resample: sample_time_s {sample_time_s:g} is shorter than the recording's own "
-            f"{_mean_step(time, usual):.6g} s, more samples than band_limited can tell; leave it out, or take cubic"
+            f"{_mean_step(time, usual):.6g} s, more samples than band_limited can give; leave it out, or take cubic"
         )
     n_grid = int(np.floor((time[-1] - time[0]) / sample_time_s + 1e-6)) + 1
     grid = time[0] + sample_time_s * np.arange(n_grid)

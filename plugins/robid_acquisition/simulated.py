@@ -25,7 +25,7 @@ from robid_core import (
 
 
 class SimulatedDrives(Drives):
-    """A robot's plant, asked directly.
+    """Simulated drives without a bus: the plant is called directly.
 
     Example
     -------
@@ -80,7 +80,7 @@ def saturation_level(robot: Robot) -> FloatArray:
 
 
 class OpenSimulatedDrives:
-    """The plant between two experiments."""
+    """Simulated drives that are up; between experiments the plant stays where it is."""
 
     def __init__(self, robot: Robot) -> None:
         self._plant = robot.plant()

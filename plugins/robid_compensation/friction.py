@@ -20,7 +20,7 @@ from robid_core.estimation.response.controller import controller_response, feedb
 
 
 class FrictionCompensation(Preprocessing):
-    """Take the distortion of friction off the torque of a periodic record.
+    """Removes the nonlinear distortion of friction from the torque of a periodic record.
 
     Per motor a sum of few functions of its speed is fitted, in each configuration, to what of the torque is not
     linear in the motion, mostly at lines that were not excited. Its part that is linear in the speed is put back: the
@@ -28,8 +28,8 @@ class FrictionCompensation(Preprocessing):
     significant the torque is left alone. Friction of the arm's side, and its memory below the breakaway
     displacement, are not followed and stay in the scatter.
 
-    A configuration with fewer experiments than axes has no measured response of its own; there the nominal robot's
-    tells what is linear. A wrong nominal model makes the compensation weaker, not biased.
+    In a configuration with fewer experiments than axes no response can be measured; there the response of the nominal
+    robot is used. A wrong nominal model makes the compensation weaker, not biased.
 
         smooth: {use: compensate.friction}
     """

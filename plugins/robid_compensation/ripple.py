@@ -136,7 +136,7 @@ def table(record: Record, ripple: Sequence[AxisRipple]) -> list[str]:
 
 
 class RippleCompensation(Preprocessing):
-    """Find torque ripple and resolver ripple by order analysis over the motor angle, and take them off the record.
+    """Finds torque and resolver ripple by order analysis over the motor angle, and removes them from a record.
 
     Three kinds: "cogging" (a torque that depends on the angle alone), "current" (in proportion to the torque),
     "resolver" (of the measured angle). A wave is removed where chance alone, among all axes, kinds and orders tried,

@@ -119,7 +119,7 @@ def agreement(
 
 
 class SimulationCompensation(Preprocessing):
-    """Take off the record what a simulation of the model says is not linear in the reference.
+    """Removes from a record the nonlinear response to the reference that a simulation of the model predicts.
 
     The model is the nominal robot, or with a fit the fitted one; its friction is replaced by the equivalent damping
     under the measured motion, as `compensate.friction` removes what friction distorts better than a model can:

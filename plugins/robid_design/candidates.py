@@ -116,7 +116,7 @@ def random_configurations(
 
 
 class RandomCandidates(CandidateDesign):
-    """Random configurations within the joint limits, away from them, and not too heavy for the motors.
+    """Random configurations within the joint limits with a margin, in which the motors can hold the arm.
 
     where: {use: design.candidates, with: {count: 4}}
     """

@@ -39,7 +39,7 @@ from robid_design.weights import (
 
 
 class OptimalDesign(ExperimentDesign):
-    """Choose the configurations that are most informative about the stiffnesses (thesis 4.4, 4.5, 4.8).
+    """Chooses the configurations that are most informative about the stiffnesses (thesis 4.4, 4.5, 4.8).
 
     Example::
 

@@ -16,7 +16,7 @@ from robid_core import BoolArray, FloatArray, IntArray, Robot, Settings
 
 
 class Room(Settings):
-    """What a configuration must keep clear of. A motion about it takes some more: choose the radius with that in mind.
+    """Floor, link radius and tool that keep configurations free of collisions; motions about them need more room.
 
     where: {use: design.candidates, with: {count: 4, room: {floor_m: 0.0, link_radius_m: 0.08}}}
     """
@@ -25,7 +25,7 @@ class Room(Settings):
     """Height of the floor over the base's origin, along the base's z axis; null: there is none."""
     link_radius_m: NonNegativeFloat = 0.0
     """Of all links. Above zero, links come no nearer to each other than twice this. Neighbours are left out, and pairs
-    that are nearer in the zero position already: such capsules are too wide to tell."""
+    that are nearer in the zero position already: such capsules are too wide to show a collision."""
     tool_m: tuple[float, float, float] | None = None
     """Tip of the tool in the frame of the last body; null: its centre of mass."""
 

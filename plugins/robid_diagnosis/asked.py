@@ -9,7 +9,7 @@ from robid_diagnosis.selection import Key
 from robid_diagnosis.steps import Outcome
 from robid_diagnosis.wording import chance_text, place_text
 
-SMALLEST = 1e-300  # p-value that is told
+SMALLEST = 1e-300  # p-value that is stated
 
 
 def asked_lines(outcome: Outcome, causes: Sequence[Finding], refused: Mapping[Key, str]) -> list[str]:

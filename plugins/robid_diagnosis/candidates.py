@@ -52,7 +52,7 @@ class Spot:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """What the motion at a place is like."""
+    """Typical sizes of the motion at a place."""
 
     speed: float
     """Rms, rad/s."""

@@ -30,7 +30,7 @@ PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by cha
 
 @dataclass(frozen=True)
 class Ceiling:
-    """What free functions of one variable gain at one axis."""
+    """Gain of free functions of one variable at one axis: an upper bound of what any law of it can explain."""
 
     axis: str
     variable: str

@@ -110,7 +110,7 @@ def sentence(comparisons: Sequence[TimeComparison], before: Sequence[float], lef
 
 
 class ClosedLoopSimulation(DiagnosisStage):
-    """Simulates the identified robot under the recorded reference and compares.
+    """Simulates the identified robot under the recorded reference and compares it with the record.
 
     The controller is the robot file's: speed = position_gain (q_ref - q) + feedforward v_ref, torque = speed_gain
     (speed - v) + integral, limited.

@@ -38,7 +38,7 @@ ALIGNING = 6  # rounds of Newton's method
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Weighted columns of a candidate, and what they are of."""
+    """Weighted derivatives of the torque for one candidate's parameters, and the names of these."""
 
     rows: Rows
     """(n_column, n_row)."""
@@ -59,7 +59,7 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """What a candidate adds to the torque."""
+    """Torque that a candidate adds."""
 
     keys: tuple[tuple[str, float], ...]
     """Parameter of each column, `*` for all that a law does, and its phase, rad."""

@@ -22,7 +22,7 @@ Signals = Sequence[FloatArray]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What of a record is compared."""
+    """Settings of a comparison of measured and predicted signals: band, ends, blocks."""
 
     stage: str
     """Who asks, in messages."""

@@ -26,7 +26,7 @@ class GearDeflection(DiagnosisStage):
 
     The record has `joint_position` beside motor angle and torque, of all axes or of some. Give it the robot of a fit:
     how much of the torque is friction before the gear bounds what may be lost motion. A link channel that was computed
-    from the motor's is refused; a time shift between the two is told as one, and never as stiffness or damping.
+    from the motor's is refused; a time shift between the two is reported as such, never as stiffness or damping.
 
     Example::
 
@@ -153,18 +153,18 @@ def _check(one: AxisMotion, name: str) -> None:
 
 
 def _sentence(found: Deflection) -> str:
-    """What one axis tells."""
+    """Say what was found at one axis."""
     c = found.compliance
     unit = "N m/rad"
     stiffness = (
         f"gear stiffness {1 / c.high:.2g} to {1 / c.low:.2g} {unit}"
         if c.low > 0
-        else f"gear stiffness at least {1 / c.high:.2g} {unit}; these data carry no upper bound"
+        else f"gear stiffness at least {1 / c.high:.2g} {unit}; these data give no upper bound"
     )
     late = found.shift_s
     way = "comes late" if late.middle > 0 else "comes early"
     shift = (
-        f"the link's channel {way} by {1e3 * abs(late.middle):.3g} ± {1e3 * late.half:.1g} ms, damping among it: "
+        f"the link's channel {way} by {1e3 * abs(late.middle):.3g} ± {1e3 * late.half:.1g} ms, damping included: "
         "a time shift, and no stiffness"
         if abs(late.middle) > late.half
         else f"no time shift between the channels beyond {1e3 * (abs(late.middle) + late.half):.2g} ms"

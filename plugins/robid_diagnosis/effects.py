@@ -82,7 +82,7 @@ FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 
 class Effects(DiagnosisStage):
-    """Names what a model lacks, extends it, and says how much better it is.
+    """Finds which effects the model lacks, adds them to it, and says how much better it predicts.
 
     Effects on forces and signals are searched, and changes of the robot itself: foundations, elastic coordinates,
     coupled axes. Bodies, rotors and springs whose values in the robot file are wrong are reported. Experiments that

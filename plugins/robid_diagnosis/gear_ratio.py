@@ -1,7 +1,7 @@
-"""A gear ratio that is told wrong: three findings that are one.
+"""A wrong gear ratio in the robot file: three findings that have one cause.
 
-With a ratio told too large by a factor f, motors turn f times less than the model expects for what the arm does, take f
-times the torque for what acts on the arm, and their rotors count f^2 times less than told at the arm.
+With a ratio too large by a factor f in the file, motors turn f times less than the model expects for the same motion of
+the arm, take f times the torque for what acts on the arm, and their rotors count f^2 times less at the arm.
 """
 
 from __future__ import annotations

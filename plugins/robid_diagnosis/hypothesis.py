@@ -71,7 +71,7 @@ class Addition:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """What the robot may have beside what it was told to have."""
+    """A change of the robot that is to be fitted: added effects, values freed of their priors, values held."""
 
     additions: tuple[Addition, ...] = ()
     widened: tuple[str, ...] = ()
@@ -206,7 +206,7 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Records and the robot that is told, with how hypotheses about them are fitted."""
+    """Records and the robot of the robot file, with how hypotheses about them are fitted."""
 
     records: tuple[Record, ...]
     told: Robot

@@ -32,7 +32,7 @@ ALIKE = 0.5  # of the model error: this much of it may be alike in all bins
 
 @dataclass(frozen=True, eq=False)
 class LeastGains:
-    """What causes must gain beside one fit, at each axis."""
+    """Smallest gain that names a cause beside one fit, at each axis."""
 
     beside_chance: float
     """And beside what was named."""

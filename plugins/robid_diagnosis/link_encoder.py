@@ -57,7 +57,7 @@ class AxisMotion:
 
 @dataclass(frozen=True)
 class Interval:
-    """Between these a number lies, as far as the data tell."""
+    """Lower and upper bound of a number."""
 
     low: float
     high: float

@@ -49,7 +49,7 @@ def _wanted(diagnosis: Diagnosis) -> tuple[SeparatingExperiment, ...]:
 
 
 class SeparatingConfigurations(CandidateDesign):
-    """Configurations that distinguish the tied causes of a diagnosis.
+    """Configurations for the experiment that separates the tied causes of a diagnosis.
 
     where_next: {use: design.separating, inputs: {diagnosis: explain}}
     """
@@ -60,7 +60,7 @@ class SeparatingConfigurations(CandidateDesign):
 
 
 class SeparatingExcitation(ExcitationDesign):
-    """The motions that distinguish the tied causes of a diagnosis, repeated in blocks.
+    """Motions of the experiment that separates the tied causes of a diagnosis, repeated in blocks.
 
     excite_next: {use: excitation.separating, inputs: {diagnosis: explain}}
     """

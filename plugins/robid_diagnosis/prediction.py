@@ -57,7 +57,7 @@ OPEN, CLOSED, ANGLE = "torque in open loop", "speed in closed loop", "angle in c
 
 
 class Prediction(DiagnosisStage):
-    """Predicts records with the robot file's model and, where there are, with that of a fit and of a diagnosis.
+    """Predicts records with the robot file's model, and with the models of a fit and of a diagnosis where given.
 
     Experiments of the role `test` are judged, where there are any, and those of the fit shown beside them; else give
     it records that the fit did not see::
@@ -263,11 +263,11 @@ class Prediction(DiagnosisStage):
 
 
 def _shared(nominal: Robot, own: Robot, fitted: Robot, fit: Fit) -> Robot:
-    """Return the robot of a variant with what a fit found of the nominal one; what its file tells otherwise stays."""
+    """Return the robot of a variant with the fitted values of what it shares with the nominal robot."""
     if fitted.description.effects.keys() - nominal.description.effects.keys():
         raise ConfigurationError(
-            "robots: the fit added effects to the nominal robot, which files of other variants lack; tell variants by "
-            "constants of the record"
+            "robots: the fit added effects to the nominal robot, which files of other variants lack; give what "
+            "differs between variants as constants of the record"
         )
     names = fit.model.names if fit.model is not None else fit.free_names
     alike = [n for n in names if n in own.layout and own.parameter(n) == nominal.parameter(n)]

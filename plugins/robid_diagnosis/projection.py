@@ -25,7 +25,7 @@ WORTH = 9.0  # what a further column of one candidate must gain
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """What the columns of one candidate gain, and with which sizes."""
+    """Gain of one candidate in twice the log-likelihood, and the sizes of its columns that reach it."""
 
     total: float
     """Of twice the log-likelihood."""

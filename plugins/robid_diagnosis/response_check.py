@@ -128,8 +128,8 @@ def compared(fit: Fit, method: str, final: Fitted, model_error: float) -> Respon
         and error[i] < TELLING * table.estimate[i]
     ]
     if not rows:
-        linear = " of a spring that is linear" if bent else ""
-        return _none(f"responses determine no stiffness{linear} to {100 * TELLING:.0f} %")
+        linear = " of a linear spring" if bent else ""
+        return _none(f"the responses determine no stiffness{linear} to {100 * TELLING:.0f} % or better")
     names = tuple(table.names[i] for i in rows)
     by_torques, torques_error = np.array([final.estimate(name) for name in names]).T
     by_responses, responses_error = table.estimate[rows], error[rows]

@@ -25,7 +25,7 @@ NextCause = Callable[[Fitted, Searched, Sequence[Step]], tuple[Fitted, Step] | N
 
 
 class Revision:
-    """Backward pass and exchanges about one case."""
+    """Backward elimination and exchanges among the causes of one case."""
 
     def __init__(
         self,

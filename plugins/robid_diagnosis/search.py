@@ -40,7 +40,7 @@ SHARP = 0.02  # of a shape's logarithm: nearer is not looked
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """A candidate with what it gains."""
+    """A candidate with its gain in twice the log-likelihood."""
 
     candidate: Candidate
     values: dict[str, float]
@@ -100,7 +100,7 @@ class Found:
 
 
 class Search:
-    """Candidates against the residual of one fitted problem."""
+    """A search of candidates in the residual of one fitted problem."""
 
     def __init__(self, motion: Motion, projection: Projection, generator: np.random.Generator) -> None:
         self.motion, self.projection, self.generator = motion, projection, generator

@@ -26,11 +26,11 @@ class SearchLog:
     def searched(self, found: Found, fitted: Fitted) -> None:
         """Say how many candidates there were, and which promise most."""
         best = "; ".join(self._promise(hit, found, fitted) for hit in found.hits[:SHOWN])
-        self._line("search among %d candidates: %s", found.n_tried, best or "none promises anything")
+        self._line("search among %d candidates: %s", found.n_tried, best or "none would gain anything")
 
     def named(self, step: Step, before: Sequence[Step], after: Sequence[Step], fitted: Fitted) -> None:
         """Say what was named, and what was dropped of all causes `before` a backward pass, or came in exchange."""
-        self._line("named %s: gain %.4g of twice the log-likelihood", place_text(*step.key), step.gain)
+        self._line("named %s: twice the log-likelihood rises by %.4g", place_text(*step.key), step.gain)
         for one in (one for one in before if one not in after):
             self._line("looked at again beside it and no longer named: %s", place_text(*one.key))
         for one in (one for one in after if one not in before):

@@ -48,7 +48,7 @@ Key = tuple[str, str | None, str | None]  # effect, place, side
 
 
 class Selection:
-    """The search about one case."""
+    """The search for causes in one case, step by step."""
 
     def __init__(
         self,

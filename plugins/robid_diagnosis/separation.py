@@ -28,7 +28,7 @@ Progress = Callable[[float, float, str], None]
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """What a fitted hypothesis says of new records."""
+    """The torque that a fitted hypothesis predicts for new records."""
 
     problem: TorqueProblem
     point: FloatArray
@@ -86,7 +86,7 @@ def separation(
     names = tuple(place_text(*tie) for tie in step.ties[:MOST])
     found: list[tuple[Proposals, FloatArray]] = []
     for proposed in proposals(records, robot, case.discard, generator):
-        progress(len(found), len(found) + 1, "experiments that could tell ties apart")
+        progress(len(found), len(found) + 1, "experiments that could separate ties")
         try:
             found.append((proposed, ratios(final, rivals, proposed.record)))
         except RobidError:

@@ -57,7 +57,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """Every effect held against what one fit leaves."""
+    """A search of all candidates against the residual of one fit."""
 
     search: Search
     found: Found
@@ -72,7 +72,7 @@ class Searched:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """All that a search told."""
+    """The result of a whole diagnosis, before it is put into words."""
 
     base: Fitted
     final: Fitted

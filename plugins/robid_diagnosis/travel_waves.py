@@ -24,7 +24,7 @@ CELLS = 16  # of position in the shortest wave: samples of a cell count as one
 
 @dataclass(frozen=True)
 class Waves:
-    """What the spectrum over the travel says."""
+    """Periodic components of a residual torque over the travel: their orders, and how many were searched."""
 
     peaks: tuple[float, ...]
     """Orders worth a try, ascending, in periods of 2 pi m of a slide, or a turn; never zero."""

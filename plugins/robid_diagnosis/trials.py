@@ -39,7 +39,7 @@ Rival = Hit | ValueHit
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A rival that was fitted."""
+    """A candidate after its fit."""
 
     fitted: Fitted
     gain: float
@@ -73,7 +73,7 @@ class Trial:
 
 
 class Trials:
-    """Fits of rivals beside one fitted hypothesis."""
+    """Fits of candidates beside one fitted hypothesis."""
 
     def __init__(
         self,

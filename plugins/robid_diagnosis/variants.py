@@ -22,7 +22,7 @@ PLACE_M = 0.005  # likewise, a ruler
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """The nominal robot as it is told, and the others by the names of their variants."""
+    """The nominal robot, and the robots of the other variants by name."""
 
     nominal: Robot
     told: Mapping[str, Robot]
@@ -94,7 +94,7 @@ class Variants:
         if robot.mechanism.n_coordinate != nominal.mechanism.n_coordinate:
             raise ConfigurationError(
                 f"robots: {variant}: {robot.name} has other elastic coordinates than {nominal.name}; "
-                "diagnose it by itself"
+                "diagnose it separately"
             )
 
 

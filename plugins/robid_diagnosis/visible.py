@@ -22,7 +22,7 @@ NINE_OF_TEN = 1.28  # standard deviations
 
 @dataclass(frozen=True, eq=False)
 class Power:
-    """What is left of the columns of one candidate's parameters, at the values with which it was tried."""
+    """How much twice the log-likelihood rises per square of each parameter of one candidate."""
 
     candidate: Candidate
     of: Mapping[str, float]

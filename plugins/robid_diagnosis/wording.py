@@ -45,7 +45,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
         sizes = f"{', '.join(_size(*row) for row in furthest)}; the data determine combinations of them alone"
     seen = ""
     if np.isfinite(finding.by_configuration).all():
-        seen = f"; seen in {finding.n_seen} of {n_config} configurations"
+        seen = f"; seen in {finding.n_seen} of {n_config} configuration{'' if n_config == 1 else 's'}"
         if finding.by_configuration.sum() < RESIDUAL * finding.gain:
             seen = "; without it parameters of the robot file would leave their tolerances"
     chance = chance_text(finding.p_value)
@@ -54,7 +54,7 @@ def finding_line(finding: Finding, n_config: int) -> str:
 
 
 def chance_text(p_value: float, least: float = 1e-3) -> str:
-    """A p-value, or that it is below what is told."""
+    """A p-value, or that it is below the smallest one that is stated."""
     return f"p < {least:g}" if p_value < least else f"p = {p_value:.2g}"
 
 
@@ -98,9 +98,9 @@ def left_out_line(left_out: Sequence[int], n: int) -> str:
     if not where:
         return ""
     return (
-        f"{sum(left_out)} of {experiments_text(n)} are not used (configuration {', '.join(where)}): with what was "
-        "found the model rattles there and does not repeat its motion as the machine did. Errors of prediction contain "
-        "them. Smaller or slower motions, or a load on the axis, avoid that."
+        f"{sum(left_out)} of {experiments_text(n)} {'is' if sum(left_out) == 1 else 'are'} not used (configuration "
+        f"{', '.join(where)}): with what was found the model rattles there and does not repeat its motion as the "
+        "machine did. Errors of prediction contain them. Smaller or slower motions, or a load on the axis, avoid that."
     )
 
 
@@ -174,7 +174,7 @@ def silent_line(
         if doubtful:
             return "No effect that was tried explains what the refitted model leaves."
         if findings:
-            return "Of the axes none has an effect of its own."
+            return "No axis has an effect of its own."
         if refused:
             return "No cause is named: what was asked for gains more than chance, and not enough."
         return (
@@ -190,7 +190,7 @@ def silent_line(
 
 def data_line(data: DiagnosedData) -> str:
     """Say what was looked at, and against what."""
-    apart = f"; {experiments_text(data.n_test)} kept apart" if data.n_test else ""
+    apart = f"; {experiments_text(data.n_test)} held out" if data.n_test else ""
     loads = f" with {', '.join(data.variants)}" if data.variants else ""
     where = "1 configuration" if data.n_config == 1 else f"{data.n_config} configurations"
     return (
@@ -228,7 +228,7 @@ def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
     text += f"; worst on {last.axis_names[worst]}, {last.rms[worst]:.3g} {last.unit_symbol} rms."
     resting = [name for name, still in zip(last.axis_names, last.still, strict=True) if still]
     if resting:
-        text += f" {', '.join(resting)} hardly moved: percentages there say little."
+        text += f" {', '.join(resting)} moved too little for percentages to mean much."
     return text
 
 

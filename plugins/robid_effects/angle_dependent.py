@@ -26,7 +26,7 @@ def angle_dependent_law(position, velocity, load, state, next_state, parameters,
 
 
 class AngleDependent(ForceEffect):
-    """Coulomb friction of one order of the angle."""
+    """Coulomb friction that varies with the angle, by one order of it."""
 
     source = (
         "B. Armstrong-Helouvry, Control of Machines with Friction, 1991; M. R. Popovic, A. A. Goldenberg, Modeling of "

@@ -31,7 +31,7 @@ def asymmetric_law(position, velocity, load, state, next_state, parameters, step
 
 
 class Asymmetric(ForceEffect):
-    """Coulomb and viscous friction that differ with the direction."""
+    """Coulomb and viscous friction that differ between the directions of motion."""
 
     source = "B. Armstrong-Helouvry, Control of Machines with Friction, 1991"
     sides = ("motor", "gear", "arm")

@@ -50,7 +50,7 @@ def rounding_radius(gap: float) -> float:
 
 
 class Backlash(ForceEffect):
-    """Gap in the gear, centred on zero deflection."""
+    """Backlash: a gap in the gear, centred on zero deflection."""
 
     source = "Nordin and Gutman 2002, Automatica 38(10); Gelb and Vander Velde 1968"
     sides = ("gear",)
@@ -79,7 +79,7 @@ class Backlash(ForceEffect):
 
     @classmethod
     def hardly_told(cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]) -> str:
-        """Of a gap that is left and met again at the same flank only the depth is told to which it was entered."""
+        """Why the width of the gap is poorly determined: no experiment touches both flanks. Empty where one does."""
         del place
         half, depth = 0.5 * float(parameters[0]), 0.0
         for position in positions:

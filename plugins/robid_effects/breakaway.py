@@ -36,7 +36,7 @@ def breakaway_law(position, velocity, load, state, next_state, parameters, step)
 
 
 class Breakaway(ForceEffect):
-    """Coulomb friction that sticks up to a higher level."""
+    """Coulomb friction with a higher breakaway level at rest."""
 
     source = (
         "H. Olsson, K. J. Astroem, C. Canudas de Wit, M. Gaefvert, P. Lischinsky, Friction models and friction "

@@ -23,7 +23,7 @@ def cable_spring_law(position, velocity, load, state, next_state, parameters, st
 
 
 class CableSpring(ForceEffect):
-    """Cables and hoses across a joint."""
+    """Spring and damper of cables and hoses across a joint."""
 
     source = "Definition: linear spring and damper"
     sides = ("arm",)

@@ -24,7 +24,7 @@ def core_loss_law(signal, angle, speed, state, next_state, parameters, step):  #
 
 
 class CoreLoss(SignalEffect):
-    """Hysteresis and eddy currents of the armature's field: a torque against the motion, by the torque squared."""
+    """Iron losses (hysteresis, eddy currents) by the armature's field: a braking torque by torque squared."""
 
     source = (
         "C. P. Steinmetz, On the law of hysteresis, Transactions of the American Institute of Electrical Engineers 9, "

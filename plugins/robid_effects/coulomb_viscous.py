@@ -19,7 +19,7 @@ from robid_core.mechanics import coulomb_viscous_law, equivalent_damping
 
 
 class CoulombViscous(ForceEffect):
-    """Coulomb friction by a smooth sign, viscous friction, and a constant torque."""
+    """Coulomb friction with a smooth sign, viscous friction, and a constant torque."""
 
     source = "thesis eq. (2.9), (2.10), after O. Egeland, J. T. Gravdahl, Modeling and Simulation, 2002"
     sides = ("motor", "gear", "arm")

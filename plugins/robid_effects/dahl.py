@@ -25,7 +25,7 @@ def dahl_law(position, velocity, load, state, next_state, parameters, step):  # 
 
 
 class Dahl(ForceEffect):
-    """Dahl's friction: a spring of stiffness sigma that gives way at the Coulomb level."""
+    """Dahl friction: presliding with stiffness sigma up to the Coulomb level."""
 
     source = "P. R. Dahl, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, 1968"
     sides = ("motor", "gear", "arm", "bearing")

@@ -17,7 +17,7 @@ from robid_effects.bodies import body_index, with_sections
 
 
 class ElasticCoordinate(StructureEffect):
-    """One more spring and damper behind a joint."""
+    """Additional elastic coordinate: one more spring and damper behind a joint."""
 
     source = "Zimmermann, thesis section 2.2; Moberg 2010, Modeling and Control of Flexible Manipulators"
     places = ("axis", "body")

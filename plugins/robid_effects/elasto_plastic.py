@@ -52,7 +52,7 @@ def elasto_plastic_law(position, velocity, load, state, next_state, parameters, 
 
 
 class ElastoPlastic(ForceEffect):
-    """Two-state friction of our own: presliding hysteresis and frictional lag about a Stribeck curve."""
+    """Elasto-plastic friction with two states, of robid: presliding hysteresis and frictional lag, Stribeck curve."""
 
     source = (
         "this file: equations, and why they are passive; idea of two states after M. Ruderman, T. Bertram, Two-state "

@@ -43,7 +43,7 @@ def eyring_law(position, velocity, load, state, next_state, parameters, step):  
 
 
 class Eyring(ForceEffect):
-    """Coulomb and viscous friction and the drag of an Eyring fluid, each for either way."""
+    """Coulomb and viscous friction and the shear drag of an Eyring fluid, separate for each direction."""
 
     source = (
         "H. Eyring, Viscosity, plasticity, and diffusion as examples of absolute reaction rates, Journal of Chemical "

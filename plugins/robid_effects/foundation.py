@@ -71,7 +71,7 @@ def _of_the_base(on: str | None, label: str) -> None:
 
 
 class RockingFoundation(StructureEffect):
-    """The base turns about x and y of its frame."""
+    """Elastic foundation on which the base turns about x and y of its frame."""
 
     source = "Book 1993, Controlled motion in an elastic world"
     places = ("base",)
@@ -95,7 +95,7 @@ class RockingFoundation(StructureEffect):
 
 
 class SwayingFoundation(StructureEffect):
-    """The base moves along x and y of its frame."""
+    """Elastic foundation on which the base moves along x and y of its frame."""
 
     source = "Book 1993, Controlled motion in an elastic world"
     places = ("base",)

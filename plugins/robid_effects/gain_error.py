@@ -20,7 +20,7 @@ def gain_error_law(signal, angle, speed, state, next_state, parameters, step):  
 
 
 class GainError(SignalEffect):
-    """Reported value in proportion to the true one."""
+    """Gain error of a sensor: the reported value is the true one times a factor."""
 
     source = "Definition"
     channels = ("torque_measurement", "position")

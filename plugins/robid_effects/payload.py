@@ -32,7 +32,7 @@ def joined(
 
 
 class Payload(StructureEffect):
-    """A load on a body."""
+    """Payload: a load fixed to a body."""
 
     source = "Parallel axis theorem; Swevers, Verdonck and De Schutter 2007 for payload identification"
     places = ("body", "axis")

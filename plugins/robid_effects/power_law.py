@@ -41,7 +41,7 @@ def power_law(position, velocity, load, state, next_state, parameters, step):  #
 
 
 class PowerLaw(ForceEffect):
-    """Coulomb and viscous friction and a power of the speed, each for either way."""
+    """Coulomb and viscous friction and a power of the speed, separate for each direction."""
 
     source = (
         "M. Grotjahn, M. Daemi, B. Heimann, Friction and rigid body identification of robot dynamics, International "

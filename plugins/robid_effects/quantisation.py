@@ -44,7 +44,7 @@ def quantiser_gain(
 
 
 class Quantisation(SignalEffect):
-    """Rounding to multiples of a resolution."""
+    """Quantisation: rounding to multiples of a resolution."""
 
     source = "Bennett 1948; Widrow and Kollar 2008, Quantization Noise, chapter 4"
     channels = ("position", "torque_measurement")

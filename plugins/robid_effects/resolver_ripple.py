@@ -23,7 +23,7 @@ def resolver_ripple_law(signal, angle, speed, state, next_state, parameters, ste
 
 
 class ResolverRipple(SignalEffect):
-    """Ripple of one order on the measured motor angle."""
+    """Error of the measured motor angle, periodic in that angle, of one order."""
 
     source = "Hanselman 1990, Resolver signal requirements for high accuracy resolver-to-digital conversion"
     channels = ("position",)

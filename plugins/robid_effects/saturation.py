@@ -82,7 +82,7 @@ def rate_gain(rate: float, rms: npt.ArrayLike, omega: npt.ArrayLike) -> ComplexA
 
 
 class Saturation(SignalEffect):
-    """Limits of the torque and of its rate of change."""
+    """Saturation: limits of the torque and of its rate of change."""
 
     source = "Booton 1954; Gelb and Vander Velde 1968, Multiple-Input Describing Functions"
     channels = ("torque",)

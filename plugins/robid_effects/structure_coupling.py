@@ -20,7 +20,7 @@ SLIGHT = 1e-6
 
 
 class CoupledAxes(StructureEffect):
-    """One more entry of the matrix that turns motor angles into joint angles."""
+    """Coupling of two axes: one more entry of the matrix from motor angles to joint angles."""
 
     source = "Zimmermann, thesis eq. (2.2); Sciavicco and Siciliano, Modelling and Control of Robot Manipulators, 2000"
     places = ("axis",)

@@ -50,7 +50,7 @@ def temperature_law(position, velocity, load, state, next_state, parameters, ste
 
 
 class Temperature(ForceEffect):
-    """Coulomb and viscous friction of a gear that warms up."""
+    """Coulomb and viscous friction that changes as the gear warms up."""
 
     source = (
         "A. C. Bittencourt, S. Gunnarsson, ASME Journal of Dynamic Systems, Measurement, and Control 134(5), 2012; "

@@ -20,7 +20,7 @@ def torque_constant_law(signal, angle, speed, state, next_state, parameters, ste
 
 
 class TorqueConstantError(SignalEffect):
-    """Acting torque in proportion to the commanded one."""
+    """Error of the torque constant: the acting torque is the commanded one times a factor."""
 
     source = "Definition; Hanselman 1994, Brushless Permanent-Magnet Motor Design"
     channels = ("torque",)

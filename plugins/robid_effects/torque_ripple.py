@@ -32,7 +32,7 @@ def torque_ripple_law(signal, angle, speed, state, next_state, parameters, step)
 
 
 class TorqueRipple(SignalEffect):
-    """Torque ripple of one order: a part of constant size and one in proportion to the torque."""
+    """Torque ripple of one order of the motor angle: a constant part and a part in proportion to the torque."""
 
     source = "Gutt, Scholl and Blattner 1996; Hanselman 1994; thesis section 3.1.3"
     channels = ("torque",)
@@ -69,7 +69,7 @@ class TorqueRipple(SignalEffect):
 
 
 class Cogging(SignalEffect):
-    """Cogging of one order: torque ripple that is there without current."""
+    """Cogging of one order of the motor angle: torque ripple that is present without current."""
 
     source = "Hanselman 1994; Gutt, Scholl and Blattner 1996"
     channels = ("torque",)

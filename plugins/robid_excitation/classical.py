@@ -78,7 +78,8 @@ class ClassicalExcitation(ExcitationDesign):
     def plan_lines(self, upstream: Mapping[str, Any]) -> list[str]:
         """Say what will be asked of the robot, for `robid plan`."""
         counts = [getattr(stage, "count", None) for stage in upstream.values()]
-        where = next((f"{count} configurations x " for count in counts if isinstance(count, int)), "")
+        count = next((number for number in counts if isinstance(number, int)), None)
+        where = "" if count is None else f"{count} configuration{'' if count == 1 else 's'} x "
         level = f"{self.torque_share:.0%} of the torque limits"
         if self.speed_rms_rad_s is not None:
             level = f"{self.speed_rms_rad_s:g} rad/s rms of motor speed"

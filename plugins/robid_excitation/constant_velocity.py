@@ -73,7 +73,7 @@ def ramp_acceleration(
 
 
 class ConstantVelocity(ExcitationDesign):
-    """Sweeps at a ladder of constant speeds in both directions, one experiment for each axis: friction over speed.
+    """Speed references for friction: a ladder of constant speeds, both directions, one experiment for each axis.
 
     Each speed is held for whole motor turns where time and travel allow, so that ripple averages out; ramps have no
     step in acceleration. Every sweep goes to and fro over the same angles, where gravity is the same. One period is

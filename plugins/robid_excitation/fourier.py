@@ -122,7 +122,7 @@ def tightened(problem: TrajectoryProblem, coefficient: FloatArray, robot: Robot,
 
 
 class Fourier(ExcitationDesign):
-    """Sums of sines and cosines, most informative about inertia and friction within the robot's limits.
+    """Speed references of sines and cosines, most informative about inertia and friction within the robot's limits.
 
     One trajectory for each configuration, about it and at rest at both ends; several complete one another. Limits of
     position, speed, acceleration and torque hold for the rigid robot and are checked on the simulated one. For
@@ -177,7 +177,8 @@ class Fourier(ExcitationDesign):
         """Say what will be asked of the robot, for `robid plan`."""
         counts = [getattr(stage, "count", None) for stage in upstream.values()]
         count = next((number for number in counts if isinstance(number, int)), None)
-        where = "one trajectory for each configuration" if count is None else f"{count} trajectories"
+        trajectories = "1 trajectory" if count == 1 else f"{count} trajectories"
+        where = "one trajectory for each configuration" if count is None else trajectories
         far = "as far as the joints go" if self.reach_rad is None else f"up to {self.reach_rad:g} rad away"
         return [
             f"{where} of {self.period_s:g} s, from rest to rest, {self.harmonics} harmonics up to "

@@ -63,7 +63,7 @@ from robid_excitation.ripple_reach import planned_reach, reaches
 
 
 class Multisine(ExcitationDesign):
-    """Speed references: multisines that ask every line for the same torque, plus a slow sine.
+    """Speed references from multisines with the same torque at all lines, plus a slow sine.
 
     Nothing moves before the nominal robot was simulated with it: an excitation that would break a limit of
     torque, speed, acceleration or position is refused, with the amplitude that would do.
@@ -213,7 +213,8 @@ class Multisine(ExcitationDesign):
         line = self.line()
         frequency, spacing = line / self.period_s, spacing_hz(line, self.period_s)
         counts = [getattr(stage, "count", None) for stage in upstream.values()]
-        where = next((f"{count} configurations x " for count in counts if isinstance(count, int)), "")
+        count = next((number for number in counts if isinstance(number, int)), None)
+        where = "" if count is None else f"{count} configuration{'' if count == 1 else 's'} x "
         group = self.detection_group
         detection = f", one of every {group} left out at random" if group else ""
         one_more = " and one more" if self.experiments_per_block == "n_plus_1" else ""

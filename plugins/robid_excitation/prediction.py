@@ -34,7 +34,7 @@ TOGETHER = 16  # experiments in memory at a time
 
 @dataclass(frozen=True)
 class Cleared:
-    """What the nominal robot will do in each configuration, motor side, (n_config, n_axis) if not said otherwise."""
+    """Motion and torque that the nominal robot will have in each configuration, motor side, (n_config, n_axis)."""
 
     torque: FloatArray
     """Largest, as `speed`, `travel` and `gear_load` (joint side)."""

@@ -22,7 +22,7 @@ from robid_core.estimation.excitation.reach import (
 
 @dataclass(frozen=True)
 class Reach:
-    """Where one ripple order of one axis goes."""
+    """Frequency range that torque ripple of one order of one axis covers."""
 
     axis: str
     order: float

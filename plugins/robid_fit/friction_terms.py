@@ -30,7 +30,7 @@ SHAPED: dict[Extra, int] = {"stribeck": 1, "temperature": 1}
 
 @dataclass(frozen=True)
 class Shape:
-    """What a law is not linear in."""
+    """Parameters of a friction law in which it is not linear."""
 
     stribeck_speed: float = 1.0
     exponent: float = 2.0

@@ -48,7 +48,7 @@ class PredictorSlopes:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a predictor makes of lanes of inputs and outputs."""
+    """One-step predictions of a predictor, from inputs and outputs."""
 
     state: FloatArray
     """Predicted states, shape (n_sample, n_lane, n_state)."""

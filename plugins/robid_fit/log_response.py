@@ -51,7 +51,7 @@ UNSEEN = ("controller", "sensor", "drive")
 
 
 class LogResponseFit(Estimator):
-    """Fit springs and dampers to the logarithm of a measured response matrix (thesis 3.1, 3.2).
+    """Fits springs and dampers to the logarithm of a measured response matrix (thesis 3.1, 3.2).
 
     Example::
 

@@ -14,7 +14,7 @@ from robid_core.residual import TorqueProblem
 NARROWER = 0.67  # times a zero-speed width, and more: functions about it are narrow enough
 WIDER = 4.0  # likewise, and less: wide enough
 THINNED = 5  # every so many samples of the speeds
-POINTS = 61  # of a curve, closer to one another where friction turns round
+POINTS = 61  # of a curve, closer to one another where friction changes its direction
 LEFT = 0.02  # of the friction: less is drawn and not told
 SURE = 3.0  # standard errors of the curve, likewise
 

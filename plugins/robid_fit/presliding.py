@@ -28,11 +28,11 @@ FAST = 1e4  # rad/s: a Stribeck speed where there is no Stribeck curve
 
 
 class PreslidingFit(Estimator):
-    """Stiffness and damping of the bristles from motions so small that the motor sticks.
+    """Stiffness and damping of presliding friction (bristles), from motions so small that the motor sticks.
 
     Weight and inertia of the rigid robot are taken off; what is left over angle and speed is the spring sigma_0 and the
     damper sigma_1, beside the viscous coefficient that the robot has. It becomes `friction.lugre` with the robot's own
-    Coulomb level, which `fit.friction` tells: take its robot by `inputs: {robot: ...}`. Motion that slides is refused.
+    Coulomb level, which `fit.friction` finds: take its robot by `inputs: {robot: ...}`. Motion that slides is refused.
 
         bristles:
           use: fit.presliding
@@ -63,7 +63,7 @@ class PreslidingFit(Estimator):
         found: dict[str, Bristles] = {}
         for axis, own in motions.items():
             if not own:
-                context.log.info("%s hardly moves: nothing is estimated for it", axis)
+                context.log.info("%s moves too little: nothing is estimated for it", axis)
                 continue
             coulomb = _level(robot, axis)
             share = slid_share(own, coulomb)

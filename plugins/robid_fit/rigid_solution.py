@@ -44,7 +44,7 @@ TRUSTED = 1.0  # natural units that a law's number moves at once
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Everything about one point."""
+    """Equations, weights and residual, linearised about one point."""
 
     point: FloatArray
     residual: FloatArray
@@ -59,7 +59,7 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class RigidSolution:
-    """Where the rounds ended."""
+    """Estimates of a rigid fit, with covariance and what the rounds reached."""
 
     at: Linearised
     covariance: FloatArray
@@ -332,14 +332,14 @@ class RigidProblem:
     # The end
 
     def _refuse_alike(self, hessian: FloatArray) -> None:
-        """Raise NotIdentifiable where neither data nor tolerances tell some unknowns apart."""
+        """Raise NotIdentifiable where neither data nor tolerances separate some unknowns."""
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
         values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
         if values[0] < ALIKE:
             share = np.abs(vectors[:, 0])
             members = np.flatnonzero(share > 0.1 * share.max()).tolist()
             raise NotIdentifiable(
-                f"the data cannot tell apart {', '.join(self.unknowns.names[i] for i in members)}; hold some of them "
+                f"the data cannot separate {', '.join(self.unknowns.names[i] for i in members)}; hold some of them "
                 "(fixed), or record a richer motion: both directions, several speeds"
             )
 

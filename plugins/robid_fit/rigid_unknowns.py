@@ -34,7 +34,7 @@ Delays = Literal["none", "common", "each"]
 
 @dataclass(frozen=True, eq=False)
 class RigidUnknowns:
-    """What a rigid fit moves: coordinates of `free`, `friction` and `ripple` in N m, `delays` in samples."""
+    """Unknowns of a rigid fit: coordinates of `free`, `friction` and `ripple` in N m, `delays` in samples."""
 
     free: FreeParameters
     """Bodies, rotors, effects, and speeds within which Coulomb friction turns."""

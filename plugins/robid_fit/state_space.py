@@ -40,7 +40,7 @@ LEFT = 1e-3  # of the log-likelihood, that a further step promises
 
 
 class StateSpaceFit(Estimator):
-    """Fit a robot's linear state-space model by its prediction errors: the baseline in the time domain.
+    """Fits a robot's linear state-space model by one-step prediction errors in the time domain.
 
     Example::
 

@@ -137,7 +137,7 @@ def _left(problem: OutputErrorProblem, point: FloatArray) -> float:
 
 
 class TimeDomainFit(Estimator):
-    """Fit a robot to recorded outputs by simulating its closed loop under the recorded references.
+    """Fits a robot to recorded outputs by simulating its closed loop under the recorded references.
 
     Example::
 

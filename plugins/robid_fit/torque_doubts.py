@@ -74,8 +74,8 @@ def rattling(problem: TorqueProblem) -> tuple[Doubt, ...]:
     if not n_left_out:
         return ()
     sentence = (
-        f"{n_left_out} of {n} experiments are not used: the model rattles there within a gap and does not repeat its "
-        "motion as the machine did"
+        f"{n_left_out} of {n} experiments {'is' if n_left_out == 1 else 'are'} not used: the model rattles there "
+        "within a gap and does not repeat its motion as the machine did"
     )
     remedy = "measure smaller or slower motions, or poses in which gravity loads the axis"
     return (Doubt("rattling", sentence, remedy, "remark"),)
@@ -105,7 +105,7 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
 
 
 def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
-    """Doubt bodies that differ from the robot file by more than was promised: then their errors are too small."""
+    """Doubt bodies that deviate from the robot file by more than the tolerances: then their errors are too small."""
     free, n = problem.free, problem.n_free
     bodies = np.array([free.robot.parameter_kind(name) == "inertia" for name in free.names], dtype=bool)
     if not bodies.any():
@@ -126,6 +126,6 @@ def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     )
     sentence = (
         f"bodies differ from the robot file by {times:.3g} times their stated tolerances, {names[worst]} by "
-        f"{far.max():.3g} of them"
+        f"{far.max():.3g} times its own"
     )
     return (Doubt("tolerance", sentence, remedy),)

@@ -84,7 +84,7 @@ def _leads_nowhere(problem: TorqueProblem, solution: Solution) -> bool:
 
 
 class TorqueResidualFit(Estimator):
-    """Fit a robot to the torque that its measured motion takes, in all bins up to a limit.
+    """Fits a robot to the torque that its measured motion needs, in all bins up to a limit.
 
     Example::
 
@@ -95,7 +95,7 @@ class TorqueResidualFit(Estimator):
     """Patterns of the parameters that are estimated, effects by `effect.<label>.*`; null: springs, dampers, viscous
     friction, and the inertia of bodies and rotors."""
     fixed: tuple[str, ...] = ()
-    """Patterns of parameters that are held all the same; `friction.*.speed` holds the transition speed of
+    """Patterns of parameters that are held although `free` names them; `friction.*.speed` holds the transition speed of
     Coulomb friction, which is estimated otherwise."""
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations by pattern, in natural scales (0.01: one percent); wide for springs, 0.01 for bodies."""
@@ -219,7 +219,8 @@ class TorqueResidualFit(Estimator):
             other = self._problem(record, robot, robots, width=width)
             told = ", ".join(f"{own:.3g}" for own in width)
             context.log.info(
-                "friction turns round within %s rad/s: functions of speed are laid about that", told
+                "transition speed of Coulomb friction: %s rad/s; the free functions of speed are placed about it",
+                told,
             )
             other.go_on_from(problem)
             begin = carried(problem, solution.point, other)
@@ -313,11 +314,10 @@ class TorqueResidualFit(Estimator):
             at_bound=at_bound,
             prior=np.sqrt(((slope * problem.prior) ** 2).sum(axis=1)),
         )
-        n_pass = len(solution.changes)
-        status = (
-            f"converged after {n_pass} passes" if solution.converged else f"{n_pass} passes were not enough"
-        )
-        status += f"; the last one moved the springs by at most {solution.changes[-1]:.2g} standard errors"
+        n_pass, last = len(solution.changes), solution.changes[-1]
+        passes = "1 pass" if n_pass == 1 else f"{n_pass} passes"
+        status = f"converged after {passes}" if solution.converged else f"{passes} did not suffice"
+        status += f"; the last one changed springs, dampers and effects by at most {last:.2g} standard errors"
         if np.isfinite(solution.contraction):
             status += f", and each leaves {100 * solution.contraction:.2g} % of the way to the end"
         delay = problem.delay(point)

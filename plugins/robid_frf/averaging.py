@@ -21,7 +21,7 @@ from robid_frf.reading import LineSpectra, read_spectra
 
 @dataclass(frozen=True)
 class Estimate:
-    """A response with what its uncertainty is made of.
+    """A response with all that its covariance is computed from.
 
     `gram_inverse` (n_config, n_freq, n_axis, n_axis) is ``A^H A`` of the error ``V A`` that residuals V of the
     experiments leave in the response; `products` holds the products of these residuals, of `LineSpectra.spare`
@@ -39,7 +39,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Joined:
-    """Least-squares response of the experiments of all blocks, with the products of what it leaves over."""
+    """Least-squares response of the experiments of all blocks, with the products of its residuals."""
 
     response: ComplexArray
     gram_inverse: ComplexArray
@@ -146,17 +146,26 @@ class Averaging(FrfEstimator):
 def pooling_in_words(spectra: LineSpectra, total: Pooled | None, noise: Pooled | None) -> str:
     """Say how the covariances were collected."""
     n_block, n_in, n_exp = (spectra.u_by_period.shape[i] for i in (1, 3, 4))
-    measured = f"{n_block} block{'s' if n_block > 1 else ''} of {n_exp} experiments for {n_in} inputs"
+    measured = (
+        f"{_counted(n_block, 'block')} of {_counted(n_exp, 'experiment')} for {_counted(n_in, 'input')}"
+    )
     if total is None:
         words = f"total: none stated, {measured} leave too few residuals"
     else:
         lines = 2 * total.half_window + 1
-        words = f"total: residuals of {measured}, {spectra.spare} to spare, pooled over {lines} lines"
+        freedom = "degree of freedom" if spectra.spare == 1 else "degrees of freedom"
+        words = (
+            f"total: residuals of {measured}, {spectra.spare} {freedom} at a line, pooled over {lines} lines"
+        )
     if noise is None:
         words = f"{words}; noise: none stated, a single period was kept"
     else:
         words = f"{words}; noise: differences between periods, pooled over {2 * noise.half_window + 1} lines"
     return "; ".join((words, *spectra.words))
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def tell_masked(record: Record, context: Context, valid: BoolArray) -> None:

@@ -133,7 +133,7 @@ def estimate_lines(
 
 @dataclass(frozen=True)
 class Stated:
-    """A covariance over all configurations with its degrees of freedom, and the lines that share it."""
+    """Stated covariance over all configurations with its degrees of freedom, and the lines that share it."""
 
     covariance: ComplexArray
     degrees_of_freedom: FloatArray

@@ -29,7 +29,7 @@ class LogarithmicMean(Averaging):
     Each block needs an experiment for every axis; with a single block this is its response, without a
     covariance unless it has experiments to spare. Entries that drown in noise (zero by symmetry, say) have
     no logarithm worth averaging: in the form `element` they take the arithmetic mean, and in both the stated
-    covariance shows that they are not told from zero.
+    covariance shows that they do not differ from zero.
 
         frf: {use: frf.log, with: {form: matrix}}
     """

@@ -239,12 +239,14 @@ def _covers(estimated: list[Estimated], names: Instruments, cut: Cut | None, val
 def _in_words(columns: Columns, cut: Cut | None, total: Stated | None, noise: Stated | None) -> str:
     """Say how the covariances were collected."""
     n_exp, n_segment, n_period = columns.u.shape[2:]
+    experiments = "1 experiment" if n_exp == 1 else f"{n_exp} experiments"
     if cut is None:
-        what = f"whole periods of {n_exp} experiments"
+        what = f"whole periods of {experiments}"
     else:
         share = 1 - cut.segments.hop / len(cut.segments.window)
         worth = equivalent_segments(cut.segments)
-        what = f"{n_segment} segments (worth {worth:.3g}) in each of {n_exp} experiments, {share:.0%} overlap"
+        each = experiments if n_exp == 1 else f"each of {experiments}"
+        what = f"{n_segment} segments (worth {worth:.3g}) in {each}, {share:.0%} overlap"
     words = f"total: none stated, {what} leave too few residuals"
     if total is not None:
         words = f"total: residuals of {what}, pooled over {total.lines} lines"

@@ -22,7 +22,7 @@ HEADING = "# Written by `robid diagnose`; it is a pipeline like any other, and i
 
 @dataclass(frozen=True)
 class Asked:
-    """What the diagnosis is asked for."""
+    """Options of a diagnosis from the command line."""
 
     only: list[str] = field(default_factory=list)
     exclude: list[str] = field(default_factory=list)
@@ -92,7 +92,7 @@ def command(
         typer.Option(
             "--keep-apart",
             metavar="RECORD",
-            help="A further record that only the last judgement sees: how well the robot predicts it.",
+            help="A further record that no fit uses: it shows how well the robot predicts held-out data.",
         ),
     ] = None,
     blocks: Annotated[
@@ -110,21 +110,21 @@ def command(
         typer.Option(
             "--continue",
             metavar="PIPELINE",
-            help="Measure what separates ties on the simulated drives of this pipeline, and judge again.",
+            help="Measure the experiment that separates ties on this pipeline's simulated drives, and diagnose again.",
         ),
     ] = None,
     data: DataRoot = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the essentials.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the log, too.")] = False,
 ) -> None:
-    """Find what a simulation gets wrong: refit the robot, hold every effect against what is left, extend the robot.
+    """Find what a simulation gets wrong: refit the robot, try every effect on the residual, extend the robot.
 
     Recordings are records of robid (MCAP, HDF5), or any other files (CSV, MAT, NPZ, Parquet, bags) with a channel map.
 
     Writes diagnosis.yaml, a pipeline, and runs it: in runs/diagnosis/ there are then the page, verdict.explain.json and
     robot.explain.yaml, the extended robot. With --continue the experiment that separates ties is measured, and all
-    records are judged again (verdict.explain_again.json). After an interruption the same command goes on: stages that
-    were finished are kept, and the search begins again.
+    records are diagnosed again (verdict.explain_again.json). After an interruption the same command continues: stages
+    that were finished are kept, and the search begins again.
     """
     from robid_core.commands.run import run_and_tell
     from robid_core.errors import ConfigurationError

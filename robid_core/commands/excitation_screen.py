@@ -74,7 +74,7 @@ def response_rows(excitation: Excitation) -> list[list[str]]:
     total, noise = excitation.predicted_deviation, excitation.predicted_noise_deviation
     if total is None or noise is None or not np.isfinite(total).any():
         return []
-    rows = [["response", "std median", "of noise", "worst line", "at Hz", f"above {WEAK:.0%}"]]
+    rows = [["response", "std median", "noise alone", "largest", "at Hz", f"lines above {WEAK:.0%}"]]
     for axis, name in enumerate(excitation.axis_names):
         values = total[:, :, axis]
         worst = int(np.nanargmax(np.nan_to_num(values, nan=-1.0).max(axis=0)))
@@ -100,7 +100,10 @@ def notes(excitation: Excitation) -> list[str]:
             "data sheet"
         )
     if excitation.predicted_deviation is not None:
-        lines.append("std of the response's diagonal by H1 from all experiments, one period each")
+        lines.append(
+            "std: relative standard deviation of the response's diagonal by H1 from all experiments, one period each; "
+            f"largest of all lines, and how many lines have more than {WEAK:.0%}"
+        )
     elif len(excitation.line):
         lines.append(
             "no std of the response: fewer experiments than axes give none by averages; local methods may"

@@ -80,7 +80,7 @@ def predictions(pipeline: Pipeline) -> dict[str, list[str]]:
         if isinstance(node.stage, ExcitationDesign) and node.name not in made:
             show = ["robid", "show", near(RunFolder.of(pipeline).path), node.name]
             advice[node.name] = [
-                f"not simulated: it needs what only a run finds out; {shlex.join(show)} tells afterwards"
+                f"not simulated: it needs what only a run finds out; {shlex.join(show)} shows the advice afterwards"
             ]
     return advice
 

@@ -43,7 +43,7 @@ class Part:
 
 
 class Lines(Silence):
-    """Plain lines on stderr."""
+    """Progress of a run as plain lines on stderr."""
 
     def __init__(self) -> None:
         self._told, self._part = 0.0, Part(0.0)
@@ -86,7 +86,7 @@ OUTCOMES = {
 
 
 class Bars(Silence):
-    """A live line per stage, by rich."""
+    """Progress of a run as one live line per stage, by rich."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress

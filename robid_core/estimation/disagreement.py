@@ -24,7 +24,7 @@ UNSEEN = 1e-9  # of a variance: an experiment that says less of a number cannot 
 
 @dataclass(frozen=True, eq=False)
 class ExperimentShare:
-    """What one experiment adds to a fit at its minimum."""
+    """Gradient and curvature that one experiment contributes to a fit at its minimum."""
 
     information: FloatArray
     """To the Hessian of half the cost, (n_unknown, n_unknown)."""

@@ -61,7 +61,7 @@ class _Given:
 
 @contextlib.contextmanager
 def process_executor(jobs: Annotated[int, Field(ge=0, le=MOST_JOBS)] = 0) -> Iterator[ProcessMap]:
-    """Give a map over `jobs` processes of this machine; 0 takes as many as there are processors, 1 stays here.
+    """Runs tasks in `jobs` processes of this machine; 0 takes as many as there are processors, 1 stays in this one.
 
     The pool starts with the first work that can use it, after this process has compiled what it needs: a
     worker then finds compiled kernels on the disk. Used in YAML as::
@@ -78,7 +78,7 @@ def process_executor(jobs: Annotated[int, Field(ge=0, le=MOST_JOBS)] = 0) -> Ite
 
 
 class ProcessMap:
-    """Maps in this process until there is more than one task and more than one job allowed."""
+    """Maps in this process, or in a pool of processes where several tasks and several jobs are there."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs

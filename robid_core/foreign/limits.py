@@ -21,7 +21,7 @@ CLOCK_PER_PROCESSOR = 4.0  # a busy machine
 
 @dataclass(frozen=True)
 class Limits:
-    """Address space in bytes, and seconds of processor and clock."""
+    """Limits of a worker process: address space in bytes, and seconds of processor and clock."""
 
     memory_bytes: int
     processor_s: float

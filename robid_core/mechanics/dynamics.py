@@ -18,7 +18,7 @@ from robid_core.mechanics.recursion import chain_views, evaluate, project_gravit
 
 @dataclass(frozen=True)
 class Dynamics:
-    """What `dynamics` returns; leading axes are those of the position."""
+    """Result of `dynamics`; leading axes are those of the position."""
 
     mass: FloatArray
     """(..., n, n) kg m^2 (kg for a prismatic pair)."""

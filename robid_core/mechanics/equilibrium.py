@@ -32,7 +32,7 @@ SINGULAR = 1e-12  # of the largest stiffness; below it rounding decides the sign
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Where the robot rests; leading axes are those of the motor angle."""
+    """Static equilibrium of the robot; leading axes are those of the motor angle."""
 
     position: FloatArray
     """Generalised coordinates z, shape (..., n_coordinate)."""

@@ -41,7 +41,7 @@ _SINGULAR = 0.01  # of all singular values together: a direction of the tool tha
 
 @dataclass(frozen=True)
 class Tool:
-    """The point of the robot that shall be where it is wanted."""
+    """Tool centre point: the point of the robot that follows the wanted path."""
 
     body: str
     """Joint that carries it."""

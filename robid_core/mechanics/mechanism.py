@@ -20,7 +20,7 @@ from robid_core.mechanics.chain import Chain
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """A chain and what drives it.
+    """A chain of bodies with motors, gears and springs.
 
     Raises
     ------

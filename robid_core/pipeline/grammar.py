@@ -40,7 +40,7 @@ def _stage_name(text: str) -> str:
 
 
 class RobotUse(Settings):
-    """The nominal model: what the stages believe the robot to be."""
+    """The nominal model of the robot, which the stages start from."""
 
     model: str
     """A packaged robot (six_axis, one_axis), or the path of a robot.yaml beside the pipeline file."""

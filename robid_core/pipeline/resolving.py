@@ -63,7 +63,7 @@ class Resolver:
                 label = use.value.rpartition(".")[2]
                 text = (
                     f"'{use.value}' is an effect, and no {NOUNS[group]}: it goes into a robot file, as "
-                    f"`effects: {{{label}: {{use: {use.value}, ...}}}}`; robid stages {use.value} tells the rest"
+                    f"`effects: {{{label}: {{use: {use.value}, ...}}}}`; robid stages {use.value} shows its settings"
                 )
             hint = "; is the package that brings it installed?" if "; there are:" in text else ""
             self.problems.add(node.keys["use"], (*path, "use"), text + hint)

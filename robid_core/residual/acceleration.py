@@ -16,7 +16,7 @@ SMALLEST = 1e-3  # of the largest singular value of the moves: what lies below i
 
 
 class History:
-    """The last steps: points that went in and points that came out."""
+    """The last steps of the iteration: points that went in and points that came out."""
 
     def __init__(self, memory: int) -> None:
         self.memory = memory

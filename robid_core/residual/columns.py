@@ -36,7 +36,7 @@ def passive_motion(robot: Robot, angle: FloatArray, omega: FloatArray) -> Comple
 
 @dataclass(frozen=True, eq=False)
 class BodyDerivatives:
-    """What mass matrix, stiffness and weight change by for each inertial parameter, at fixed poses."""
+    """Derivatives of mass matrix, stiffness and weight for each inertial parameter, at fixed poses."""
 
     index: tuple[int, ...]
     """Numbers of these parameters among the free ones."""
@@ -110,7 +110,7 @@ def body_derivatives(
 
 @dataclass(frozen=True, eq=False)
 class LinearSlopes:
-    """What springs, dampers, viscous friction and bodies change of a robot's linear model at some poses."""
+    """Derivatives of a robot's linear model for springs, dampers, viscous friction and bodies, at some poses."""
 
     model: SecondOrderModel
     slopes: SecondOrderSlopes

@@ -45,7 +45,7 @@ NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits le
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where the passes ended."""
+    """Result of the passes of a torque residual fit."""
 
     point: FloatArray
     """Shape (n_unknown,)."""
@@ -54,7 +54,7 @@ class Solution:
     changes: tuple[float, ...]
     """Of springs, dampers and effects by each pass, in standard errors by weights and misfit."""
     contraction: float
-    """What a pass leaves of a deviation, from the last two; NaN after fewer."""
+    """To which share a pass reduces the distance to the solution, from the last two; NaN after fewer."""
     converged: bool
     """Whether the last pass changed next to nothing."""
     n_agree: int
@@ -104,7 +104,7 @@ def solve(
     Raises
     ------
     NotIdentifiable
-        Where the data tell nothing of a spring or an effect that was not known before either.
+        Where the data do not determine a spring or an effect that was not known before either.
     """
     if begin is None:
         point, agree = best_start(problem, (np.zeros(problem.n_free), *starts), passes, progress)

@@ -1,7 +1,7 @@
-"""What can be seen: how much of each free parameter the data will tell, from derivatives and weights alone.
+"""Identifiability: how well the data determine each free parameter, from derivatives and weights alone.
 
 In units of the priors' standard deviations the information of the free parameters, all other unknowns projected out, is
-``I + S``; a direction in which S is above one is told better by the data than it was known before.
+``I + S``; a direction in which S is above one is determined better by the data than by the priors.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_NAMES = 8
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """What data can tell of the free parameters before they are fitted."""
+    """How well data determine the free parameters, before they are fitted."""
 
     names: tuple[str, ...]
     prior: FloatArray
@@ -30,19 +30,20 @@ class Visibility:
     share: FloatArray
     """Posterior over prior standard deviation, shape (n_free,)."""
     rank: int
-    """Directions that the data tell better than the priors do."""
+    """Directions that the data determine better than the priors do."""
     condition: float
     """Largest over smallest information, in units of the priors."""
 
     def __str__(self) -> str:
         halved = int((self.share < 0.5).sum())
         return (
-            f"what can be seen: {self.rank} of {len(self.names)} directions better than before, {halved} parameters at "
-            f"least twice as well, condition {self.condition:.1e}"
+            f"identifiability: the data determine {self.rank} of {len(self.names)} directions better than the priors, "
+            f"and halve the standard deviation of {halved} parameter{'' if halved == 1 else 's'}; condition number "
+            f"{self.condition:.1e}"
         )
 
     def check(self, needed: npt.NDArray[np.bool_]) -> None:
-        """Refuse what is needed, was not known and cannot be seen.
+        """Refuse parameters that are needed, were not known and are not determined by the data.
 
         Raises
         ------
@@ -56,14 +57,14 @@ class Visibility:
         more = f" and {len(blind) - MOST_NAMES} more" if len(blind) > MOST_NAMES else ""
         raise NotIdentifiable(
             f"the data do not determine {named}{more}: fix what they do not show (fixed: [{self.names[blind[0]]}]), "
-            "give it a prior, or measure configurations that show it; other numbers of an effect whose size starts at "
-            "zero cannot be seen",
+            "give it a prior, or measure configurations that show it; where the size of an effect starts at zero its "
+            "other parameters have no influence: start it at another size",
             [self.names[i] for i in blind],
         )
 
 
 def visibility(problem: TorqueProblem, about: Linearisation) -> Visibility:
-    """Return what the data tell of the free parameters, about one point."""
+    """Return how well the data determine the free parameters, about one point."""
     n, prior = problem.n_free, problem.prior
     scaled = about.whole * np.outer(prior, prior)
     others = scaled[n:, n:]

@@ -47,7 +47,7 @@ _SAMPLE = 0.75  # stiffness of the simulated machine over the proposed one
 
 @dataclass(frozen=True)
 class Draft:
-    """A robot file that waits for what only a person knows."""
+    """A robot file with gaps that only a person can fill."""
 
     robot: str
     """Text of robot.yaml."""
@@ -92,9 +92,11 @@ def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
     bodies: tuple[Body, ...] = TypeAdapter(tuple[Body, ...]).validate_python(with_tuples(bodies_of(model)))
     _refuse_points(bodies, path.name)
     if model.shapes:
-        remarks.append(f"{len(model.shapes)} meshes are drawn on the page; masses and inertias alone count")
+        drawn = "1 mesh is" if len(model.shapes) == 1 else f"{len(model.shapes)} meshes are"
+        remarks.append(f"{drawn} drawn on the page; only masses and inertias count")
     if model.remarks:
-        remarks.append(f"{len(model.remarks)} meshes cannot be drawn: {model.remarks[0]}")
+        broken = "1 mesh" if len(model.remarks) == 1 else f"{len(model.remarks)} meshes"
+        remarks.append(f"{broken} cannot be drawn: {model.remarks[0]}")
     remarks += [f"joint '{joint}' is locked at 0: {why}" for joint, why in locked.items()]
     remarks += [
         f"joint '{body.joint}' carries {len(behind)} joints ({', '.join(behind)}): a tree; lock what is not moved "

@@ -136,7 +136,7 @@ def simulate_experiments(
     method: str,
     keep_coordinates: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None, str, int]:
-    """Simulate experiments of a robot: the unit of work that travels, registered as `simulate.experiments`.
+    """Simulates experiments of a robot as one task of parallel work, registered as `simulate.experiments`.
 
     Parameters
     ----------

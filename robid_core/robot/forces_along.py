@@ -26,7 +26,7 @@ EXACT = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """How everything of a robot moves, sampled in the middle of steps."""
+    """Motion of all coordinates of a robot, sampled in the middle of steps."""
 
     position: FloatArray
     """Generalised coordinates, shape (n_lane, n_sample, n_coordinate)."""

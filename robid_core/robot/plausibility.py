@@ -43,7 +43,7 @@ _INDEPENDENT = 1e-12  # smallest eigenvalue of a mass matrix with ones on its di
 
 @dataclass(frozen=True)
 class Remark:
-    """Something about a robot that is hard to believe."""
+    """An implausible number of a robot."""
 
     where: str
     """Key of the robot file, dotted."""

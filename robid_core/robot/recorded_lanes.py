@@ -77,7 +77,7 @@ def recorded_lanes(run: DenseRun) -> RecordedLanes:
     enabled = joined(DRIVE_ENABLED) if DRIVE_ENABLED in run.channels else None
     if enabled is not None and not np.isin(enabled, (0.0, 1.0)).all():
         raise DataRejected(
-            f"{DRIVE_ENABLED} tells where drives are on and must be 0 or 1; it has values from {enabled.min():g} to "
+            f"{DRIVE_ENABLED} says when drives are on and must be 0 or 1; it has values from {enabled.min():g} to "
             f"{enabled.max():g}"
         )
     return RecordedLanes(joined("motor_position"), torque, speed_reference, position_reference, enabled)

@@ -39,7 +39,7 @@ from robid_core.store import Entry, Store, failures_named
 
 
 class Caller:
-    """Knows what a run lends to its stages."""
+    """Calls stages with the services that a run has for them."""
 
     def __init__(
         self, shared: Surroundings, store: Store, tasks: MapTasks, listener: Listener, options: RunOptions

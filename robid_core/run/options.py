@@ -51,7 +51,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What became of each stage (made, same, kept, refused), what stages warned of, doubts of numbers, and remarks.
+    """Result of a run: each stage made, same, kept or refused; warnings, doubts and remarks.
 
     `exit_code` is 0, or 6 where numbers must not be used: a stage gave no result, a fit did not converge, or, with
     `strict`, there is any doubt.

@@ -16,7 +16,7 @@ from robid_core.store import Entry, State, Store
 
 
 class Action(enum.Enum):
-    """What becomes of a stage."""
+    """What is done with a stage: kept, made, made if its input changes, or not chosen."""
 
     KEEP = "cached"
     MAKE = "run"

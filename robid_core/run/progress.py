@@ -10,7 +10,7 @@ LOG = logging.getLogger("robid.display")
 
 
 class Listener(Protocol):
-    """Hears what a run does."""
+    """Interface of what is notified of the course of a run."""
 
     def waiting(self, holder: str) -> None:
         """Another run holds the folder; this one waits."""
@@ -29,7 +29,7 @@ class Listener(Protocol):
 
 
 class Silence:
-    """A listener that does not care."""
+    """A listener that shows nothing."""
 
     def waiting(self, holder: str) -> None:
         """Say nothing."""

@@ -168,7 +168,7 @@ def _period_lines(recordings: Sequence[Inspected]) -> list[str]:
         ]
     return [
         f"  period_s: auto  # guess: it {told}",
-        "  lines: auto  # the excited frequencies; without lines periods are not kept apart",
+        "  lines: auto  # the excited frequencies; without lines the single periods are not used",
     ]
 
 

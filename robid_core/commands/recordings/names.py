@@ -81,7 +81,7 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ°]+|[0-9]+")
 
 @dataclass(frozen=True)
 class Said:
-    """What a name says; empty where it says nothing."""
+    """Meaning of a channel's name: quantity, side, unit; empty where the name does not say."""
 
     quantity: str = ""
     side: str = ""

@@ -94,7 +94,7 @@ def _inverse(projected: ComplexArray, condition_limit: float) -> ComplexArray:
 
 @dataclass(frozen=True)
 class Scatter:
-    """What the residuals of a response say; shapes per line.
+    """Residual products of a response and their degrees of freedom; shapes per line.
 
     `products` is ``V V^H`` (..., n_out, n_out), of expectation `weight` (...,) times C_V, and has
     `degrees_of_freedom` (...,); `gram_inverse` (..., n_in, n_in) makes ``conj(gram_inverse) (x) C_V`` the

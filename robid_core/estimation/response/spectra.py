@@ -167,7 +167,8 @@ def _refuse_spread(quotient: Quotient, **spectra: ComplexArray | None) -> None:
 def _refuse_few(n_exp: int, n_in: int) -> None:
     if n_exp < n_in:
         raise PoorExcitation(
-            f"{n_exp} experiments cannot separate {n_in} inputs at any line (condition number infinite); "
+            f"{n_exp} experiment{'' if n_exp == 1 else 's'} cannot separate {n_in} inputs at any line (condition "
+            "number infinite); "
             f"measure at least {n_in} experiments a block"
         )
 

@@ -20,7 +20,7 @@ FACTORS = {2.0: "half", 0.5: "twice", 4.0: "a quarter of", 0.25: "four times"}
 
 @dataclass(frozen=True)
 class Counts:
-    """An axis whose recorded angle is a simple multiple of what it turned by."""
+    """An axis whose recorded angle is a simple multiple of the true one (wrong counts per turn)."""
 
     axis: int
     factor: float

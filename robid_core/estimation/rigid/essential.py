@@ -20,7 +20,7 @@ LEVEL = 0.05  # probability by chance below which an increase is one
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """What least squares keep, and in what order the others went."""
+    """Result of a backward elimination of columns."""
 
     kept: IntArray
     """Columns, in their order, (n_kept,)."""

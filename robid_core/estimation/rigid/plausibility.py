@@ -39,7 +39,7 @@ SPOILS = 1.2  # by which it may raise what is left of any other axis
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """Something wrong in a recording, and the linear maps that undo it."""
+    """A mistake in a recording (sign, unit, exchanged axes), and the linear maps that undo it."""
 
     what: str
     """What the recording looks like."""
@@ -59,7 +59,7 @@ class Slip:
 
 @dataclass(frozen=True)
 class Scale:
-    """A torque that is the robot's times a number far from 1."""
+    """A recorded torque that differs from the robot's by a factor far from 1."""
 
     axis: int
     factor: float

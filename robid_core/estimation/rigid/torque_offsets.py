@@ -16,7 +16,7 @@ from robid_core.estimation.rigid.zero_angles import shares
 
 @dataclass(frozen=True)
 class Offset:
-    """A torque that is the robot's but for a constant."""
+    """A recorded torque that differs from the robot's by a constant."""
 
     axis: int
     torque: float

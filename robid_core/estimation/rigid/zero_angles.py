@@ -24,7 +24,7 @@ MODEL = 1e-3  # of a torque's power: less that is left is no better
 
 @dataclass(frozen=True)
 class Zero:
-    """An axis whose recorded angle is off."""
+    """An axis whose recorded angle has a wrong zero."""
 
     axis: int
     angle: float

@@ -71,7 +71,7 @@ class InertialSensorEntry(Part):
 
 
 class Sensors(Part):
-    """What the drive measures, and how badly."""
+    """Sensors of a drive and their noise."""
 
     encoder_counts: NonNegative = 0.0
     """Counts per motor turn (per metre on a prismatic axis with ratio 1); 0: not quantised."""

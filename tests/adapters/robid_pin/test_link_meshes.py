@@ -165,7 +165,7 @@ def test_a_project_around_a_urdf_elsewhere_finds_its_meshes(tmp_path: Path) -> N
     arm(package, "package://arm_description/a.stl")
     (package / "a.stl").write_bytes(as_ascii_stl())
     files, remarks, _ = files_of_urdf(project, package / "arm.urdf", ())
-    assert "1 meshes are drawn on the page; masses and inertias alone count" in remarks
+    assert "1 mesh is drawn on the page; only masses and inertias count" in remarks
     project.mkdir()
     (project / "arm.urdf").write_text(files["arm.urdf"])
     (shape,) = read_model(project / "arm.urdf", {}).shapes

@@ -86,7 +86,9 @@ def test_torques_that_lag_or_lead_are_told_to_a_fifth_of_a_sample(
     """A fifth: twice the 0.1 samples by which springs, bodies and friction of the plant turn the phase at an axis."""
     position, torque = sound
     (words,) = doubts_of_timing(record(position, late(torque, samples)), ROBOT)
-    assert words.startswith(f"all torques that tell {'lag' if samples > 0 else 'lead'} the angles")
+    assert words.startswith(
+        f"all torques from which it can be estimated {'lag' if samples > 0 else 'lead'} the angles"
+    )
     assert told(words) == pytest.approx(abs(samples), abs=0.2)
     assert f"{'motor_torque' if samples > 0 else 'motor_position'}: delay_s: " in words
 

@@ -91,7 +91,7 @@ def test_a_hidden_effect_is_named_and_sized(
     refitted, first, named, left, again, ended = (line for line in course if not line.startswith("not named"))
     assert refitted.startswith("all values refitted: misfit ")
     assert f": {use} at {on} ({finding.side}) gains " in first
-    assert named.startswith(f"named {use} at {on} ({finding.side}): gain ")
+    assert named.startswith(f"named {use} at {on} ({finding.side}): twice the log-likelihood rises by ")
     assert left.startswith("causes: 1, misfit ")
     assert again.split(":")[0] == first.split(":")[0]
     assert ended == "nothing more is named"

@@ -149,7 +149,7 @@ def test_an_axis_that_hardly_moves_is_marked(tmp_path: Path) -> None:
     resting["motor_torque"] = run.channels["motor_torque"]
     diagnosis = predict(robot, moving.replace(runs=(run.replace(channels=resting),)), None)
     assert diagnosis.errors[0].still.all()
-    assert diagnosis.verdict.endswith("x hardly moved: percentages there say little.")
+    assert diagnosis.verdict.endswith("x moved too little for percentages to mean much.")
 
 
 def test_what_cannot_be_predicted_is_refused(tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_experiments_of_the_role_test_judge_and_are_not_looked_at(told: Robot) -
     assert first.data is not None
     assert (first.data.n_config, first.data.n_experiment, first.data.n_test) == (3, 6, 2)
     assert "Data: 6 experiments in 3 configurations" in first.verdict
-    assert "2 experiments kept apart" in first.verdict
+    assert "2 experiments held out" in first.verdict
     (finding,), (again,) = first.findings, second.findings
     assert finding.n_seen == len(POSES)
     assert np.array_equal(finding.value, again.value)

@@ -41,7 +41,7 @@ def test_one_experiment_is_no_plural() -> None:
     line = data_line(DiagnosedData(1, 2, 1, 100.0, ("differences between periods",)))
     assert line == (
         "Data: 2 experiments in 1 configuration, bins to 100 Hz, noise: differences between periods; "
-        "1 experiment kept apart."
+        "1 experiment held out."
     )
 
 

@@ -73,7 +73,7 @@ def test_functions_of_speed_are_laid_about_narrower_friction_and_the_misfit_fall
     found = TorqueResidualFit().run((record,), nominal, own)
     widths = tuple(0.5 * one for one in (0.5, 0.75, 1.1, 1.7, 3, 6, 12))
     before = TorqueResidualFit(friction_widths=widths).run((record,), nominal, context(1))
-    assert any("laid about" in line for line in said)
+    assert any("placed about it" in line for line in said)
     assert found.misfit < 0.9 * before.misfit
     assert found.parameters.value("friction.axis_1.speed") == pytest.approx(0.12, rel=0.1)
 

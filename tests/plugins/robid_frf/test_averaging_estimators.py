@@ -235,13 +235,13 @@ def test_what_cannot_be_stated_is_said() -> None:
     spare, _ = recording(n=2, n_block=1, n_exp=3, position_noise=1e-6)
     frf = H1().run(spare, context())
     assert frf.has_covariance
-    assert "3 experiments for 2 inputs, 1 to spare, pooled over 9 lines" in frf.pooling
+    assert "3 experiments for 2 inputs, 1 degree of freedom at a line, pooled over 9 lines" in frf.pooling
     # Blocks without an experiment per input have no response of their own; together they do.
     halves, _ = recording(n=2, n_block=4, n_exp=1)
     frf = H1().run(halves, context())
     assert frf.block_response is None
     assert np.abs(frf.response - truth).max() < 1e-9 * np.abs(truth).max()
-    with pytest.raises(PoorExcitation, match="1 experiments cannot separate 2 inputs"):
+    with pytest.raises(PoorExcitation, match="1 experiment cannot separate 2 inputs"):
         LogarithmicMean().run(halves, context())
 
 

@@ -267,7 +267,7 @@ def test_blocks_with_experiments_to_spare_and_with_too_few() -> None:
         assert single.block_response is None
         assert np.abs(single.response - truth).max() < 0.05 * np.abs(truth).max()
     for each in (ArithmeticMean(), HarmonicMean(), LogarithmicMean()):
-        with pytest.raises(PoorExcitation, match="1 experiments cannot separate 2 inputs"):
+        with pytest.raises(PoorExcitation, match="1 experiment cannot separate 2 inputs"):
             estimate(each, blocks_of(1))
 
 

@@ -85,7 +85,7 @@ def test_the_worked_example_gets_every_item_of_advice(robid: Robid, tmp_path: Pa
         )  # two amplitudes of 9 rad/s at 0.5 Hz make 2 * 9 / (2 pi 0.5) / 2 = 2.9 rad to a side
         assert 0 < float(speeds[0]) < float(speeds[1]) < float(speeds[2]) < float(speeds[3]) < float(peak)
         assert float(standstill.rstrip("%")) < 10
-    assert text[9] == "response std median of noise worst line at Hz above 50%"
+    assert text[9] == "response std median noise alone largest at Hz lines above 50%"
     for row in text[10:16]:
         _, median, noise, worst, hertz, _, of, lines = row.split()
         assert float(noise.rstrip("%")) < float(median.rstrip("%")) < float(worst.rstrip("%"))
@@ -183,6 +183,6 @@ def test_an_excitation_that_waits_for_a_measurement_is_not_simulated(tmp_path: P
     advice = predictions(pipeline)
     assert advice["excite"][0].startswith("predicted by")
     assert advice["again"] == [
-        f"not simulated: it needs what only a run finds out; robid show {tmp_path}/runs/example again tells "
-        "afterwards"
+        f"not simulated: it needs what only a run finds out; robid show {tmp_path}/runs/example again shows the "
+        "advice afterwards"
     ]

@@ -158,5 +158,5 @@ def test_a_record_is_given_back_with_the_samples_at_which_the_drive_was_off(tmp_
     )
     assert set(again.run.channels) == set(record.run.channels)
     half = record_of(robot, np.sin(2 * np.pi * time)[None], 0.5 * enabled)
-    with pytest.raises(DataRejected, match="drive_enabled tells where drives are on and must be 0 or 1"):
+    with pytest.raises(DataRejected, match="drive_enabled says when drives are on and must be 0 or 1"):
         simulate_record(robot, half)

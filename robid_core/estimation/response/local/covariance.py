@@ -52,7 +52,7 @@ def with_floor(products: ComplexArray, power: FloatArray, freedom: FloatArray) -
 
 @dataclass(frozen=True)
 class Course:
-    """Sizes that disturbances of unit level have in the residuals of windows.
+    """Expected residuals of windows for disturbances of unit level.
 
     `parts` (n, w, n_out, n_level) is the variance of the equations' error at each line of a window; `mean`
     (n, n_out, n_level) its expectation in the products `S`: the mean over rows, each counted less as the fit

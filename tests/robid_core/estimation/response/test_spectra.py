@@ -194,7 +194,7 @@ def test_not_a_number_is_named_and_too_few_experiments_are_refused() -> None:
     u[2, 0, 1] = np.inf
     with pytest.raises(DataRejected, match="input spectrum .* line 2, axis 0, experiment 1"):
         sp.response_from_spectra(u, g @ np.ones_like(u))
-    with pytest.raises(PoorExcitation, match="1 experiments cannot separate 2 inputs"):
+    with pytest.raises(PoorExcitation, match="1 experiment cannot separate 2 inputs"):
         sp.factor_inputs(np.ones((5, 2, 1), dtype=complex))
 
 
