@@ -69,6 +69,7 @@ from robid_diagnosis.wording import (
     finding_line,
     held_line,
     left_out_line,
+    misfit_line,
     response_check_line,
     separation_line,
     settling_line,
@@ -260,10 +261,7 @@ class Effects(DiagnosisStage):
         )
         lines += asked
         refitted = outcome.base if outcome.steps else final
-        lines.append(
-            f"Misfit {refitted.misfit:.3g} with all values refitted"
-            + (f", {final.misfit:.3g} with what was found." if outcome.steps else ".")
-        )
+        lines.append(misfit_line(refitted.misfit, final.misfit if outcome.steps else None))
         errors, gain = errors_of(case, tests, robot, outcome, context.generator)
         moving, moving_line = self._moving(records, case, outcome, context)
         lines += [errors_line(errors, gain), moving_line]

@@ -41,6 +41,7 @@ NEAR = 0.3  # of the largest gain: rivals gain at least that
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
 WORSE = 0.02  # of the squares: what fits data worse is no cause, however near numbers come to what was told
 DOUBTS_MORE = 1.05  # of the misfit: nor is what is further from the noise that its own robot leaves
+MUCH_LACKS = 10.0  # misfit: above, noise is less than a tenth of what is left
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -149,16 +150,15 @@ class Selection:
         taken: tuple[Fitted, Step] | None = None
         while rivals and taken is None:
             trials = fits.run(rivals, others)
-            good = [trial for trial in trials if not self._fits_worse(trial, current)]
+            good = [trial for trial in trials if not self._refused_as_worse(trial, current)]
             judged = ((trial, self._taken(trial, trials, seen, len(values))) for trial in good)
             taken = next(((trial.fitted, step) for trial, step in judged if step is not None), None)
             rivals, others = [hit for hit in waiting if not good and not fits.has_tried(hit)], []
         self.failures += fits.failures
         return taken
 
-    def _fits_worse(self, trial: Trial, current: Fitted) -> bool:
-        """Whether data fit worse with a trial, or are further from the noise that its own robot leaves."""
-        worse = trial.loss > WORSE or trial.fitted.misfit > DOUBTS_MORE * current.misfit
+    def _refused_as_worse(self, trial: Trial, current: Fitted) -> bool:
+        worse = fits_worse(trial.loss, trial.fitted.misfit, current.misfit)
         if worse:
             self._refuse(trial.hit, "with it the data fit worse")
         return worse
@@ -288,6 +288,21 @@ class Selection:
         free = [one for asked in (ceilings, drifts) for one in asked(search.motion, search.projection, axes)]
         best = max(one.gain for one in free if not (wave and one.variable == ANGLE))
         return trial.gain / best if best > LEAST else float("nan")
+
+
+def fits_worse(loss: float, misfit: float, before: float) -> bool:
+    """Whether data fit worse with a law, or are further from the noise that its own robot leaves.
+
+    Where noise is a small part of what is left, a law may well promise less of it.
+
+    Parameters
+    ----------
+    loss
+        By which share the squares of what is left grow, in the weights of the fit without it.
+    misfit, before
+        With the law and without, each in the noise of its own robot.
+    """
+    return loss > WORSE or (before < MUCH_LACKS and misfit > DOUBTS_MORE * before)
 
 
 def _stands_out(value: ValueHit, hits: Sequence[Hit], least: LeastGains) -> bool:

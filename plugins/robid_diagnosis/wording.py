@@ -204,6 +204,15 @@ def experiments_text(count: int) -> str:
     return "1 experiment" if count == 1 else f"{count} experiments"
 
 
+def misfit_line(refitted: float, found: float | None) -> str:
+    """Say how far from the noise models are: with all values refitted, and with what was found, if anything was."""
+    text = f"Misfit {refitted:.3g} with all values refitted"
+    if found is None:
+        return f"{text}."
+    why = "" if found <= refitted else " (more, since that robot passes on less of the noise of the angles)"
+    return f"{text}, {found:.3g} with what was found{why}."
+
+
 def errors_line(models: Sequence[PredictionErrors], gain: FloatArray) -> str:
     """Say how far off the models are, what the last gains with its interval, (2,), and where it is worst."""
     first, last = models[0], models[-1]

@@ -70,13 +70,14 @@ def write_map(output: Path, lines: Sequence[str]) -> None:
 
 def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
     """Show recordings one after the other, and return them; of several, what cannot be read is told and left out."""
-    from robid_core.commands.recordings.inspection import inspect, recordings_in
+    from robid_core.commands.recordings.inspection import inspect, reader_name, recordings_in
     from robid_core.commands.recordings.screen import recording_lines, short_line
     from robid_core.errors import RobidError
 
     found: list[Inspected] = []
     for path in paths:
         for file in recordings_in(path) if path.is_dir() else [path]:
+            reader_name(file, form)
             try:
                 one = inspect(file, form)
             except RobidError as error:

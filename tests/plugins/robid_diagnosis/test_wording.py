@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck
+from robid_diagnosis.selection import fits_worse
 from robid_diagnosis.wording import (
     chance_text,
     data_line,
     finding_line,
     left_out_line,
+    misfit_line,
     response_check_line,
     values_line,
 )
@@ -110,3 +112,16 @@ def test_experiments_that_are_not_used_are_counted_by_configuration() -> None:
     line = left_out_line((0, 2, 1, 0), 12)
     assert line.startswith("3 of 12 experiments are not used (configuration 2, 3): ")
     assert not left_out_line((0, 0), 4)
+
+
+def test_a_misfit_that_rises_says_why() -> None:
+    assert misfit_line(1.4, None) == "Misfit 1.4 with all values refitted."
+    assert misfit_line(439.0, 1.02) == "Misfit 439 with all values refitted, 1.02 with what was found."
+    assert "439 with all values refitted, 508 with what was found (more, since" in misfit_line(439.0, 508.0)
+
+
+def test_a_law_may_promise_less_noise_where_noise_is_a_small_part_of_what_is_left() -> None:
+    assert not fits_worse(-0.1, 1.2, 1.2)
+    assert fits_worse(-0.1, 1.3, 1.2)
+    assert not fits_worse(-0.1, 508.0, 439.0)
+    assert fits_worse(0.1, 400.0, 439.0)

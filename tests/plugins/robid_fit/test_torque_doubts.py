@@ -51,7 +51,9 @@ def test_bodies_that_are_further_off_than_promised_are_doubted() -> None:
     (doubt,) = [one for one in told["narrow"].doubts if one.kind == "tolerance"]
     assert float(re.findall(r"robot file by ([\d.]+) times", doubt.sentence)[0]) > 3.5
     assert "state how well they are known" in doubt.remedy
-    followed = TorqueResidualFit(prior=dict.fromkeys(wide, 0.02)).run((record,), nominal, context())
+    heavier = nominal.with_parameters({name: 1.3 * value / 1.1 for name, value in moved.items()})
+    other = record_of(heavier, nominal, np.array([[0.3], [-0.8]]), 23)
+    followed = TorqueResidualFit(prior=dict.fromkeys(wide, 0.02)).run((other,), nominal, context())
     (doubt,) = [one for one in followed.doubts if one.kind == "tolerance"]
     assert doubt.remedy.startswith("look for what the model lacks")
     assert "a tolerance of 0.02 was stated" in doubt.remedy

@@ -266,6 +266,20 @@ def test_files_of_different_length_have_a_stage_each_that_share_their_channels(t
     assert len(pipeline.stages) == 2
 
 
+def test_one_of_several_files_that_cannot_be_read_is_left_out_and_a_missing_one_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, _ = saved(tmp_path)
+    words = tmp_path / "runs.csv"
+    words.write_text("file,role\na.csv,train\n")
+    records.command([str(good), str(words)], data=tmp_path)
+    shown = capsys.readouterr().out
+    assert f"{words}: left out: " in shown
+    assert "use: acquisition.recorded" in shown
+    with pytest.raises(ConfigurationError, match=r"gone\.csv: there is no such file"):
+        records.command([str(good), str(tmp_path / "gone.csv")], data=tmp_path)
+
+
 def test_a_unit_and_a_word_for_a_measurement_say_a_quantity() -> None:
     said = [said_by(name) for name in ("A1_ist_deg", "A1_soll_deg", "ist_Nm", "ist_x_m", "deg")]
     assert [one.quantity for one in said] == ["position", "position", "torque", "", ""]
