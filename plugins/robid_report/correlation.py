@@ -40,11 +40,10 @@ def correlation_of(fit: Fit | None) -> Correlation | None:
     ]
     if len(chosen) < 2:
         return None
-    deviation = np.sqrt(variance[chosen])
-    matrix = fit.covariance[np.ix_(chosen, chosen)] / np.outer(deviation, deviation)
-    if not np.isfinite(matrix).all():
-        return None
     names = [fit.free_names[i] for i in chosen]
+    if not np.isfinite(fit.covariance[np.ix_(chosen, chosen)]).all():
+        return None
+    matrix = fit.correlation(names)
     reported = dict(zip(fit.parameters.names, fit.parameters.reported, strict=True))
     shown = np.array([bool(reported.get(name)) for name in names])
     rows, columns = np.triu_indices(len(names), 1)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robid_core.arrays import BoolArray, FloatArray
+from robid_core.arrays import BoolArray
 from robid_core.artifacts.artifact import Artifact
 
 if TYPE_CHECKING:
@@ -145,10 +145,10 @@ def _coaxial_springs(fit: Fit) -> Iterator[Doubt]:
     if len(fit.free_names) != len(fit.covariance):  # whose covariance it is, nobody said
         return
     springs = {fit.parameters.names[i] for i in np.flatnonzero(_springs(fit))}
-    index = [i for i, name in enumerate(fit.free_names) if name in springs]
-    correlation = _correlation(fit.covariance[np.ix_(index, index)])
+    names = [name for name in fit.free_names if name in springs]
+    correlation = fit.correlation(names) if names else np.empty((0, 0))
     pairs = [
-        f"{fit.free_names[index[i]]} and {fit.free_names[index[j]]} (correlation {correlation[i, j]:.3f})"
+        f"{names[i]} and {names[j]} (correlation {correlation[i, j]:.3f})"
         for i, j in np.argwhere(np.triu(np.abs(correlation) > COAXIAL, 1))
     ]
     if pairs:
@@ -207,14 +207,6 @@ def _serious(fit: Fit, marked: BoolArray) -> list[str]:
     if (marked & dampers).sum() <= HARMLESS_DAMPERS:
         marked = marked & ~dampers
     return [fit.parameters.names[i] for i in np.flatnonzero(marked)]
-
-
-def _correlation(covariance: FloatArray) -> FloatArray:
-    """Correlation of estimates; zero where a variance is unknown or zero."""
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation: FloatArray = covariance / np.outer(deviation, deviation)
-    return np.where(np.isfinite(correlation), correlation, 0.0)
 
 
 def _listed(texts: Sequence[str]) -> str:

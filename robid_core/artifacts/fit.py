@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -215,6 +216,22 @@ class Fit(Artifact):
     def is_doubted(self) -> bool:
         """Whether there is any reason not to rely on these numbers."""
         return any(not doubt.is_remark for doubt in self.doubts)
+
+    def correlation(self, names: Sequence[str] = ()) -> FloatArray:
+        """Return the correlations of estimates, (n_free, n_free), or of some of them, zero where a variance is unknown.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit, example_robot
+        >>> fit = example_fit(example_robot(2))
+        >>> fit.correlation(["gear_stiffness.axis_1", "gear_stiffness.axis_2"]).tolist()
+        [[1.0, 0.0], [0.0, 1.0]]
+        """
+        index = [self.free_names.index(name) for name in names or self.free_names]
+        covariance = self.covariance[np.ix_(index, index)]
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found: FloatArray = covariance / np.outer(deviation, deviation)
+        return np.where(np.isfinite(found), found, 0.0)
 
     def table(self, everything: bool = False) -> Table:
         """Return the parameters that are reported, or `everything`, with start, estimate and standard error.

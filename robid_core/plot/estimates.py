@@ -110,8 +110,7 @@ def correlation(fit: Fit, groups: Sequence[str] = SPRINGS) -> Any:
         raise ConfigurationError(
             f"{fit.method} has no covariance of two parameters of {', '.join(groups)}; it estimated {known or 'none'}"
         )
-    deviation = np.sqrt(variance[chosen])
-    matrix = fit.covariance[np.ix_(chosen, chosen)] / np.outer(deviation, deviation)
+    matrix = fit.correlation([fit.free_names[i] for i in chosen])
     names = [plain(fit.free_names[i]) for i in chosen]
     trace = {
         "type": "heatmap",
