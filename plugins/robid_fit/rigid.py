@@ -134,11 +134,12 @@ class RigidBodyFit(Estimator):
         robot, _ = variant_robots(record, robot, {}, self.constants)  # of one variant: others are refused
         fixed = self.fixed
         if self.friction_speed is not None:
-            fixed += tuple(f"friction.{axis}.speed" for axis in robot.axis_names)
+            held = tuple(f"friction.{axis}.speed" for axis in robot.axis_names)
+            fixed += held
             if self.friction_speed > 0:  # a robot file has no plain sign
-                robot = robot.with_parameters(dict.fromkeys(fixed[-robot.n_axis :], self.friction_speed))
+                robot = robot.with_parameters(dict.fromkeys(held, self.friction_speed))
         stiff = rigid_robot(robot)
-        speed = np.full(robot.n_axis, 0.0) if self.friction_speed == 0 else robot.drives.friction_speed
+        speed = np.zeros(robot.n_axis) if self.friction_speed == 0 else robot.drives.friction_speed
         sampling = Sampling(
             self.cutoff_hz,
             self.filter_order,
