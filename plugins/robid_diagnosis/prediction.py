@@ -48,7 +48,7 @@ from robid_diagnosis.comparison import (
 from robid_diagnosis.extrapolation import extrapolation_doubt
 from robid_diagnosis.prediction_curves import prediction_curves
 from robid_diagnosis.prediction_noise import noise_left
-from robid_diagnosis.prediction_runs import Piece, pieces_of, predicted_runs, run_errors
+from robid_diagnosis.prediction_runs import Piece, pieces_of, predicted_runs, rests_lines, run_errors
 from robid_diagnosis.timing import delayed, late_axes
 from robid_diagnosis.wording import errors_line
 
@@ -152,8 +152,10 @@ class Prediction(DiagnosisStage):
                 quantity, symbol, pieces, measured, signals, models, comparison, context
             )
             errors += rows
-            verdict.append(errors_line(rows, gain))
             last = predicted_runs(pieces, measured[quantity], signals[quantity][names[-1]], self.skip_s)
+            verdict.append(errors_line(rows, gain))
+            if quantity == OPEN:
+                verdict += rests_lines(last, robot.axis_names, names[-1])
             runs.append((quantity, symbol, last))
         if lags is not None and open_loop and (late := late_axes(lags)):
             verdict.append(f"The torque of the extended robot is as late as the diagnosis found it: {late}.")

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import FloatArray, Record, RunErrors
+from robid_core.estimation.standstill import rests_of
 from robid_core.residual import parts_by_variant
 from robid_diagnosis.comparison import Signals
 from robid_diagnosis.prediction_curves import PredictedRun
+
+MANY = 0.1  # of the samples at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,3 +91,21 @@ def run_errors(
 def _rms(values: FloatArray) -> FloatArray:
     found: FloatArray = np.sqrt((values**2).mean(axis=0))
     return found
+
+
+def rests_lines(runs: Sequence[PredictedRun], axis_names: Sequence[str], model: str) -> list[str]:
+    """Say what a model leaves of the torque without the samples at which axes stand still, where these are many."""
+    judged = [run for run in runs if run.tested]
+    still = rests_of([run.position for run in judged], [run.sample_time_s for run in judged])
+    shares = np.concatenate(still).mean(axis=0)
+    if not (shares > MANY).any():
+        return []
+    moving = 1.0 - np.concatenate(still)
+    left, whole = (np.concatenate([getattr(run, name) for run in judged]) for name in ("left", "measured"))
+    size = np.maximum(_rms(moving * whole), np.finfo(np.float64).tiny)
+    told = zip(axis_names, shares.tolist(), (_rms(moving * left) / size).tolist(), strict=True)
+    each = ", ".join(f"{name} {100 * own:.3g} % ({100 * share:.0f} % at rest)" for name, share, own in told)
+    return [
+        "Friction holds an axis at rest by any torque up to its level, which no model predicts; without these samples "
+        f"the {model} leaves {each}."
+    ]

@@ -18,6 +18,7 @@ from robid_fit.rigid_reversal import direction, direction_slope
 from robid_fit.rigid_timing import moved_back, rate
 
 BODIES = ("inertia", "rotor_inertia")
+REACH = 3  # equations to either side that a low-pass mixes with a rest
 HELD = 0.5  # samples by which a held torque is recorded before it acts, on average
 
 
@@ -237,7 +238,7 @@ def _moving(
         sampling.cutoff_hz,
     )
     if sampling.decimation > 1:
-        reach = 2 * sampling.decimation + 1
+        reach = 2 * REACH * sampling.decimation + 1
         near = [scipy.ndimage.maximum_filter1d(one, reach, axis=0) for one in still]
         still = [one[decimated_index(len(one), sampling.decimation)] for one in near]
     return [np.where(one, 0.0, 1.0) for one in still]

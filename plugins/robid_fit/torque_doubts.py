@@ -7,21 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid_core import Doubt, FloatArray, Record
-from robid_core.estimation.rigid.regression import differentiate, smooth
-from robid_core.estimation.standstill import at_rest
+from robid_core.estimation.standstill import rests_of
 from robid_core.residual import Solution, TorqueProblem
 from robid_fit.tolerances import WIDENED, tolerance_factor
 
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 PROMISED = 0.01  # tolerance of bodies that nobody states
 STANDING = 0.2  # of the samples
-OF_MOTION_HZ = 20.0  # motion below it
-SHORTEST = 50  # samples
 
 
 def doubts(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     """Return the reasons not to rely on a fit that lie in where it ended."""
     return (*_late(problem, solution.point), *_unlike(problem, solution), *rattling(problem))
+
+
+def with_rests(found: tuple[Doubt, ...], records: Sequence[Record]) -> tuple[Doubt, ...]:
+    """Put the doubt about axes that stand still first, and leave out what a fit says of clocks: a consequence."""
+    rests = standing(records)
+    return (*rests, *(one for one in found if not (rests and one.kind == "timing")))
 
 
 def standing(records: Sequence[Record]) -> tuple[Doubt, ...]:
@@ -47,23 +50,14 @@ def standing(records: Sequence[Record]) -> tuple[Doubt, ...]:
 
 def _share_at_rest(records: Sequence[Record]) -> FloatArray:
     """Share of the samples at which each axis stands still, (n_axis,)."""
-    measured, smoothed, speeds, times = [], [], [], []
-    highest = OF_MOTION_HZ
-    runs = [run for record in records for run in record.runs if "motor_position" in run.channels]
-    for run in runs:
-        highest = min(highest, 0.2 / run.sample_time_s)
-    for run in runs:
+    angles, times = list[FloatArray](), list[float]()
+    for run in (run for record in records for run in record.runs if "motor_position" in run.channels):
         for angle in run.lanes("motor_position"):
-            known = angle[np.isfinite(angle).all(axis=1)]
-            if len(known) < SHORTEST:
-                continue
-            measured.append(known)
-            smoothed.append(smooth(known, run.sample_time_s, highest))
-            speeds.append(differentiate(smoothed[-1], run.sample_time_s))
+            angles.append(angle[np.isfinite(angle).all(axis=1)])
             times.append(run.sample_time_s)
-    if not measured:
+    if not angles:
         return np.zeros(len(records[0].axis_names))
-    still = np.concatenate(at_rest(measured, speeds, smoothed, times, highest))
+    still = np.concatenate(rests_of(angles, times))
     result: FloatArray = still.mean(axis=0)
     return result
 

@@ -50,7 +50,7 @@ from robid_core.residual import (
     variant_robots,
 )
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
-from robid_fit.torque_doubts import doubts, standing
+from robid_fit.torque_doubts import doubts, with_rests
 from robid_fit.torque_gain import common_scale_problem
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
@@ -166,7 +166,7 @@ class TorqueResidualFit(Estimator):
             model=model,
             excited=excited_range(record),
             friction=curves_of(problem, solution.point, friction),
-            stated_doubts=(*fit.stated_doubts, *other_shapes(robot, friction), *standing(record)),
+            stated_doubts=(*with_rests(fit.stated_doubts, record), *other_shapes(robot, friction)),
         )
 
     def _solved(

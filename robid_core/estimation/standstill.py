@@ -12,10 +12,33 @@ import numpy as np
 import scipy
 
 from robid_core.arrays import BoolArray, FloatArray
+from robid_core.estimation.rigid.regression import differentiate, smooth
 
 SPAN_S = 0.1  # an axis that turns back is slow for less
 NOISE = 2.0  # standard deviations of the speed's noise
+OF_MOTION_HZ = 20.0  # motion below it, where nobody says another edge
+SHORTEST = 50  # samples: fewer are at rest nowhere
 SLOWEST, SLOW = 1e-3, 2e-2  # of the rms speed of an axis: what counts as rest at least, and at most
+
+
+def rests_of(angles: Sequence[FloatArray], sample_times: Sequence[float]) -> list[BoolArray]:
+    """Return at which samples each axis stands still, (n_sample, n_axis) of each experiment, as `at_rest` does.
+
+    Parameters
+    ----------
+    angles, sample_times
+        Measured angles of the motors, (n_sample, n_axis) each, without holes, and s.
+    """
+    edge = min([OF_MOTION_HZ, *(0.2 / step for step in sample_times)])
+    found = [np.zeros(angle.shape, dtype=np.bool_) for angle in angles]
+    long = [i for i, angle in enumerate(angles) if len(angle) >= SHORTEST]
+    smoothed = [smooth(angles[i], sample_times[i], edge) for i in long]
+    speeds = [differentiate(one, sample_times[i]) for i, one in zip(long, smoothed, strict=True)]
+    if long:
+        still = at_rest([angles[i] for i in long], speeds, smoothed, [sample_times[i] for i in long], edge)
+        for i, own in zip(long, still, strict=True):
+            found[i] = own
+    return found
 
 
 def at_rest(
@@ -43,8 +66,8 @@ def at_rest(
     total = sum((speed**2).sum(axis=0) for speed in speeds)
     rms = np.sqrt(total / sum(len(speed) for speed in speeds))
     found = []
-    for angle, speed, smooth, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
-        noise = _noise_of_speed(angle - smooth, sample_time, cutoff_hz)
+    for angle, speed, quiet, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
+        noise = _noise_of_speed(angle - quiet, sample_time, cutoff_hz)
         slow = np.clip(NOISE * noise, SLOWEST * rms, SLOW * rms)
         n_span = 2 * max(round(SPAN_S / sample_time / 2), 1) + 1
         mean = scipy.ndimage.uniform_filter1d(speed**2, n_span, axis=0, mode="nearest")

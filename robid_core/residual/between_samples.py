@@ -5,6 +5,9 @@ turns put on it what lies above half the sampling rate. Motors move alone there:
 One step of that from the band-limited speed is enough where a motor follows its friction slowly (``J / F'``: samples).
 Where friction is sharp and the motor light, it follows within one: an explicit step then overshoots, an implicit one
 hardly moves, and by how much their friction torques differ is what these samples do not resolve.
+
+Of a motion that does not repeat, periods take no noise off the angles: an axis that is slow, or about to rest, would
+rattle within the speed at which friction turns. What stands above the noise of its angle is its motion.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from robid_core.estimation.torque.spectra import (
     MotionSpectra,
     friction_spectra,
     speed_between_samples,
+    speed_without_noise,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import covariance_of
@@ -55,13 +59,14 @@ def friction_between_samples(
     for c in range(len(angle)):
         own = motion.of_configuration(c)
         speed = own.fine_speed()
-        band_limited: FloatArray = speed.astype(np.float32)
+        quiet = None if own.settling else speed_without_noise(speed, noise, own.sample_time_s)
+        seen = speed if quiet is None else quiet
         pushing = own.fine_torque() - coefficient[-1]
-        braking, slope = laws.total_and_slope(band_limited, size)
+        braking, slope = laws.total_and_slope(seen.astype(np.float32), size)
         acceleration = np.matmul(pushing - braking, mobility[c])
-        explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s)
+        explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s, quiet)
         follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * slope
-        implicit = speed + (explicit - speed) / (1.0 + follows**2 / (1.0 + follows))
+        implicit = seen + (explicit - seen) / (1.0 + follows**2 / (1.0 + follows))
         functions = friction_spectra(own, laws, implicit)
         overshot = own.held_spectrum(laws.total(explicit.astype(np.float32), size))
         friction.append(functions)

@@ -112,3 +112,23 @@ def slide(folder: Path, **changes: Any) -> Robot:
         **changes,
     }  # fmt: skip
     return loaded(folder, data)
+
+
+def sticking(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Moves of a slide with rests between, where friction holds any force below its level: 20 N, sliding or not."""
+    draw, time = np.random.default_rng(seed), np.arange(600) * STEP
+    move = np.concatenate((np.zeros(200), 0.5 - 0.5 * np.cos(np.pi * time / 0.6), np.ones(200)))
+    angle, force = [], []
+    at, level = 0.0, 0.0
+    for _ in range(16):
+        to = draw.uniform(-0.4, 0.4)
+        part = at + (to - at) * move
+        velocity = np.gradient(part, STEP)
+        held = np.where(np.arange(1000) < 200, level, draw.uniform(-20, 20))
+        friction = np.where(velocity != 0, 20.0 * np.sign(velocity), held)
+        inertia = 95.0 * np.gradient(velocity, STEP)
+        angle.append(part)
+        force.append(inertia + 200.0 * velocity + friction - 3.0)
+        at, level = to, held[-1]
+    force_of_all = np.concatenate(force)
+    return np.concatenate(angle)[:, None], (force_of_all + draw.normal(0, 0.5, len(force_of_all)))[:, None]

@@ -240,14 +240,35 @@ def periodic_derivative(
     return result
 
 
+def speed_without_noise(speed: FloatArray, noise: FloatArray, sample_time_s: float) -> FloatArray:
+    """Speed on the finer grid with less of the noise of its samples: Wiener's filter of the angle's spectrum.
+
+    Of a motion that does not repeat, which goes on backwards at its ends for that; bins in which nothing stands above
+    the noise are left out. Arguments as of `speed_between_samples`.
+    """
+    below, _, angle, n = _angle_below(speed, sample_time_s)
+    gain = np.zeros((FINER * n // 2 + 1, speed.shape[3]))
+    gain[0] = 1.0
+    gain[below] = _gain(angle, noise, n)
+    there_and_back = np.concatenate((speed, speed[:, :, ::-1]), axis=2)
+    twice = np.repeat(gain, 2, axis=0)[: speed.shape[2] + 1]  # the bins lie half as far apart
+    spectrum = scipy.fft.rfft(there_and_back, axis=2) * twice
+    found: FloatArray = scipy.fft.irfft(spectrum, n=there_and_back.shape[2], axis=2)
+    return found[:, :, : speed.shape[2]]
+
+
 def speed_between_samples(
-    speed: FloatArray, acceleration: FloatArray, noise: FloatArray, sample_time_s: float
+    speed: FloatArray,
+    acceleration: FloatArray,
+    noise: FloatArray,
+    sample_time_s: float,
+    quiet: FloatArray | None = None,
 ) -> FloatArray:
     """Speed on the finer grid where both are known, a band-limited one through noisy samples and an acceleration.
 
     Above half the sampling rate the acceleration tells all. What it says there moves the angle at the samples, too, by
     aliasing, and is taken off. Below, samples count as far as the two differ by more than the samples' noise (Wiener's
-    filter of their difference).
+    filter of their difference); where the acceleration tells less than nothing, `quiet` does.
 
     Parameters
     ----------
@@ -255,24 +276,48 @@ def speed_between_samples(
         rad/s and rad/s^2, one period or a cut whose ends do not count, (n_config, n_exp, FINER * n_sample, n_axis).
     noise
         Variance of the angle at each sample, rad^2, (n_axis,).
+    quiet
+        The speed without the noise of its samples, where that is known.
     """
-    n = speed.shape[2] // FINER
+    below, rate, angle, n = _angle_below(speed, sample_time_s)
     omega = 2 * np.pi * np.arange(FINER * n // 2 + 1)[1:, None] / (n * sample_time_s)
     moved = scipy.fft.rfft(acceleration, axis=2)
     moved[:, :, 0] = 0.0
     moved[:, :, 1:] /= -(omega**2)
-    below = np.arange(1, np.searchsorted(omega[:, 0], 2 * np.pi * SPEED_BAND / sample_time_s) + 1)
     beyond = moved.copy()
     beyond[:, :, 1:][:, :, omega[:, 0] <= np.pi / sample_time_s] = 0.0
     spectrum = scipy.fft.rfft(speed, axis=2)
-    rate = 1j * omega[below - 1]
-    angle = spectrum[:, :, below] / rate - FINER * _sampled(beyond, n)[:, :, below]
-    differ = angle - moved[:, :, below]
-    least = noise / np.maximum(running_mean(_power(differ / (FINER * n))), SMALLEST) / n
+    angle = angle - FINER * _sampled(beyond, n)[:, :, below]
+    told = moved[:, :, below]
+    if quiet is not None:
+        tells = _level(angle - told, n) < _level(angle, n)
+        told = np.where(tells, told, scipy.fft.rfft(quiet, axis=2)[:, :, below] / rate)
+    differ = angle - told
     spectrum[:, :, 1:] = 1j * omega * beyond[:, :, 1:]
-    spectrum[:, :, below] = rate * (moved[:, :, below] + np.maximum(0.0, 1.0 - least) * differ)
+    spectrum[:, :, below] = rate * (told + _gain(differ, noise, n) * differ)
     result: FloatArray = scipy.fft.irfft(spectrum, n=FINER * n, axis=2)
     return result
+
+
+def _angle_below(speed: FloatArray, sample_time_s: float) -> tuple[IntArray, ComplexArray, ComplexArray, int]:
+    """Bins of a band-limited speed, i omega there, the spectrum of its angle, and how many samples there are."""
+    n = speed.shape[2] // FINER
+    highest = SPEED_BAND * n
+    below = np.arange(1, min(int(np.ceil(highest)), FINER * n // 2 + 1), dtype=np.int64)
+    rate: ComplexArray = 2j * np.pi * below[:, None] / (n * sample_time_s)
+    return below, rate, scipy.fft.rfft(speed, axis=2)[:, :, below] / rate, n
+
+
+def _gain(angle: ComplexArray, noise: FloatArray, n: int) -> FloatArray:
+    """Wiener's filter of a spectrum with white noise of some variance a sample, (n_bin, n_axis)."""
+    gain: FloatArray = np.maximum(0.0, 1.0 - noise / np.maximum(_level(angle, n), SMALLEST) / n)
+    return gain
+
+
+def _level(angle: ComplexArray, n: int) -> FloatArray:
+    """Mean power of the bins about each, (n_bin, n_axis)."""
+    level: FloatArray = running_mean(_power(angle / (FINER * n)))
+    return level
 
 
 def _power(spectrum: ComplexArray) -> FloatArray:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from oracles.rigid_arm import record_of, slide as rigid_slide, sticking
 from oracles.slide import MASS, OFFSET, STEP, VISCOUS, exact_run, record, reference, slide
 
 from robid_core import (
@@ -103,6 +105,22 @@ def test_experiments_that_were_held_out_are_what_is_predicted(tmp_path: Path) ->
     assert "no prediction" not in diagnosis.verdict
     # 7 N is what the model has too little there, all the time.
     assert diagnosis.errors[1].rms[0] == pytest.approx(4.0 - OFFSET, rel=1e-3)
+
+
+def test_what_is_left_at_rest_is_told_apart(tmp_path: Path) -> None:
+    """Friction holds the slide by any force up to 20 N in 40 % of the samples; sliding it leaves noise of 0.5 N."""
+    robot = rigid_slide(tmp_path)
+    measured = record_of(robot, *sticking(3))
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_: None, logging.getLogger("test"))
+    found = Prediction(skip_s=0.2).run((measured,), robot, context)
+    share, rest = re.findall(
+        r"without these samples the robot file leaves x ([\d.]+) % \((\d+) % at rest\)", found.verdict
+    )[0]
+    assert 30 <= int(rest) <= 45
+    (error,) = found.errors
+    assert float(share) < 0.5 * 100 * error.relative[0]
+    moving = predict(slide(tmp_path), long_record(slide(tmp_path)), None).verdict
+    assert "at rest" not in moving
 
 
 def test_a_fit_that_saw_the_record_predicts_nothing_and_another_record_needs_no_role(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from oracles.multisine import context
-from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide
+from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide, sticking
 
 from robid_core import Robot
 from robid_core.estimation.standstill import at_rest
@@ -98,29 +98,9 @@ def test_the_slope_is_that_of_differences() -> None:
     assert (direction(velocity, speed)[:, 1] == np.sign(velocity[:, 1])).all()
 
 
-def sticking(robot: Robot, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Moves of a slide with rests between, where friction holds any force below its level: 20 N, sliding or not."""
-    draw, time = np.random.default_rng(seed), np.arange(600) * STEP
-    move = np.concatenate((np.zeros(200), 0.5 - 0.5 * np.cos(np.pi * time / 0.6), np.ones(200)))
-    angle, force = [], []
-    at, level = 0.0, 0.0
-    for _ in range(16):
-        to = draw.uniform(-0.4, 0.4)
-        part = at + (to - at) * move
-        velocity = np.gradient(part, STEP)
-        held = np.where(np.arange(1000) < 200, level, draw.uniform(-20, 20))
-        friction = np.where(velocity != 0, 20.0 * np.sign(velocity), held)
-        inertia = 95.0 * np.gradient(velocity, STEP)
-        angle.append(part)
-        force.append(inertia + 200.0 * velocity + friction - 3.0)
-        at, level = to, held[-1]
-    force_of_all = np.concatenate(force)
-    return np.concatenate(angle)[:, None], (force_of_all + draw.normal(0, 0.5, len(force_of_all)))[:, None]
-
-
 def test_samples_at_rest_say_nothing_of_friction(tmp_path: Path) -> None:
     robot = slide(tmp_path)
-    record = record_of(robot, *sticking(robot, 3))
+    record = record_of(robot, *sticking(3))
     settings = {"cutoff_hz": 50.0, "friction_speed": 0.0}
     without = RigidBodyFit(**settings).run((record,), robot)
     with_rest = RigidBodyFit(at_rest="keep", **settings).run((record,), robot)
@@ -157,7 +137,7 @@ def test_a_torque_fit_doubts_axes_that_stand_still(tmp_path: Path) -> None:
     """Its residual is a spectrum: it cannot leave samples out."""
     robot = slide(tmp_path, axes={"x": {**DRIVE, "rotor_inertia": 5.0, "sensors": {"torque_noise": 0.5}, "friction": {
         "coulomb": 20.0, "viscous": 200.0, "offset": -3.0, "speed": 0.01}}})  # fmt: skip
-    record = record_of(robot, *sticking(robot, 3))
+    record = record_of(robot, *sticking(3))
     doubts = TorqueResidualFit(highest_hz=20.0).run((record,), robot, context()).doubts
     (doubt,) = [one for one in doubts if one.kind == "standstill"]
     assert re.search(r"x in (3[5-9]|4\d) % of the samples", doubt.sentence)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robid_core import Record
+from robid_core import DataRejected, Record
+from robid_core.estimation.copies import refuse_copies
 from robid_core.estimation.sample_marks import KEPT, have_been_seen, sample_marks
 
 STEP = 0.002
@@ -53,3 +54,12 @@ def test_too_little_to_tell_is_said_to_be() -> None:
     assert len(sample_marks([record(still)])) == 0
     assert have_been_seen([record(motion(1))], sample_marks([record(still)])) is None
     assert have_been_seen([record(still)], sample_marks([record(motion(1))])) is None
+
+
+def test_a_copy_that_was_written_again_is_one() -> None:
+    """Some programs write 0 for -0: the same number in other bits."""
+    torque = np.random.default_rng(5).choice([-0.5, -0.0, 0.5], (1000, 2))
+    first, again = record(motion(4, 1000), torque), record(motion(4, 1000), torque + 0.0)
+    with pytest.raises(DataRejected, match="to the last digit"):
+        refuse_copies([first, again])
+    refuse_copies([first, record(motion(5, 1000), torque)])
