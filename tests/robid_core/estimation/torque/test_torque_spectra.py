@@ -7,7 +7,12 @@ import pytest
 
 from robid_core import DataRejected
 from robid_core.estimation.torque.periodic import drift_of, friction_deviation, periodic_motion_of
-from robid_core.estimation.torque.spectra import FINER, friction_spectra, speed_between_samples
+from robid_core.estimation.torque.spectra import (
+    FINER,
+    friction_spectra,
+    speed_between_samples,
+    speed_without_noise,
+)
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import (
     HALF_WINDOW,
@@ -281,3 +286,31 @@ def test_next_to_no_noise_of_angles_changes_next_to_nothing_of_a_speed() -> None
     ]
     # The smallest wave moves the angle by 4e-12 rad, the noise in a bin is 1e-9 / sqrt(4000).
     assert np.abs(both[0] - both[1]).max() < 1e-6
+
+
+@pytest.mark.parametrize(("sigma", "share"), [(1e-4, 0.25), (1e-6, 0.75)])
+def test_a_speed_without_the_noise_of_its_samples_is_as_noisy_as_the_bins_that_show_motion(
+    sigma: float, share: float
+) -> None:
+    """A move up to 8 Hz from rest to rest elsewhere, sampled at 500 Hz: what is left is the noise of few bins.
+
+    Noise of speed up to a frequency f has the variance ``(2 pi)^2 sigma^2 2 h f^3 / 3``; Hann's window hides what is
+    60 dB below the largest wave, so that more bins than those up to 8 Hz are kept where noise is small.
+    """
+    h, n = 0.002, 6000
+    fine = h / FINER * np.arange(n * FINER)
+    sizes = [(40.0, 0.037), (3.0, 1.3), (0.5, 4.1), (0.1, 8.0)]
+    swelling = np.sin(np.pi * fine / (n * h)) ** 2
+    exact = swelling * sum(a * 2 * np.pi * f * np.cos(2 * np.pi * f * fine + f) for a, f in sizes)
+    noise = sigma * np.random.default_rng(3).normal(size=n)
+    above = 2j * np.pi * np.fft.rfftfreq(n, h)
+    above[np.fft.rfftfreq(n, h) > 0.48 / h] = 0.0
+    spectrum = np.zeros(n * FINER // 2 + 1, dtype=np.complex128)
+    spectrum[: n // 2 + 1] = FINER * above * np.fft.rfft(noise)
+    noisy = exact + np.fft.irfft(spectrum, n * FINER)
+    found = speed_without_noise(noisy[None, None, :, None], np.array([sigma**2]), h)[0, 0, :, 0]
+    inner = slice(n * FINER // 10, -n * FINER // 10)
+    left, before = (np.std((one - exact)[inner]) for one in (found, noisy))
+    all_bins = np.sqrt((2 * np.pi) ** 2 * sigma**2 * 2 * h * (0.48 / h) ** 3 / 3)
+    assert before == pytest.approx(all_bins, rel=0.05)
+    assert left < share * before
