@@ -10,11 +10,11 @@ import numpy as np
 import scipy
 
 from robid_core import DataRejected, FloatArray, Record, Robot
+from robid_core.estimation.rigid.friction_direction import direction, direction_slope
 from robid_core.estimation.rigid.regression import decimate, decimated_index
 from robid_core.estimation.standstill import at_rest
 from robid_fit.rigid_effects import acting_laws, effect_torque
 from robid_fit.rigid_model import Columns, RigidMotion, experiments, motion_of, torque_columns
-from robid_fit.rigid_reversal import direction, direction_slope
 from robid_fit.rigid_timing import moved_back, rate
 
 BODIES = ("inertia", "rotor_inertia")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.estimation.rigid.friction_direction import direction
 from robid_core.estimation.rigid.regression import differentiate, smooth
 
 FAST = 0.1  # of the sampling rate: reversals above are noise of the angle
@@ -50,9 +51,8 @@ class Reversals:
         friction_speed
             v_s of tanh(v / v_s), rad/s, (n_axis,); 0: plain sign(v).
         """
-        steep = np.where(friction_speed > 0, friction_speed, 1.0)
         parts = []
         for speed, kept in zip(self.speeds, self.kept, strict=True):
-            sign = np.where(friction_speed > 0, np.tanh(speed / steep), np.sign(speed))
+            sign = direction(speed, friction_speed)
             parts.append(smooth(sign, self.sample_time, self.cutoff_hz)[kept])
         return np.concatenate(parts)[:: self.every]

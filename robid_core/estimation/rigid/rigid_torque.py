@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import FloatArray, IntArray
+from robid_core.estimation.rigid.friction_direction import direction
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
 from robid_core.estimation.rigid.rigid_body import RigidTree, inertial_parameters, inverse_dynamics_regressor
 
@@ -76,9 +77,8 @@ def motor_torque_regressor(
     bodies = np.einsum(
         "ja,sjp->sap", drives.gear, inverse_dynamics_regressor(drives.tree, *state)[:, drives.arm]
     )
-    steep = np.where(drives.friction_speed > 0, drives.friction_speed, 1.0)
-    direction = np.where(drives.friction_speed > 0, np.tanh(velocity / steep), np.sign(velocity))
-    signals = (acceleration, velocity, direction, np.ones_like(velocity))
+    turned = direction(velocity, drives.friction_speed)
+    signals = (acceleration, velocity, turned, np.ones_like(velocity))
     own = np.zeros((len(position), n_axis, 4, n_axis))
     for kind, signal in enumerate(signals):
         own[:, np.arange(n_axis), kind, np.arange(n_axis)] = signal

@@ -13,9 +13,9 @@ from oracles.multisine import context
 from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide, sticking
 
 from robid_core import Robot
+from robid_core.estimation.rigid.friction_direction import direction, direction_slope
 from robid_core.estimation.standstill import at_rest
 from robid_fit.rigid import RigidBodyFit
-from robid_fit.rigid_reversal import direction, direction_slope
 from robid_fit.torque_doubts import standing
 from robid_fit.torque_residual import TorqueResidualFit
 
