@@ -144,7 +144,10 @@ class Motion:
     def waves(self) -> dict[int, Waves]:
         """Waves over the travel of each axis: a metre has no whole orders, a turn more than can all be tried."""
         motions = [one.block.motion for one in self.along]
-        left = [motion.over_time(r) for motion, r in zip(motions, self.residuals, strict=True)]
+        left = [
+            one.block.motion.over_time(one.block.counted(r))
+            for one, r in zip(self.along, self.residuals, strict=True)
+        ]
         angle, speed = [motion.angle for motion in motions], [motion.rate(1) for motion in motions]
         highest = float(motions[0].frequency_hz[-1])
 

@@ -8,21 +8,17 @@ robot and fitted with all else, and taken where they are significant after the s
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
     AxisKey,
     ConfigurationError,
     Context,
-    DataRejected,
     Diagnosis,
     DiagnosisStage,
-    FloatArray,
-    IntArray,
     Model,
     PredictionErrors,
     Record,
@@ -39,6 +35,7 @@ from robid_diagnosis.asked import asked_lines
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
+from robid_diagnosis.diagnosable import check_records, check_related
 from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.gear_ratio import gear_ratio_lines
 from robid_diagnosis.hardly_told import hardly_told_lines
@@ -65,21 +62,17 @@ from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
     data_line,
     errors_line,
-    experiments_text,
     finding_line,
     held_line,
     left_out_line,
     misfit_line,
     response_check_line,
+    rests_line,
     separation_line,
     settling_line,
     silent_line,
     values_line,
 )
-
-DEAD = 3  # values: what toggles by a count has as many
-UNRELATED = 0.9  # of a torque, left by all that was tried: a law that hides in the data leaves the rest of the motion's
-FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 
 class Effects(DiagnosisStage):
@@ -115,6 +108,9 @@ class Effects(DiagnosisStage):
     """Relative error of the model's torque per bin and axis, beside the noise.
 
     Half of it may be alike in all bins: what gains less than such an error could is not named."""
+    at_rest: Literal["leave_out", "keep"] = "leave_out"
+    """What becomes of samples at which an axis stands still, where motions do not repeat: friction holds it there by
+    any torque up to its level."""
     passes: PositiveInt = 12
     """Prescribed motions of a fit at most."""
     discard: NonNegativeInt | None = None
@@ -166,7 +162,7 @@ class Effects(DiagnosisStage):
             case, uses, self._places(), context.generator, context.progress, self.most, context.log
         )
         outcome = selection.run()
-        _check_related(outcome.final)
+        check_related(outcome.final)
         for one in self.only:
             if one.partition("@")[0] not in outcome.searches[0].tried:
                 raise ConfigurationError(
@@ -181,11 +177,11 @@ class Effects(DiagnosisStage):
         """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
         check_variants(records, robot, robots, ())
         training, tests = parted(records)
-        _check(records, training, robot)
+        check_records(records, training, robot)
         check_possible(records, robot)
         case = Case(
             training, robot, self.prior, self.highest_hz, discard, self.passes, self.model_error,
-            robots=robots,
+            robots=robots, leave_out_rests=self.at_rest == "leave_out",
         )  # fmt: skip
         if tests:
             case.problem(Hypothesis(), tests)
@@ -248,6 +244,7 @@ class Effects(DiagnosisStage):
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
+        lines.append(rests_line(robot.axis_names, problem.at_rest.tolist()))
         lines += gear_ratio_lines(causes, values)
         if response_check is not None:
             lines.append(response_check_line(response_check))
@@ -332,65 +329,3 @@ class Effects(DiagnosisStage):
                 "or the robot file's drives cannot follow them"
             )
         return best
-
-
-def _check_related(final: Fitted) -> None:
-    """Refuse torques that are not those of the recorded motion: whatever was tried leaves all of them, but the mean."""
-    parts = zip(final.problem.residuals(final.point), final.problem.blocks, strict=True)
-    powers = np.array(
-        [
-            [(np.abs(one[:, :, 1:]) ** 2).sum(axis=(0, 1, 2)) for one in (left, block.motion.torque_spectrum)]
-            for left, block in parts
-        ]
-    )
-    left, measured = powers.sum(axis=0)
-    table = misfit_table(final.problem, final.point)
-    misfit = np.nanmedian(np.hstack((table.lines, table.other)), axis=1)
-    share = np.where(misfit > DOUBTFUL, np.sqrt(left / measured), 0.0)  # an axis at rest has noise alone
-    worst = int(np.argmax(share))
-    if share[worst] > UNRELATED:
-        raise DataRejected(
-            f"the motion explains nothing of the torque of {table.axis_names[worst]}: {100 * share[worst]:.0f} % of it "
-            "is left whatever is fitted; is it this axis' channel, and of the same time?"
-        )
-
-
-def _check(records: Sequence[Record], training: Sequence[Record], robot: Robot) -> None:
-    """Refuse in one sentence what cannot be diagnosed; `training` is what the diagnosis may look at."""
-    for record in records:
-        if record.axis_names != robot.axis_names:
-            raise DataRejected(
-                f"the record has the axes {', '.join(record.axis_names)}, the robot {robot.name} has "
-                f"{', '.join(robot.axis_names)}; take the robot that was measured"
-            )
-    runs = [run for record in records for run in record.runs]
-    for name in ("motor_position", "motor_torque"):
-        if any(name not in run.channels for run in runs):
-            raise DataRejected(f"the record has no {name}; a diagnosis needs angle and torque of every motor")
-    n_experiment = sum(run.valid[..., 0, 0].size for record in training for run in record.runs)
-    if n_experiment < FEWEST:
-        raise DataRejected(
-            f"{experiments_text(n_experiment)}: what is found must hold in data that were held out; measure at least "
-            f"{FEWEST}, better in several configurations, or cut one long motion (blocks: 10, of `robid diagnose` "
-            f"--blocks 10{'; read without periods, period_s: null' if any(run.n_period > 1 for run in runs) else ''})"
-        )
-    for run in runs:
-        levels = _levels(run.lanes("motor_torque").reshape(1, -1, robot.n_axis))
-        if (levels <= DEAD).any():
-            axis = robot.axis_names[int(np.argmin(levels))]
-            raise DataRejected(
-                f"the torque of {axis} never changes by more than a count: the channel is dead, or the drive was off"
-            )
-        levels = _levels(run.lanes("motor_position"))
-        if (levels <= DEAD).any():
-            axis = robot.axis_names[int(np.argmin(levels))]
-            raise DataRejected(
-                f"the angle of {axis} does not change by more than a count in any experiment: the channel is dead, or "
-                "the axis was held"
-            )
-
-
-def _levels(lanes: FloatArray) -> IntArray:
-    """Most values that each axis takes in any of the lanes (n_lane, n_sample, n_axis), (n_axis,)."""
-    count = (np.count_nonzero(np.diff(np.sort(lanes, axis=1), axis=1), axis=1) + 1).max(axis=0)
-    return np.asarray(count, dtype=np.int64)

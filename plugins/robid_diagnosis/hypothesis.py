@@ -13,6 +13,7 @@ from robid_core import FloatArray, NotIdentifiable, Record, Robot, chosen_names
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE, SpeedFunctions
 from robid_core.residual import (
     Linearisation,
+    RememberedSpectra,
     Solution,
     TorqueProblem,
     default_patterns,
@@ -168,7 +169,7 @@ class Fitted:
     @property
     def leaves_noise(self) -> bool:
         """Whether the misfit is one within what noise does to it."""
-        count = sum(residual.size for residual in self.problem.residuals(self.point))
+        count = sum(block.measured.size * block.share.mean() for block in self.problem.blocks)
         return self.misfit < 1 + SIGMAS / float(np.sqrt(count))
 
     @cached_property
@@ -223,11 +224,18 @@ class Case:
     """Misfit of the first fit, one at least."""
     robots: Mapping[str, Robot] = field(default_factory=dict)
     """Those that were told for variants that are not the nominal one."""
+    leave_out_rests: bool = True
+    """Whether samples at which an axis stands still do not count in its torque, where motions do not repeat."""
 
     @cached_property
     def variants(self) -> Variants:
         """All robots that were told, and the unknowns of what only some of them carry."""
         return Variants(self.told, self.robots)
+
+    @cached_property
+    def spectra(self) -> RememberedSpectra:
+        """Of the records: each fit asks for them."""
+        return RememberedSpectra(self.records)
 
     @property
     def nominal_records(self) -> tuple[Record, ...]:
@@ -238,15 +246,11 @@ class Case:
     def with_fitted_width(self, fitted: Fitted) -> Case:
         """Return the case with the width of the friction as a fit found it: then Coulomb friction is fitted exactly."""
         problem = fitted.problem
-        speed = np.concatenate(
-            [
-                block.motion.rate(1)[..., ::THINNED, :].reshape(-1, self.told.n_axis)
-                for block in problem.blocks
-            ]
-        )
         laws = problem.blocks[0].laws
         size = problem.friction_size(fitted.point)[: len(laws.odd)]
-        return replace(self, friction_speed=laws.width_of(size, speed), doubt=max(1.0, fitted.misfit))
+        return replace(
+            self, friction_speed=laws.width_of(size, problem.speeds(THINNED)), doubt=max(1.0, fitted.misfit)
+        )
 
     @cached_property
     def width(self) -> FloatArray:
@@ -291,6 +295,8 @@ class Case:
             discard=self.discard,
             highest_hz=self.highest_hz,
             each_delay=True,
+            leave_out_rests=self.leave_out_rests,
+            spectra=self.spectra,
         )
         return replace(problem, doubt=self.doubt)
 

@@ -75,18 +75,23 @@ def _judged(
     """
     last = models[-1]
     if tests:
-        blocks = case.problem(models[0].hypothesis, tests).blocks
-        power = _sums([block.motion.torque_spectrum for block in blocks])
+        power = _torque_power(case.problem(models[0].hypothesis, tests))
         judged = [left_in(fitted, tests) for fitted in models]
         return "experiments of the role test", power, [left for left, _ in judged], judged[-1][1]
-    power = _sums([block.motion.torque_spectrum for block in models[0].problem.blocks])
+    power = _torque_power(models[0].problem)
     noise = noise_power(last.problem, last.point)
     held_out = [held_out_residuals(fitted) for fitted in models]
     known = [one for one in held_out if one is not None]
     if len(known) == len(models):
         part = "experiments" if len(last.about.rows) == 1 else "configurations"
         return f"{part} left out of its fit", power, known, noise
-    left = [one.problem.residuals(one.point) for one in models]
+    left = [
+        [
+            block.counted(own)
+            for block, own in zip(one.problem.blocks, one.problem.residuals(one.point), strict=True)
+        ]
+        for one in models
+    ]
     return "the data of its fit", power, left, noise
 
 
@@ -112,9 +117,15 @@ def noise_power(problem: TorqueProblem, point: FloatArray) -> FloatArray:
     """
     size, total = problem.friction_size(point), np.zeros(problem.free.robot.n_axis)
     for block, robot in zip(problem.blocks, problem.robots(point), strict=True):
-        n_experiment = int(np.prod(block.measured.shape[:2]))
-        total += n_experiment * np.einsum("faa->a", block.noise(robot, size)[1:]).real[: len(total)]
+        counted = block.share.sum(axis=(0, 1)) * np.einsum("faa->fa", block.noise(robot, size)).real
+        total += counted[1:, : len(total)].sum(axis=0)
     return total
+
+
+def _torque_power(problem: TorqueProblem) -> FloatArray:
+    """Power that counts of the measured torques, the mean left out, (n_experiment, n_axis)."""
+    n_axis = problem.free.robot.n_axis
+    return _sums([block.counted(block.measured)[..., :n_axis] for block in problem.blocks])
 
 
 def _sums(spectra: Sequence[ComplexArray]) -> FloatArray:

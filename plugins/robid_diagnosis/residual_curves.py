@@ -56,7 +56,7 @@ def residual_curves(base: Fitted, final: Fitted, motion: Motion) -> tuple[Residu
 def _residuals(fitted: Fitted) -> FloatArray:
     """Over time, all blocks and experiments one after another, N m, (n_value, n_axis)."""
     left = zip(fitted.problem.blocks, fitted.problem.residuals(fitted.point), strict=True)
-    parts = [block.motion.over_time(residual) for block, residual in left]
+    parts = [block.motion.over_time(block.counted(residual)) for block, residual in left]
     return np.concatenate([part.reshape(-1, part.shape[-1]) for part in parts])
 
 
@@ -165,7 +165,8 @@ def _over_frequency(
     motion: Motion, number: int, axis: str, unit: str, base: Fitted, final: Fitted
 ) -> ResidualCurve:
     """Amplitudes over frequency, of the first block's bins."""
-    bins = motion.along[0].motion
+    block = motion.along[0].block
+    bins = block.motion
     frequency = bins.frequency_hz[1:]
     edges = np.geomspace(frequency[0], frequency[-1] * 1.001, PARTS + 1)
     parts = [np.flatnonzero((frequency >= low) & (frequency < high)) for low, high in pairwise(edges)]
@@ -173,9 +174,9 @@ def _over_frequency(
     refitted, extended, measured = (
         np.array([np.sqrt(2 * (np.abs(values[:, :, 1:, number][:, :, part]) ** 2).mean()) for part in parts])
         for values in (
-            base.problem.residuals(base.point)[0],
-            final.problem.residuals(final.point)[0],
-            bins.torque_spectrum,
+            block.counted(base.problem.residuals(base.point)[0]),
+            block.counted(final.problem.residuals(final.point)[0]),
+            block.counted(bins.torque_spectrum),
         )
     )
     where = np.array([frequency[part].mean() for part in parts])

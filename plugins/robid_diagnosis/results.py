@@ -162,8 +162,8 @@ def model_of(robot: Robot, final: Fitted) -> Model:
     free = problem.free.without(lambda name: name not in extended.layout)
     own = [name in free.names for name in problem.free.names]
     rows = np.flatnonzero(np.append(own, np.ones(problem.n_unknown - problem.n_free, dtype=bool)))
-    motions, laws = [block.motion for block in problem.blocks], problem.blocks[0].laws
+    laws = problem.blocks[0].laws
     point, covariance = final.point[rows], final.solution.covariance[np.ix_(rows, rows)]
     wide = extended.with_parameters(widths)
-    friction = friction_of_motors(wide, motions, laws, free, point, covariance, held=widths)
+    friction = friction_of_motors(wide, problem.speeds(), laws, free, point, covariance, held=widths)
     return estimated_robot(extended, laws, free, point, covariance, friction)

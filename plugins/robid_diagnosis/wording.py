@@ -104,6 +104,21 @@ def left_out_line(left_out: Sequence[int], n: int) -> str:
     )
 
 
+def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
+    """Say which share of the samples does not count, since an axis stands still at them; empty where all do."""
+    told = [
+        f"{name} {100 * share:.0f} %"
+        for name, share in zip(axis_names, at_rest, strict=True)
+        if share > 0.005
+    ]
+    if not told:
+        return ""
+    return (
+        f"Samples at which an axis stands still do not count in its torque: {', '.join(told)} of the samples. Friction "
+        "holds it there by any torque up to its level."
+    )
+
+
 def held_line(names: Sequence[str]) -> str:
     """Say which springs and dampers keep the value of the robot file; empty where the data determine all of them."""
     if not names:

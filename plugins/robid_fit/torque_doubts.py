@@ -21,8 +21,15 @@ def doubts(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     return (*_late(problem, solution.point), *_unlike(problem, solution), *rattling(problem))
 
 
-def with_rests(found: tuple[Doubt, ...], records: Sequence[Record]) -> tuple[Doubt, ...]:
-    """Put the doubt about axes that stand still first, and leave out what a fit says of clocks: a consequence."""
+def with_rests(
+    found: tuple[Doubt, ...], records: Sequence[Record], problem: TorqueProblem
+) -> tuple[Doubt, ...]:
+    """Put the doubt about axes that stand still first, and leave out what a fit says of clocks: a consequence.
+
+    A problem that does not count such samples has none.
+    """
+    if any(block.moving is not None for block in problem.blocks):
+        return (*found, *_left_out(problem))
     rests = standing(records)
     return (*rests, *(one for one in found if not (rests and one.kind == "timing")))
 
@@ -42,10 +49,25 @@ def standing(records: Sequence[Record]) -> tuple[Doubt, ...]:
             "standstill",
             f"axes stand still for much of the time: {', '.join(told)} of the samples. Friction holds an axis at rest "
             "by any torque up to its level, which no function of the speed says",
-            "fit with fit.rigid, which leaves such samples out, cut the record to where the axes move (start_s, "
-            "stop_s), or measure motions without rests",
+            "leave such samples out (at_rest: leave_out, of motions that do not repeat), cut the record to where the "
+            "axes move (start_s, stop_s), or measure motions without rests",
         ),
     )
+
+
+def _left_out(problem: TorqueProblem) -> tuple[Doubt, ...]:
+    """Say which share of the samples does not count since an axis stands still."""
+    told = [
+        f"{name} {100 * share:.0f} %"
+        for name, share in zip(problem.free.robot.axis_names, problem.at_rest.tolist(), strict=True)
+        if share > STANDING
+    ]
+    if not told:
+        return ()
+    sentence = (
+        f"samples at which an axis stands still do not count in its torque: {', '.join(told)} of the samples"
+    )
+    return (Doubt("standstill", sentence, "at_rest: keep counts them", "remark"),)
 
 
 def _share_at_rest(records: Sequence[Record]) -> FloatArray:

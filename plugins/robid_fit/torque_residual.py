@@ -122,6 +122,9 @@ class TorqueResidualFit(Estimator):
     arm_side_mounting_rad: PositiveFloat = 0.02
     """Standard deviation of the angles by which accelerometers and gyroscopes are turned on their links beside what the
     robot file says, rad; they are unknowns."""
+    at_rest: Literal["leave_out", "keep"] = "leave_out"
+    """What becomes of samples at which an axis stands still, in motions that do not repeat: friction holds it there by
+    any torque up to its level, so that its own torque does not count at them."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
@@ -166,7 +169,7 @@ class TorqueResidualFit(Estimator):
             model=model,
             excited=excited_range(record),
             friction=curves_of(problem, solution.point, friction),
-            stated_doubts=(*with_rests(fit.stated_doubts, record), *other_shapes(robot, friction)),
+            stated_doubts=(*with_rests(fit.stated_doubts, record, problem), *other_shapes(robot, friction)),
         )
 
     def _solved(
@@ -235,10 +238,10 @@ class TorqueResidualFit(Estimator):
         self, robot: Robot, problem: TorqueProblem, solution: Solution
     ) -> tuple[NearestFriction, ...]:
         """Friction in the numbers of a robot file; `friction.*.speed` among `fixed` stays."""
-        motions = [block.motion for block in problem.blocks]
+        laws = problem.blocks[0].laws
         held = [name for name in robot.layout if any(fnmatch.fnmatchcase(name, own) for own in self.fixed)]
         return friction_of_motors(
-            robot, motions, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, held
+            robot, problem.speeds(), laws, problem.free, solution.point, solution.covariance, held
         )
 
     # Data and unknowns
@@ -283,6 +286,7 @@ class TorqueResidualFit(Estimator):
             arm_side=self.arm_side,
             gain_prior=self.arm_side_gain,
             mounting_prior=self.arm_side_mounting_rad,
+            leave_out_rests=self.at_rest == "leave_out",
         )
 
     # What is stated

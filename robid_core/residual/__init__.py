@@ -6,12 +6,18 @@ from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.estimated_robot import estimated_robot, friction_of_motors
 from robid_core.residual.excited_range import excited_range
 from robid_core.residual.leading_periods import leading_periods
-from robid_core.residual.measured import check_variants, functions_of_speed, parts_by_variant, resolved_width
+from robid_core.residual.measured import (
+    check_variants,
+    functions_of_speed,
+    parts_by_variant,
+    resolved_width,
+)
 from robid_core.residual.misfit import misfit, misfit_table
 from robid_core.residual.passes import Solution, linearise_at, prescribe_at, solve
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.prescribed_record import prescribe_record
 from robid_core.residual.problem import Linearisation, TorqueProblem
+from robid_core.residual.remembered_spectra import RememberedSpectra
 from robid_core.residual.rigid_drives import rigid_drives
 from robid_core.residual.variant_constants import variant_robots
 from robid_core.residual.weighting import Weighting
@@ -19,9 +25,9 @@ from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot.effects import BoundEffect
 
 __all__ = [
-    "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "Solution", "TorqueProblem", "Weighting",
-    "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names", "estimated_robot",
-    "excited_range", "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at", "misfit",
-    "misfit_table", "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width",
+    "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueProblem",
+    "Weighting", "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names",
+    "estimated_robot", "excited_range", "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at",
+    "misfit", "misfit_table", "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width",
     "rigid_drives", "solve", "torque_problem", "variant_robots",
 ]  # fmt: skip

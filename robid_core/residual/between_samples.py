@@ -24,7 +24,6 @@ from robid_core.estimation.torque.spectra import (
     speed_without_noise,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
-from robid_core.estimation.torque.weights import covariance_of
 from robid_core.robot import Robot
 
 SPARSE = 25  # every so many speeds tell what friction brakes
@@ -35,9 +34,9 @@ FOLLOWED = 0.5  # of a sample, over J / F': below one a step is nearly explicit,
 def friction_between_samples(
     robot: Robot, motion: MotionSpectra, laws: SpeedFunctions, angle: FloatArray, coefficient: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Spectra of the functions of speed, and the covariance of what samples do not resolve of friction.
+    """Spectra of the functions of speed, and what samples do not resolve of friction.
 
-    Shapes (n_law + 1, n_config, n_exp, n_bin, n_axis) and (n_bin, n_axis, n_axis).
+    Shapes (n_law + 1, n_config, n_exp, n_bin, n_axis) and (n_config, n_exp, n_bin, n_axis), N m.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ def friction_between_samples(
         overshot = own.held_spectrum(laws.total(explicit.astype(np.float32), size))
         friction.append(functions)
         unresolved.append(overshot - np.einsum("kceba,ka->ceba", functions[: len(size)], size))
-    return np.concatenate(friction, axis=1), covariance_of(np.concatenate(unresolved))
+    return np.concatenate(friction, axis=1), np.concatenate(unresolved)
 
 
 def _harmful(motion: MotionSpectra, laws: SpeedFunctions, size: FloatArray) -> FloatArray:

@@ -25,6 +25,7 @@ from robid_core.residual.arm_sensors import ArmSpectra
 from robid_core.residual.between_samples import friction_between_samples
 from robid_core.residual.columns import BodyDerivatives
 from robid_core.residual.impedance import impedance
+from robid_core.residual.moving_samples import MovingSamples
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.residual.simulated_columns import SimulatedColumn, simulated_columns
 from robid_core.robot import Robot
@@ -53,6 +54,8 @@ class TorqueBlock(ABC, Generic[M]):
     """Joint-side angles about which the model is linear, rad, shape (n_config, n_axis)."""
     arm: ArmSpectra | None = field(default=None, kw_only=True)
     """What sensors behind the gears show: rows after those of the motors' torques. None: there are none."""
+    moving: MovingSamples | None = field(default=None, kw_only=True)
+    """Samples that count in each row, of a motion with rests; None: all."""
     remainder: ComplexArray = field(init=False)
     """Shape (n_config, n_exp, n_bin, n_row)."""
     reported: ComplexArray | None = field(init=False, default=None)
@@ -68,6 +71,9 @@ class TorqueBlock(ABC, Generic[M]):
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
+    lasting: dict[str, SimulatedColumn] = field(init=False, default_factory=dict)
+    """Derivatives by name of bodies that another problem took of a rigid robot in this motion: its torque is
+    proportional to them, whatever laws act beside it."""
     by_motion: Literal["least", "bent", "all"] = field(init=False, default="bent")
     """Which derivatives are those of prescribed motions: only those that nothing else knows, those for springs and
     dampers of a robot with nonlinear springs, too, or those for all springs, dampers and bodies."""
@@ -154,6 +160,19 @@ class TorqueBlock(ABC, Generic[M]):
         """
         return None
 
+    @property
+    def share(self) -> FloatArray:
+        """Share of the data that count in each bin and row, (n_config, n_exp, n_bin, n_row)."""
+        return np.ones(self.remainder.shape) if self.moving is None else self.moving.share
+
+    def counted(self, rows: ComplexArray) -> ComplexArray:
+        """Return what of residuals or measured rows counts, (n_config, n_exp, n_bin, n_row)."""
+        return rows if self.moving is None else self.moving.of(rows)
+
+    def at_full_power(self, rows: ComplexArray) -> ComplexArray:
+        """Likewise, as large as if all samples counted: what covariances are taken of."""
+        return rows if self.moving is None else self.moving.at_full_power(rows)
+
     def take_back(self, left: FloatArray) -> None:
         """Let experiments count again that the last robot explains as well as others.
 
@@ -173,6 +192,10 @@ class TorqueBlock(ABC, Generic[M]):
     def go_on_from(self, other: Self) -> None:
         """Begin where another block of the same record ended; its robot differs little."""
         self.bodies = other.bodies
+        rigid = all(one.robot.mechanism.n_coordinate == one.robot.n_axis for one in (self, other))
+        if rigid and other._differentiated is not None:
+            names = other._differentiated[0].names
+            self.lasting = {names[column.index]: column for column in other.simulated}
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual where the model is right, (n_bin, n_row, n_row); arguments as of `predicted`."""
@@ -187,7 +210,9 @@ class TorqueBlock(ABC, Generic[M]):
         self.friction, unresolved = friction_between_samples(
             robot, self.motion, self.laws, self.angle, coefficient
         )
-        self.unresolved[:, :n_axis, :n_axis] = unresolved
+        rows = np.zeros_like(self.remainder)
+        rows[..., :n_axis] = unresolved
+        self.unresolved[:, :n_axis, :n_axis] = covariance_of(self.at_full_power(rows)[..., :n_axis])
 
     def thinned(self, keep: IntArray) -> Self:
         """Return the block with some of its bins, before any motion was prescribed."""

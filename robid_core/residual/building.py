@@ -7,8 +7,10 @@ from typing import Any
 
 from robid_core.artifacts import Record
 from robid_core.errors import DataRejected
+from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.estimation.torque.windowed import WindowedMotion
 from robid_core.parameters import FreeParameters
 from robid_core.residual.measured import (
     arm_side_of,
@@ -18,8 +20,11 @@ from robid_core.residual.measured import (
     parts_by_variant,
     spectra_of,
 )
+from robid_core.residual.moving_samples import MovingSamples, moving_samples
 from robid_core.residual.problem import TorqueProblem
 from robid_core.robot import Robot
+
+Motion = PeriodicMotion | WindowedMotion
 
 NOUNS = (
     "gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping", "rotor_inertia",
@@ -48,6 +53,8 @@ def torque_problem(
     arm_side: Sequence[str] = (),
     gain_prior: float = 0.01,
     mounting_prior: float = 0.02,
+    leave_out_rests: bool = True,
+    spectra: Callable[[Record, int, float, float], Motion] = spectra_of,
 ) -> TorqueProblem:
     """Prepare what is minimised.
 
@@ -77,6 +84,10 @@ def torque_problem(
         Standard deviation of their gains, relative.
     mounting_prior
         Standard deviation of the angles by which inertial units are turned on their links, rad.
+    leave_out_rests
+        Whether samples at which an axis stands still do not count in its torque, where motions do not repeat.
+    spectra
+        `spectra_of`, or one that remembers what it has transformed.
 
     Raises
     ------
@@ -96,7 +107,7 @@ def torque_problem(
         for run in part.runs:
             check_sampling(run, under)
     parts = [
-        (spectra_of(part, discard, highest_hz, under.sample_time_s), _bare(under)) for part, under in measured
+        (spectra(part, discard, highest_hz, under.sample_time_s), _bare(under)) for part, under in measured
     ]
     arms = [
         arm_side_of(part, motion, discard, arm_side)
@@ -106,13 +117,23 @@ def torque_problem(
         raise DataRejected(
             f"arm_side: records or variants have {' and '.join(arm_side)} of different axes; choose those with the same"
         )
-    laws = speed_functions(robot, [motion for motion, _ in parts])
+    motions = [motion for motion, _ in parts]
+    laws = speed_functions(robot, motions)
+    counted = _moving(motions) if leave_out_rests else dict[int, MovingSamples]()
     blocks: tuple[Any, ...] = tuple(
-        block_of(motion, under, laws, arm) for (motion, under), arm in zip(parts, arms, strict=True)
+        block_of(motion, under, laws, arm, counted.get(number))
+        for number, ((motion, under), arm) in enumerate(zip(parts, arms, strict=True))
     )
     return TorqueProblem(
         free, blocks, laws.names, each_delay=each_delay, gain_prior=gain_prior, mounting_prior=mounting_prior
     )
+
+
+def _moving(motions: Sequence[MotionSpectra]) -> dict[int, MovingSamples]:
+    """Samples at which axes move, by the number of a motion that does not repeat and has rests."""
+    cuts = {number: motion for number, motion in enumerate(motions) if isinstance(motion, WindowedMotion)}
+    found = zip(cuts, moving_samples(list(cuts.values())), strict=True)
+    return {number: own for number, own in found if own is not None}
 
 
 def _bare(robot: Robot) -> Robot:

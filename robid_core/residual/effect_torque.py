@@ -135,9 +135,9 @@ class EffectTorque:
         if issubclass(bound.effect, SignalEffect):
             (term,) = bound.effect.bind(bound.parameters, bound.place)
             assert isinstance(term, SignalTerm)
-            return self._of_signal(
-                bound, signal_change(self.robot, term, self._asked(bound.effect.invertible))
-            )
+            invertible = bound.effect.invertible
+            given = self._channel(term.axis, term.channel, invertible)
+            return self._of_signal(bound, signal_change(self.robot, term, self._asked(invertible), given))
         total: ComplexArray = np.zeros_like(self.motion.torque_spectrum)
         for direction, force in self.forces_of(bound):
             total += self.of_force(direction, force)

@@ -14,7 +14,6 @@ import scipy
 from robid_core.arrays import FloatArray
 from robid_core.artifacts import Model
 from robid_core.estimation.torque.nearest_friction import NearestFriction, nearest_friction
-from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.parameters import FreeParameters
 from robid_core.residual.problem import friction_columns
@@ -25,7 +24,7 @@ NOT_NEGATIVE = (".coulomb", ".viscous")
 
 def friction_of_motors(
     robot: Robot,
-    motions: Sequence[MotionSpectra],
+    speeds: Sequence[FloatArray],
     laws: SpeedFunctions,
     free: FreeParameters,
     point: FloatArray,
@@ -38,8 +37,8 @@ def friction_of_motors(
     ----------
     robot
         The robot that the fit was given.
-    motions
-        What was measured, block by block.
+    speeds
+        Of each motor, as they were measured where it counts, rad/s, (n_sample,) each (`TorqueProblem.speeds`).
     laws
         Functions of speed.
     free
@@ -51,7 +50,6 @@ def friction_of_motors(
         Parameters `friction.<axis>.speed` that stay as the robot has them.
     """
     unknown, spread = _in_own_units(free, point, covariance)
-    speed = np.concatenate([motion.rate(1).reshape(-1, robot.n_axis) for motion in motions])
     of_motors, found = friction_columns(free, len(laws.names)), []
     for a, (axis, columns) in enumerate(zip(robot.axis_names, of_motors, strict=True)):
         found.append(
@@ -59,7 +57,7 @@ def friction_of_motors(
                 laws.of_axis(a),
                 unknown[columns],
                 spread[np.ix_(columns, columns)],
-                speed[:, a],
+                speeds[a],
                 float(robot.drives.friction_speed[a]),
                 held=f"friction.{axis}.speed" in held,
             )

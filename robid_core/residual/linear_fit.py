@@ -56,7 +56,8 @@ def _first_pass(problem: TorqueProblem, start: FloatArray) -> tuple[FloatArray, 
             continue  # far from the minimum, what is left tells the model's error and not its kind
         if reweighed >= REWEIGHED:
             break
-        whiteners = [whitener(covariance_of(residual)) for residual in part.residuals(point)]
+        left = zip(part.blocks, part.residuals(point), strict=True)
+        whiteners = [whitener(covariance_of(block.at_full_power(residual))) for block, residual in left]
         reweighed += 1
     whole = np.zeros(problem.n_unknown)
     whole[[*kept, *range(problem.n_free, problem.n_unknown)]] = point

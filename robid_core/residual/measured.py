@@ -16,6 +16,7 @@ from robid_core.estimation.torque.spectra import Hold, MotionSpectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
 from robid_core.residual.arm_sensors import ArmSpectra, arm_spectra_of
+from robid_core.residual.moving_samples import MovingSamples
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.residual.windowed_block import WindowedBlock
@@ -123,12 +124,13 @@ def block_of(
     robot: Robot,
     laws: SpeedFunctions,
     arm: ArmSpectra | None = None,
+    moving: MovingSamples | None = None,
 ) -> PeriodicBlock | WindowedBlock:
-    """Return the block of one record under its robot."""
+    """Return the block of one record under its robot; `moving`: samples that count where it does not repeat."""
     if isinstance(motion, PeriodicMotion):
         return PeriodicBlock.of_record(robot, motion, laws, arm)
     assert arm is None or isinstance(arm, WindowedArm)
-    return WindowedBlock.of_record(robot, motion, laws, arm)
+    return WindowedBlock.of_record(robot, motion, laws, arm, moving)
 
 
 def parts_by_variant(record: Record) -> Iterator[tuple[str, Record]]:

@@ -24,10 +24,13 @@ def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         weight = Weighting.of_block(
-            _without_mean(whitener(block.noise(robot, size))), block.free_vibration(robot), block.used
+            _without_mean(whitener(block.noise(robot, size))),
+            block.free_vibration(robot),
+            block.used,
+            block.moving,
         )
         total += (weight.residual(residual) ** 2).sum() * _correction(block)
-        count += residual[_used(block)][:, 1:].size
+        count += block.share[_used(block)][:, 1:].sum()
     return float(total / count)
 
 
@@ -51,14 +54,14 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         noise = np.einsum("faa->fa", block.noise(robot, size)).real
-        counted = residual[_used(block)]
+        counted, share = block.counted(residual)[_used(block)], block.share[_used(block)].sum(axis=0)
         ratio = (np.abs(counted) ** 2 / noise * _correction(block)).sum(axis=0)
         band = np.searchsorted(edges, block.motion.frequency_hz, side="right") - 1
         for which, bins in enumerate((block.motion.excited, ~block.motion.excited)):
             for b in range(n_band):
                 chosen = bins & (band == b) & (block.motion.bin > 0)
                 total[which, :, b] += ratio[chosen].sum(axis=0)
-                count[which, :, b] += np.count_nonzero(chosen) * len(counted)
+                count[which, :, b] += share[chosen].sum(axis=0)
     values = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
     return MisfitTable(names, edges, values[0], values[1])
 

@@ -267,7 +267,7 @@ def _renew(problem: TorqueProblem, point: FloatArray, model_error: float, improv
         whitener, before = block.weight(robot, size, model_error), np.inf
         for _ in range(INITIAL_STATES):
             predicted = block.predicted(robot, coordinates, size)
-            residual = block.residual(predicted, problem.delay(point), problem.sensing(point))
+            residual = block.counted(block.residual(predicted, problem.delay(point), problem.sensing(point)))
             left = float((np.abs(np.matmul(whitener, residual[..., None])) ** 2).sum())
             if left > BETTER * before:
                 break
@@ -304,7 +304,8 @@ def _linearised(
     blocks, robots, size = problem.blocks, problem.robots(point), problem.friction_size(point)
     if doubted:
         left = zip(blocks, problem.residuals(point), strict=True)
-        counted = [(block, one if block.used is None else one[block.used][None]) for block, one in left]
+        full = [(block, block.at_full_power(one)) for block, one in left]
+        counted = [(block, one if block.used is None else one[block.used][None]) for block, one in full]
         weights = [whitener(covariance_apart(residual, block.motion.excited)) for block, residual in counted]
     else:
         weights = [
@@ -321,7 +322,7 @@ def _covariance(problem: TorqueProblem, point: FloatArray, about: Linearisation)
     """
     weighted = problem.weighted(point, about.weights)
     counted = zip(weighted, about.weights, strict=True)
-    n_row = sum(own.size if weight.used is None else own[weight.used].size for own, weight in counted)
+    n_row = sum(weight.count(own) for own, weight in counted)
     excess = max(1.0, sum((own**2).sum() for own in weighted) / n_row)
     priors = np.diag(1 / problem.prior**2)
     formal = scaled_inverse((about.whole - priors) / excess + priors)

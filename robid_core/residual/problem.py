@@ -177,6 +177,37 @@ class TorqueProblem:
             out += [0] * n_config if used is None else np.count_nonzero(~used, axis=1).tolist()
         return tuple(out)
 
+    def speeds(self, every: int = 1) -> list[FloatArray]:
+        """Speeds of each motor, all blocks one after another, rad/s, (n_sample,) each: of every so many samples.
+
+        Only those that count: of rest data say nothing that is a function of the speed.
+        """
+        found = []
+        for axis in range(self.free.robot.n_axis):
+            parts = []
+            for block in self.blocks:
+                own = block.motion.rate(1)[:, :, ::every, axis]
+                if block.moving is not None:
+                    own = own[block.moving.at_samples(axis, block.motion.n_sample)[:, :, ::every]]
+                parts.append(own.ravel())
+            counted = np.concatenate(parts)
+            found.append(counted if len(counted) else np.zeros(1))
+        return found
+
+    @property
+    def at_rest(self) -> FloatArray:
+        """Share of the samples that do not count in each motor's torque, since it stands still, (n_axis,)."""
+        n_axis = self.free.robot.n_axis
+        shares = [
+            np.zeros(n_axis)
+            if block.moving is None
+            else 1 - block.moving.weight[..., :n_axis].mean(axis=(0, 1, 2))
+            for block in self.blocks
+        ]
+        sizes = [np.prod(block.motion.angle.shape[:3]) for block in self.blocks]
+        found: FloatArray = np.average(shares, axis=0, weights=sizes)
+        return found
+
     # Residuals
 
     def residuals(self, point: FloatArray) -> list[ComplexArray]:
@@ -209,7 +240,9 @@ class TorqueProblem:
             count = np.full(len(matrix), np.sqrt(2.0))
             count[0] = 1.0 if self.mean_counts else 0.0
             found.append(
-                Weighting.of_block(count[:, None, None] * matrix, block.free_vibration(robot), block.used)
+                Weighting.of_block(
+                    count[:, None, None] * matrix, block.free_vibration(robot), block.used, block.moving
+                )
             )
         return tuple(found)
 

@@ -127,15 +127,19 @@ def signal_columns(
     return tuple(sorted(found, key=lambda column: column.index))
 
 
-def signal_change(robot: Robot, term: SignalTerm, motion: MotionSpectra) -> FloatArray:
+def signal_change(
+    robot: Robot,
+    term: SignalTerm,
+    motion: MotionSpectra,
+    given: tuple[FloatArray, FloatArray, FloatArray],
+) -> FloatArray:
     """What one law makes of its channel in a motion, less what it was given, as `torque_of_change` takes it.
 
-    Shape (n_config, n_exp, n_time).
+    Shape (n_config, n_exp, n_time); `given`: from `channel_signals`.
     """
     within = term.channel == "torque"
     step = robot.step_s if within else motion.sample_time_s
     settle = motion.settling * (_steps(robot) if within else 1)
-    given = channel_signals(robot, motion, term.axis, term.channel)
     signal, angle, speed = (values.reshape(-1, values.shape[2]) for values in given)
     heard = signal_along(term, signal, angle, speed, step, settle=settle)
     change: FloatArray = heard.reshape(given[0].shape) - given[0]

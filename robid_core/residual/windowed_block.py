@@ -27,6 +27,7 @@ from robid_core.residual.cut_response import CutResponse
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
 from robid_core.residual.impedance import impedance
 from robid_core.residual.inertial_units import inertial_noise
+from robid_core.residual.moving_samples import MovingSamples
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.robot import Robot
@@ -58,9 +59,14 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
 
     @classmethod
     def of_record(
-        cls, robot: Robot, motion: WindowedMotion, laws: SpeedFunctions, arm: WindowedArm | None = None
+        cls,
+        robot: Robot,
+        motion: WindowedMotion,
+        laws: SpeedFunctions,
+        arm: WindowedArm | None = None,
+        moving: MovingSamples | None = None,
     ) -> WindowedBlock:
-        """Prepare a block.
+        """Prepare a block; `moving`: samples that count in the rows of the motors' torques.
 
         Raises DataRejected where the robot file has no noise of torque, or of a sensor behind the gears: a single cut
         cannot show it.
@@ -80,7 +86,10 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         recorded, motion = motion, true_motion(robot, motion)
         middle = 0.5 * (motion.angle.max(axis=(1, 2)) + motion.angle.min(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
-        return cls(robot, recorded, motion, laws, friction, added, robot.joint_angle(middle), arm=arm)
+        if moving is not None and arm is not None:
+            moving = moving.with_sensors(len(arm.sensors))
+        angle = robot.joint_angle(middle)
+        return cls(robot, recorded, motion, laws, friction, added, angle, arm=arm, moving=moving)
 
     @property
     def moves_far(self) -> bool:
@@ -89,7 +98,11 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         return bool((np.abs(joints - self.angle[:, None, None]) > LARGE).any())
 
     def thinned(self, keep: npt.NDArray[np.int64]) -> WindowedBlock:
-        """Likewise; of long ways the first experiments of each configuration are enough to begin with."""
+        """Likewise; of long ways the first experiments of each configuration are enough to begin with.
+
+        With rests all bins: samples that count are told from others over time.
+        """
+        keep = keep if self.moving is None else np.arange(len(self.motion.bin))
         if not self.moves_far:
             return super().thinned(keep)
         motion = _first(self.motion, FEW)
@@ -102,6 +115,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
             prescribed=None,
             friction=self.friction[:, :, :FEW],
             added=self.added[:, :FEW],
+            moving=None if self.moving is None else self.moving.first(FEW),
         )
         return super(WindowedBlock, few).thinned(keep)
 
@@ -194,6 +208,8 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         prior = rms_vibration(robot, self.angle, self.motion)
         shown, n_state = self.free_vibration(robot), prior.shape[1]
         assert shown is not None
+        if self.moving is not None:
+            shown = self.moving.of(shown)
         if self.arm is not None:
             power = (np.abs(residual[..., robot.n_axis :]) ** 2).sum(axis=2).mean(axis=1)
             prior = np.concatenate((prior, WIDE * np.sqrt(power)), axis=1)
@@ -269,6 +285,7 @@ def _first(motion: WindowedMotion, n: int) -> WindowedMotion:
     """Return the first experiments of each configuration."""
     return replace(
         motion,
+        rates={},
         angle=motion.angle[:, :n],
         torque=motion.torque[:, :n],
         torque_spectrum=motion.torque_spectrum[:, :n],

@@ -54,22 +54,23 @@ class SpeedFunctions:
         """
         return cls(np.multiply.outer(shares, told), np.zeros((0, len(told))))
 
-    def width_of(self, size: FloatArray, speed: FloatArray) -> FloatArray:
+    def width_of(self, size: FloatArray, speeds: Sequence[FloatArray]) -> FloatArray:
         """Width of the one ``tanh(v / w)`` that is nearest to a sum of odd functions, rad/s, (n_axis,).
 
         Parameters
         ----------
         size
             Of the odd functions, (n_odd, n_axis).
-        speed
-            Over which they are compared, rad/s, (n_sample, n_axis).
+        speeds
+            Over which they are compared, of each axis, rad/s, (n_sample,) each.
         """
         found = np.empty(size.shape[1])
         for a, own in enumerate(size.T):
-            total = np.tanh(np.divide.outer(speed[:, a], self.odd[:, a])) @ own
+            speed = speeds[a]
+            total = np.tanh(np.divide.outer(speed, self.odd[:, a])) @ own
 
-            def left(log_width: float, a: int = a, total: FloatArray = total) -> float:
-                law = np.tanh(speed[:, a] / np.exp(log_width))
+            def left(log_width: float, speed: FloatArray = speed, total: FloatArray = total) -> float:
+                law = np.tanh(speed / np.exp(log_width))
                 return float(total @ total - (law @ total) ** 2 / (law @ law))
 
             ends = np.log(self.odd[:, a].min() / 2), np.log(self.odd[:, a].max() * 2)

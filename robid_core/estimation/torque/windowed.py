@@ -9,7 +9,7 @@ noise has the variance that it would have without.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -51,6 +51,15 @@ class _Waves:
 class WindowedMotion(MotionSpectra):
     """Spectra of whole recordings under a window."""
 
+    rates: dict[tuple[int, int, float], tuple[FloatArray, FloatArray]] = field(
+        default_factory=dict, kw_only=True, repr=False
+    )
+    """Angles and what `rate` made of them, by its arguments: laws on torques ask again and again."""
+
+    def of_configuration(self, config: int) -> WindowedMotion:
+        """Likewise; one alone is itself."""
+        return self if len(self.angle) == 1 else replace(super().of_configuration(config), rates={})
+
     @cached_property
     def constant(self) -> ComplexArray:
         """Spectrum of the number one, shape (n_bin,): that of the window."""
@@ -81,8 +90,13 @@ class WindowedMotion(MotionSpectra):
         return shown
 
     def rate(self, order: int, finer: int = 1, shift_s: float = 0.0) -> FloatArray:
-        """Likewise of the motor angles."""
-        return self.between(self.angle, order, finer, shift_s)
+        """Likewise of the motor angles; not to be written to."""
+        known = self.rates.get((order, finer, shift_s))
+        if known is None or known[0] is not self.angle:
+            rate = self.between(self.angle, order, finer, shift_s)
+            rate.setflags(write=False)
+            self.rates[order, finer, shift_s] = known = self.angle, rate
+        return known[1]
 
     def between(self, values: FloatArray, order: int, finer: int, shift_s: float) -> FloatArray:
         """Derivative of values at the samples, band-limited, on a grid so many times finer and so much later."""
@@ -146,6 +160,7 @@ class WindowedMotion(MotionSpectra):
         """Return the same with other angles and torques."""
         return replace(
             self,
+            rates=self.rates if angle is self.angle else {},
             angle=angle,
             torque=torque,
             torque_spectrum=self.spectrum_of(torque),

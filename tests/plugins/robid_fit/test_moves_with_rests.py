@@ -4,60 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from oracles.multisine import context
-from oracles.rigid_arm import DRIVE, loaded
+from oracles.one_motor import COULOMB, INERTIA, LINK, TURNS, VISCOUS, recorded, told
 
-from robid_core import Record, Robot
 from robid_fit.torque_residual import TorqueResidualFit
-
-STEP, SUB = 0.002, 20
-INERTIA, COULOMB, VISCOUS, TURNS = 2e-4, 0.07, 6e-4, 0.2
-TORQUE_NOISE = 0.002
-LINK = 1e-6  # what turns beside the rotor
-COUNT = 2 * np.pi / 16384
-
-
-def told(folder: Path) -> Robot:
-    return loaded(folder, {
-        "robid_robot": 1, "name": "motor", "sample_time_s": STEP,
-        "bodies": [{"joint": "a", "mass": 1e-3, "inertia": [[LINK, 0, 0], [0, LINK, 0], [0, 0, LINK]]}],
-        "gravity": [0, 0, 0],
-        "axes": {"a": {**DRIVE, "rotor_inertia": 0.8 * INERTIA,
-                       "friction": {"coulomb": 0.05, "viscous": 4e-4, "speed": 0.5},
-                       "sensors": {"torque_noise": TORQUE_NOISE, "position_noise": COUNT / np.sqrt(12)}}},
-    })  # fmt: skip
-
-
-def recorded(robot: Robot, seed: int, seconds: float = 30.0) -> Record:
-    """Quintic moves of 20 to 120 rad and rests under a speed loop; sampled every 2 ms, integrated every 0.1 ms."""
-    draw = np.random.default_rng(seed)
-    speeds = [np.zeros(200)]
-    while sum(map(len, speeds)) * STEP < seconds:
-        distance, n = draw.choice([-1, 1]) * draw.uniform(20, 120), int(draw.uniform(0.5, 2.0) / STEP)
-        x = np.arange(n) / n
-        speeds += [
-            distance * 30 * (x * (1 - x)) ** 2 / (n * STEP),
-            np.zeros(int(draw.uniform(0.1, 0.5) / STEP)),
-        ]
-    wanted = np.concatenate(speeds)
-    angle, torque, q, v, total = np.empty_like(wanted), np.empty_like(wanted), 0.0, 0.0, 0.0
-    for k, speed in enumerate(wanted):
-        total += (speed - v) * STEP
-        u = 40 * INERTIA * (speed - v + 8 * total)
-        angle[k], torque[k] = q, u
-        for _ in range(SUB):
-            v += STEP / SUB * (u - COULOMB * np.tanh(v / TURNS) - VISCOUS * v) / INERTIA
-            q += STEP / SUB * v
-    return Record.from_arrays(
-        sample_time_s=STEP,
-        robot=robot,
-        units={"motor_position": "rad", "motor_torque": "N m"},
-        torque_hold="zero_order_hold",
-        motor_position=COUNT * np.round(angle / COUNT)[:, None],
-        motor_torque=(torque + TORQUE_NOISE * draw.normal(size=len(torque)))[:, None],
-    )
 
 
 @pytest.mark.parametrize(
@@ -76,3 +27,32 @@ def test_friction_and_inertia_are_right_where_an_axis_is_slow(tmp_path: Path, se
         assert abs(table.value(name) - true) < 4 * error[name], name
         assert error[name] < 0.02 * true, name
     assert table.value("friction.a.speed") == pytest.approx(TURNS, rel=0.05)
+
+
+STUCK = {"rotor_inertia.a": INERTIA - LINK, "friction.a.coulomb": COULOMB, "friction.a.viscous": VISCOUS}
+
+
+@pytest.mark.parametrize(
+    "seed", [11, pytest.param(12, marks=pytest.mark.full), pytest.param(13, marks=pytest.mark.full)]
+)
+def test_what_holds_an_axis_at_rest_does_not_count(tmp_path: Path, seed: int) -> None:
+    """At rest friction is any torque up to its level: no function of the speed, so that all else bends to it."""
+    robot = told(tmp_path)
+    record = recorded(robot, seed, sticks=True, rest_s=(0.5, 2.0))
+    fitted = {
+        at_rest: TorqueResidualFit(highest_hz=40.0, prior={"rotor_inertia.*": 0.3}, at_rest=at_rest).run(
+            (record,), robot, context()
+        )
+        for at_rest in ("leave_out", "keep")
+    }
+    fit, kept = fitted["leave_out"], fitted["keep"]
+    table, error = fit.parameters, dict(zip(fit.parameters.names, fit.parameters.standard_error, strict=True))
+    assert kept.misfit > 10
+    assert fit.misfit < 1.3
+    for name, true in STUCK.items():
+        assert abs(table.value(name) - true) < 4 * error[name], name
+        assert error[name] < 0.01 * true, name
+    assert [(one.kind, one.degree) for one in fit.stated_doubts if one.kind == "standstill"] == [
+        ("standstill", "remark")
+    ]
+    assert kept.stated_doubts[0].kind == "standstill"

@@ -134,11 +134,19 @@ def test_an_axis_that_turns_back_is_not_at_rest_and_one_that_waits_is() -> None:
 
 
 def test_a_torque_fit_doubts_axes_that_stand_still(tmp_path: Path) -> None:
-    """Its residual is a spectrum: it cannot leave samples out."""
+    """Where it counts them; else it says how many it leaves out."""
     robot = slide(tmp_path, axes={"x": {**DRIVE, "rotor_inertia": 5.0, "sensors": {"torque_noise": 0.5}, "friction": {
         "coulomb": 20.0, "viscous": 200.0, "offset": -3.0, "speed": 0.01}}})  # fmt: skip
     record = record_of(robot, *sticking(3))
-    doubts = TorqueResidualFit(highest_hz=20.0).run((record,), robot, context()).doubts
-    (doubt,) = [one for one in doubts if one.kind == "standstill"]
+    kept, left_out = (
+        TorqueResidualFit(highest_hz=20.0, at_rest=at_rest).run((record,), robot, context()).doubts
+        for at_rest in ("keep", "leave_out")
+    )
+    (doubt,) = [one for one in kept if one.kind == "standstill"]
     assert re.search(r"x in (3[5-9]|4\d) % of the samples", doubt.sentence)
+    (remark,) = [one for one in left_out if one.kind == "standstill"]
+    assert remark.is_remark
+    assert re.search(
+        r"do not count .*: x [45]\d % of the samples", remark.sentence
+    )  # and what is near their ends
     assert not standing((recording(robot, 1, seconds=5.0),))

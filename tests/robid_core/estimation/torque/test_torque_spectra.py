@@ -247,7 +247,7 @@ def test_friction_of_any_width_nearby_is_a_sum_of_near_functions() -> None:
         friction = np.tanh(speed[:, 0] / width)
         size, *_ = np.linalg.lstsq(functions, friction, rcond=None)
         assert np.abs(functions @ size - friction).std() < 0.01
-        assert laws.width_of(size[:, None], speed)[0] == pytest.approx(width, rel=0.02)
+        assert laws.width_of(size[:, None], speed.T)[0] == pytest.approx(width, rel=0.02)
 
 
 def test_each_function_of_speed_has_a_name_of_its_own() -> None:
