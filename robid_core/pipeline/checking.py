@@ -32,6 +32,7 @@ _NOUNS = {
     "a valid dictionary": "a mapping",
 }
 _CONTAINERS = {"List": "list", "Tuple": "list", "Set": "list", "Dictionary": "mapping"}
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number")
 _OLD_BOOLEANS = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
 
 
@@ -105,7 +106,7 @@ def _tell(
     for place in {**unknown, **missing}:
         _tell_keys(unknown[place], missing[place], _keys(model, place), node, path, place, problems)
     for place, items in other.items():
-        if not problems.spoils(*path, *place):
+        if not (problems.spoils(*path, *place) or _is_of_another_kind(place, items, other)):
             message, value = (
                 _wording(items).removeprefix(f"{place[-1]}: " if place else ""),
                 items[0].get("input"),
@@ -113,6 +114,12 @@ def _tell(
             if isinstance(value, str) and items[0]["type"] == "model_type" and "use" in _keys(model, place):
                 message += f"; write `{{use: {_short(value)}}}`"
             problems.add(node.at(place)[1], (*path, *place), message)
+
+
+def _is_of_another_kind(place: KeyPath, items: list[Mapping[str, Any]], other: Mapping[KeyPath, Any]) -> bool:
+    """Whether a value is only not of a kind that it is not meant to be: of another one it is wrong further inside."""
+    inside = any(len(one) > len(place) and one[: len(place)] == place for one in other)
+    return inside and all(str(item["type"]).endswith("_type") for item in items)
 
 
 def _place(item: Mapping[str, Any], node: Node) -> KeyPath:
@@ -162,7 +169,10 @@ def _keys(model: type[BaseModel], place: KeyPath) -> dict[str, str]:
 
 def _wording(items: list[Mapping[str, Any]]) -> str:
     """Return what is wrong with one value, and a hint where YAML and the user may read it differently."""
-    messages = list(dict.fromkeys(_message(item) for item in items))
+    beyond = [
+        item for item in items if item["type"] in _BOUNDS
+    ]  # of the right kind: other kinds are no advice
+    messages = list(dict.fromkeys(_message(item) for item in beyond or items))
     first, rest = messages[0], [message.removeprefix("Input should be ") for message in messages[1:]]
     hint = _hint(items[0])
     return " or ".join([first, *rest]) + (f"; {hint}" if hint else "")

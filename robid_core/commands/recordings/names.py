@@ -10,7 +10,8 @@ import re
 from dataclasses import dataclass
 
 QUANTITIES = {
-    "time": {"time", "t", "timestamp", "timestamps", "stamp", "clock", "seconds", "secs", "zeit", "tiempo", "tempo"},
+    "time": {"time", "t", "timestamp", "timestamps", "stamp", "clock", "tick", "ticks", "seconds", "secs", "zeit",
+             "tiempo", "tempo"},
     "temperature": {"temp", "temps", "temperature", "temperatures", "temperatur"},
     "voltage": {"volt", "volts", "voltage", "voltages", "vin", "vbus", "spannung"},
     "torque": {"torque", "torques", "tau", "effort", "efforts", "trq", "moment", "drehmoment", "couple", "coppia",

@@ -304,3 +304,11 @@ def test_a_fit_takes_several_records_only_where_they_are_named(tmp_path: Path) -
             pipeline = read(f"{plugin}, inputs: {{record: {named}}}", again=again, frf=frf)
             assert pipeline.stage("fit").inputs == {"record": taken}
         assert read(plugin).stage("fit").inputs == {"record": ("acquire",)}
+
+
+@pytest.mark.parametrize("constant", ["-0.48", "[-0.48]"])
+def test_a_number_out_of_bounds_is_that_where_a_list_would_do(tmp_path: Path, constant: str) -> None:
+    channels = f"{{motor_torque: {{column: [i], unit: A, torque_constant: {constant}}}}}"
+    read = f"{{use: acquisition.recorded, with: {{path: a.csv, channels: {channels}}}}}"
+    found = problems(tmp_path, text_of(acquire=read))
+    assert [told for path, told in found if "torque_constant" in path] == ["Input should be greater than 0"]

@@ -44,6 +44,7 @@ def by_label(columns: dict[str, np.ndarray], **more: object) -> dict[str, Guess]
         ("Tiempo (ms)", "time", "", False, "ms"),
         ("Drehzahl [1/min]", "speed", "", False, "rpm"),
         ("timestamp_ms", "time", "", False, "ms"),
+        ("Tick_ms", "time", "", False, "ms"),
         ("/joint_states.position", "position", "joint", False, ""),
         ("motor_current_mA", "current", "motor", False, "mA"),
         ("vir", "", "", False, ""),
