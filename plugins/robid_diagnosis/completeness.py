@@ -40,7 +40,7 @@ def still_gains(left: Ceiling, outcome: Outcome) -> bool:
 
     The level is divided by the number of functions that were asked (Bonferroni).
     """
-    least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps])
+    least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps], careful=True)
     p_value = len(outcome.left) * scipy.stats.chi2.sf(left.of_data, left.freedom)
     return bool(left.of_data > least.at(least.axis_names.index(left.axis)) and p_value < LEVEL)
 

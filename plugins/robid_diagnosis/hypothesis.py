@@ -166,6 +166,13 @@ class Fitted:
         """Per degree of freedom, against the noise."""
         return misfit(self.problem, self.point)
 
+    @cached_property
+    def excess(self) -> float:
+        """Mean square of what is left in noise and model error, as gains are counted in, one at least."""
+        weighted = self.problem.weighted(self.point, self.about.weights)
+        count = sum(weight.count(own) for own, weight in zip(weighted, self.about.weights, strict=True))
+        return max(1.0, float(sum((own**2).sum() for own in weighted)) / count)
+
     @property
     def leaves_noise(self) -> bool:
         """Whether the misfit is one within what noise does to it."""
@@ -327,10 +334,9 @@ class Case:
         point = self.told_point(problem) if as_told else None
         if begin is not None:
             point = _carried(begin, problem, others)
+            problem.go_on_from(begin.problem)
         if point is not None and delay is not None:
             point[-problem.n_delay :] -= delay
-        if begin is not None:
-            problem.go_on_from(begin.problem)
         solution = solve(
             problem,
             min(self.passes, FEW) if roughly else self.passes,

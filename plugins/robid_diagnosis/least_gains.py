@@ -41,12 +41,15 @@ class LeastGains:
     axis_names: tuple[str, ...]
 
     @classmethod
-    def beside(cls, fitted: Fitted, named: Sequence[float]) -> LeastGains:
-        """Return those beside a fit and the gains of what was named before."""
+    def beside(cls, fitted: Fitted, named: Sequence[float], *, careful: bool = False) -> LeastGains:
+        """Return those beside a fit and the gains of what was named before.
+
+        `careful`: what is left counts in the noise alone, as befits what no cause is named for.
+        """
         known, (share, at_most) = sum(named), NAMED_AT_LEAST
         left = max(NAMED * known, min(share * known, at_most))
         return cls(
-            LEAST * max(1.0, fitted.misfit) + left,
+            LEAST * (max(1.0, fitted.misfit) if careful else fitted.excess) + left,
             (ALIKE * fitted.model_error) ** 2 * _torques(fitted) + _unresolved(fitted),
             fitted.problem.free.robot.axis_names,
         )

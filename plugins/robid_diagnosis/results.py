@@ -73,7 +73,7 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     left = outcome.left[0]
     if outcome.final.leaves_noise and not (outcome.steps and still_gains(left, outcome)):
         return ()
-    least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps])
+    least = LeastGains.beside(outcome.final, [step.gain for step in outcome.steps], careful=True)
     p_value = min(1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom)))
     if left.gain <= least.at(least.axis_names.index(left.axis)) or p_value > LEVEL:
         return ()

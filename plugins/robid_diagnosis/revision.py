@@ -66,7 +66,7 @@ class Revision:
         left = len(steps) if exchanges is None else exchanges
         for place, step in enumerate(steps[:-1]):
             before, after = steps[:place], steps[place + 1 :]
-            least = LEAST * max(1.0, current.misfit)
+            least = LEAST * current.excess
             try:
                 without = self._without(step, current, least)
             except RobidError as error:

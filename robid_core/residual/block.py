@@ -71,9 +71,6 @@ class TorqueBlock(ABC, Generic[M]):
     about: FloatArray | None = field(init=False, default=None)
     """Coordinates at which the remainder was taken, shape (n_free,)."""
     simulated: tuple[SimulatedColumn, ...] = field(init=False, default=())
-    lasting: dict[str, SimulatedColumn] = field(init=False, default_factory=dict)
-    """Derivatives by name of bodies that another problem took of a rigid robot in this motion: its torque is
-    proportional to them, whatever laws act beside it."""
     by_motion: Literal["least", "bent", "all"] = field(init=False, default="bent")
     """Which derivatives are those of prescribed motions: only those that nothing else knows, those for springs and
     dampers of a robot with nonlinear springs, too, or those for all springs, dampers and bodies."""
@@ -192,10 +189,6 @@ class TorqueBlock(ABC, Generic[M]):
     def go_on_from(self, other: Self) -> None:
         """Begin where another block of the same record ended; its robot differs little."""
         self.bodies = other.bodies
-        rigid = all(one.robot.mechanism.n_coordinate == one.robot.n_axis for one in (self, other))
-        if rigid and other._differentiated is not None:
-            names = other._differentiated[0].names
-            self.lasting = {names[column.index]: column for column in other.simulated}
 
     def noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual where the model is right, (n_bin, n_row, n_row); arguments as of `predicted`."""

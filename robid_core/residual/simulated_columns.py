@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,12 +46,7 @@ def simulated_columns(
     robot = block.robot_at(free, coordinates)
     kinds = [free.robot.parameter_kind(name) for name in free.names]
     lasting = () if block.initial_state_unknown else ("inertia",)
-    columns = {
-        i: replace(block.lasting[name], index=i)
-        for i, name in enumerate(free.names)
-        if kinds[i] in lasting and name in block.lasting
-    }
-    columns |= {column.index: column for column in block.simulated if kinds[column.index] in lasting}
+    columns = {column.index: column for column in block.simulated if kinds[column.index] in lasting}
     known = {*columns, *(column.index for column in block.signal_columns)}
     known |= {i for i, name in enumerate(free.names) if name not in robot.layout}
     numbers = [i for i, kind in enumerate(kinds) if _needs_motion(block, kind, robot) and i not in known]

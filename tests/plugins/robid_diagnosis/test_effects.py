@@ -22,6 +22,7 @@ from robid_core import (
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_diagnosis.effects import Effects
+from robid_diagnosis.wording import place_text
 
 Values = Mapping[str, float]
 Plants = Callable[[Robot, int], Robot]
@@ -90,8 +91,8 @@ def test_a_hidden_effect_is_named_and_sized(
     course = (one.getMessage() for one in caplog.records if one.module == "search_log")
     refitted, first, named, left, again, ended = (line for line in course if not line.startswith("not named"))
     assert refitted.startswith("all values refitted: misfit ")
-    assert f": {use} at {on} ({finding.side}) gains " in first
-    assert named.startswith(f"named {use} at {on} ({finding.side}): twice the log-likelihood rises by ")
+    assert f": {place_text(use, on, finding.side)} gains " in first
+    assert named.startswith(f"named {place_text(use, on, finding.side)}: twice the log-likelihood rises by ")
     assert left.startswith("causes: 1, misfit ")
     assert again.split(":")[0] == first.split(":")[0]
     assert ended == "nothing more is named"

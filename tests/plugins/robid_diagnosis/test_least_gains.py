@@ -52,4 +52,20 @@ def test_what_was_named_leaves_at_most_ten_percent_of_itself(fitted: Fitted) -> 
     """A hundredth of a small gain, of a large one a hundred and later a thousandth."""
     for named, left in (([500.0], 5.0), ([3e4], 100.0), ([5e5, 5e5], 1000.0)):
         gains = LeastGains.beside(fitted, named)
-        assert gains.beside_chance == pytest.approx(LEAST * max(1.0, fitted.misfit) + left)
+        assert gains.beside_chance == pytest.approx(LEAST * fitted.excess + left)
+        careful = LeastGains.beside(fitted, named, careful=True)
+        assert careful.beside_chance == pytest.approx(LEAST * max(1.0, fitted.misfit) + left)
+
+
+def test_what_is_left_is_counted_in_noise_and_model_error(fitted: Fitted) -> None:
+    """By the residual and the weights as they are written out; with the model error it is less than the misfit."""
+    whole = 0.0
+    count = 0
+    for residual, block in zip(fitted.problem.residuals(fitted.point), fitted.problem.blocks, strict=True):
+        size = fitted.problem.friction_size(fitted.point)
+        matrix = block.weight(fitted.robot, size, fitted.model_error)
+        power = np.abs(np.einsum("fab,cefb->cefa", matrix, residual)) ** 2
+        whole += power[:, :, 0].sum() + 2 * power[:, :, 1:].sum()
+        count += 2 * power.size
+    assert fitted.excess == pytest.approx(max(1.0, whole / count), rel=1e-6)
+    assert fitted.excess <= max(1.0, fitted.misfit)
