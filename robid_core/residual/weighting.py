@@ -98,5 +98,6 @@ def _basis(matrix: ComplexArray, free_vibration: ComplexArray) -> FloatArray:
     """Orthonormal basis of weighted torques (n_bin, n_axis, n_state), shape (2 n_bin n_axis, n_independent)."""
     white = np.matmul(matrix, free_vibration)
     rows = np.concatenate((white.real, white.imag)).reshape(-1, free_vibration.shape[-1])
-    left, size, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), full_matrices=False)
+    norm = np.linalg.norm(rows, axis=0)  # none where all axes rest
+    left, size, _ = np.linalg.svd(rows / np.where(norm > 0, norm, 1.0), full_matrices=False)
     return np.ascontiguousarray(left[:, size > INDEPENDENT * size[0]])

@@ -109,6 +109,19 @@ def test_columns_and_free_vibration_get_the_weights_of_the_residual() -> None:
     assert np.abs(left).max() < 1e-10 * np.abs(residual).max()
 
 
+def test_an_experiment_at_rest_has_rows_of_zeros_and_no_free_vibration() -> None:
+    generator = np.random.default_rng(6)
+    found, n_bin, _ = weights(generator)
+    still = MovingSamples(found.weight * np.array([1.0, 0.0])[:, None, None], found.band)
+    spectra = generator.normal(size=(1, 2, n_bin, 2, 2)) + 0j
+    weighting = Weighting.of_block(np.tile(np.eye(2, dtype=complex), (n_bin, 1, 1)), spectra, moving=still)
+    assert [basis.shape[1] for basis in weighting.free_vibration[0]] == [2, 0]
+    rows = weighting.residual(spectra[..., 0] + 1j)
+    assert not rows[0, 1].any()
+    assert rows[0, 0].any()
+    assert weighting.count(rows) == pytest.approx(2 * found.share[:, :1].sum())
+
+
 def test_motions_without_rests_have_no_weights() -> None:
     time = STEP * np.arange(N)
     angle = np.stack([np.sin(3 * time), np.cos(5 * time)], axis=1)[None, None]
