@@ -19,12 +19,12 @@ FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 def check_related(final: Fitted) -> None:
     """Refuse torques that are not those of the recorded motion: whatever was tried leaves all of them, but the mean."""
-    parts = zip(final.problem.residuals(final.point), final.problem.blocks, strict=True)
+    parts = zip(final.problem.counted_residuals(final.point), final.problem.blocks, strict=True)
     powers = np.array(
         [
             [
-                (np.abs(block.counted(one)[:, :, 1:]) ** 2).sum(axis=(0, 1, 2))
-                for one in (left, block.measured)
+                (np.abs(one[:, :, 1:]) ** 2).sum(axis=(0, 1, 2))
+                for one in (left, block.counted(block.measured))
             ]
             for left, block in parts
         ]

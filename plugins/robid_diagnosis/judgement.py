@@ -85,13 +85,7 @@ def _judged(
     if len(known) == len(models):
         part = "experiments" if len(last.about.rows) == 1 else "configurations"
         return f"{part} left out of its fit", power, known, noise
-    left = [
-        [
-            block.counted(own)
-            for block, own in zip(one.problem.blocks, one.problem.residuals(one.point), strict=True)
-        ]
-        for one in models
-    ]
+    left = [one.problem.counted_residuals(one.point) for one in models]
     return "the data of its fit", power, left, noise
 
 

@@ -35,8 +35,7 @@ class Picture:
 def picture_of(fitted: Fitted, addition: Addition) -> Picture:
     """Return the picture of an effect in a fitted robot."""
     motion = Motion(fitted.problem, fitted.point, fitted.about.weights)
-    pairs = zip(fitted.problem.blocks, fitted.problem.residuals(fitted.point), strict=True)
-    residuals = [block.counted(residual) for block, residual in pairs]
+    residuals = fitted.problem.counted_residuals(fitted.point)
     bound = next((one for one in motion.robot.effects if one.label == addition.label), None)
     if bound is None:
         return _over_frequency(motion, residuals, addition)

@@ -55,8 +55,8 @@ def residual_curves(base: Fitted, final: Fitted, motion: Motion) -> tuple[Residu
 
 def _residuals(fitted: Fitted) -> FloatArray:
     """Over time, all blocks and experiments one after another, N m, (n_value, n_axis)."""
-    left = zip(fitted.problem.blocks, fitted.problem.residuals(fitted.point), strict=True)
-    parts = [block.motion.over_time(block.counted(residual)) for block, residual in left]
+    left = zip(fitted.problem.blocks, fitted.problem.counted_residuals(fitted.point), strict=True)
+    parts = [block.motion.over_time(residual) for block, residual in left]
     return np.concatenate([part.reshape(-1, part.shape[-1]) for part in parts])
 
 
@@ -174,8 +174,8 @@ def _over_frequency(
     refitted, extended, measured = (
         np.array([np.sqrt(2 * (np.abs(values[:, :, 1:, number][:, :, part]) ** 2).mean()) for part in parts])
         for values in (
-            block.counted(base.problem.residuals(base.point)[0]),
-            block.counted(final.problem.residuals(final.point)[0]),
+            base.problem.counted_residuals(base.point)[0],
+            final.problem.counted_residuals(final.point)[0],
             block.counted(bins.torque_spectrum),
         )
     )

@@ -20,6 +20,7 @@ BETTER = 1.005  # a gain that rounds to more than one
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 TOGETHER = 3  # numbers of a body that are read out where none moved by itself
+RESTING = 0.005  # share of the samples at rest: less is not a percent
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
@@ -109,7 +110,7 @@ def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
     told = [
         f"{name} {100 * share:.0f} %"
         for name, share in zip(axis_names, at_rest, strict=True)
-        if share > 0.005
+        if share > RESTING
     ]
     if not told:
         return ""

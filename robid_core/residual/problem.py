@@ -216,6 +216,11 @@ class TorqueProblem:
         sensed = self.delay(point), self.sensing(point)
         return [block.residual(p, *sensed) for block, p in zip(self.blocks, predicted, strict=True)]
 
+    def counted_residuals(self, point: FloatArray) -> list[ComplexArray]:
+        """Likewise, without what axes at rest leave."""
+        pairs = zip(self.blocks, self.residuals(point), strict=True)
+        return [block.counted(residual) for block, residual in pairs]
+
     def predicted(self, point: FloatArray) -> list[ComplexArray]:
         """Spectra of each block without delays."""
         size = self.friction_size(point)

@@ -35,6 +35,13 @@ def weights(generator: np.random.Generator) -> tuple[MovingSamples, int, np.ndar
     return found, len(motion.bin), angle
 
 
+def drawn(generator: np.random.Generator, n_bin: int) -> np.ndarray:
+    """Spectra of three signals in each row, (1, 2, n_bin, 2, 3), real in the mean."""
+    real, imaginary = generator.normal(size=(2, 1, 2, n_bin, 2, 3))
+    imaginary[:, :, 0] = 0.0
+    return np.asarray(real + 1j * imaginary)
+
+
 def over_time(spectrum: np.ndarray, n_time: int) -> np.ndarray:
     """Values of spectra (n_bin, ...) by a sum over bins and their mirror images."""
     turn = np.exp(2j * np.pi * np.outer(np.arange(n_time), np.arange(len(spectrum))) / n_time)
@@ -60,9 +67,7 @@ def test_spectra_are_those_of_weighted_values() -> None:
     """Products over time by sums over all bins, for residuals and for derivatives with another axis."""
     generator = np.random.default_rng(2)
     found, n_bin, _ = weights(generator)
-    shape = (1, 2, n_bin, 2, 3)
-    spectra = generator.normal(size=shape) + 1j * generator.normal(size=shape)
-    spectra[:, :, 0] = spectra[:, :, 0].real
+    spectra = drawn(generator, n_bin)
     n_time = found.weight.shape[2]
     back = np.exp(-2j * np.pi * np.outer(np.arange(n_bin), np.arange(n_time)) / n_time) / n_time
     values = over_time(found.band[:, None, None] * spectra[0, 1], n_time) * found.weight[0, 1, :, :, None]
@@ -93,9 +98,7 @@ def test_columns_and_free_vibration_get_the_weights_of_the_residual() -> None:
     """A residual that is a sum of columns has their weighted rows; one that is free vibration has none."""
     generator = np.random.default_rng(4)
     found, n_bin, _ = weights(generator)
-    shape = (1, 2, n_bin, 2, 3)
-    spectra = generator.normal(size=shape) + 1j * generator.normal(size=shape)
-    spectra[:, :, 0] = spectra[:, :, 0].real
+    spectra = drawn(generator, n_bin)
     size = np.array([1.0, -2.0, 0.5])
     matrix = np.tile(np.array([[1.0, 0.2], [0.0, 0.7]], dtype=complex), (n_bin, 1, 1))
     plain = Weighting.of_block(matrix, None, moving=found)
