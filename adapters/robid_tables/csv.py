@@ -1,9 +1,9 @@
 """CSV and other delimited text as named columns.
 
 Encoding, separator (comma, semicolon, tab, vertical bar, white space) and decimal mark are found in the file. A first
-line of words names the columns; without one they are called 1, 2, 3... A column of words (labels, dates) is left out;
-one word in a column of numbers is an error with its line, never a hole, and so is a number that can be read in two
-ways. An empty cell is NaN.
+line of words names the columns; without one they are called 1, 2, 3... Dates with times of day become seconds. A column
+of words is left out; one word in a column of numbers is an error with its line, never a hole, and so is a number that
+can be read in two ways. An empty cell is NaN.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from robid_core import DataRejected, FloatArray
 from robid_tables.encoding import read_text
+from robid_tables.instants import instants
 from robid_tables.layout import SEPARATORS, Layout, Line, layout_of, split, trimmed
 from robid_tables.notation import (
     CERTAIN_COMMA,
@@ -74,7 +75,8 @@ def read_table(path: Path) -> Table:
         return Table(columns, {}, layout, mark, encoding, remarks)
     rows = _rows(path, layout, complete=text.endswith("\n"))
     mark = _decimal_mark(path, layout, rows)
-    columns, words = _read_slowly(path, layout, rows, mark)
+    columns, words, clocks = _read_slowly(path, layout, rows, mark)
+    remarks += tuple(f"{name}: dates or times of day, read in seconds since midnight" for name in clocks)
     return Table(columns, words, layout, mark, encoding, remarks)
 
 
@@ -162,10 +164,11 @@ def _decimal_mark(path: Path, layout: Layout, rows: list[tuple[int, list[str]]])
 
 def _read_slowly(
     path: Path, layout: Layout, rows: list[tuple[int, list[str]]], mark: str
-) -> tuple[dict[str, FloatArray], dict[str, str]]:
-    """Return the columns of numbers, and for each other one what its words are."""
+) -> tuple[dict[str, FloatArray], dict[str, str], list[str]]:
+    """Return the columns of numbers, for each other one what its words are, and which columns were instants."""
     columns: dict[str, FloatArray] = {}
     words: dict[str, str] = {}
+    clocks: list[str] = []
     for index, name in enumerate(layout.names):
         values = [number(cells[index], mark) for _, cells in rows]
         wrong = [row for row, value in enumerate(values) if value is None]
@@ -175,8 +178,13 @@ def _read_slowly(
         foreign = next((row for row in wrong if foreign_notation(rows[row][1][index])), None)
         filled = sum(bool(cells[index]) for _, cells in rows)
         if foreign is None and len(wrong) == filled:
+            seconds = instants([cells[index] for _, cells in rows])
+            if seconds is not None:
+                columns[name] = seconds
+                clocks.append(name)
+                continue
             dates = all(is_date(rows[row][1][index]) for row in wrong)
-            words[name] = "dates or times of day" if dates else "words"
+            words[name] = "dates or times of day that are no clock" if dates else "words"
             continue
         line, cells = rows[wrong[0] if foreign is None else foreign]
         raise DataRejected(
@@ -184,7 +192,7 @@ def _read_slowly(
         )
     if not columns:
         raise DataRejected(f"{path}: no column holds numbers")
-    return columns, words
+    return columns, words, clocks
 
 
 def _complaint(cell: str) -> str:

@@ -2,7 +2,7 @@
 
 `{"mass": 0.49, "entries": [{"timestamp": 0.0, "position": 0.1}, ...]}` gives the columns `timestamp` and `position` and
 the constant `mass`, a number of shape (). Records within records are flattened to `motor.position`. What a record lacks
-is NaN, and told.
+is NaN, and told. Dates with times of day become seconds.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from robid_core import DataRejected, FloatArray, StoreError
+from robid_tables.instants import instants
 from robid_tables.notation import NUMBER, foreign_notation
 
 
@@ -97,6 +98,11 @@ def _enter(path: Path, name: str, values: Any, columns: dict[str, FloatArray], r
     for text in texts:
         if NUMBER.fullmatch(text.strip()) or foreign_notation(text.strip()):
             raise DataRejected(f"{path}: '{name}' holds the text '{text}'; write numbers without quotes")
+    seconds = instants(texts) if len(texts) == len(flat) else None
+    if seconds is not None:
+        remarks.append(f"{name}: dates or times of day, read in seconds since midnight")
+        columns[name] = seconds
+        return
     if texts:
         shown = f" '{texts[0]}'" if not isinstance(values, list) else ""
         remarks.append(f"{name}: text{shown}, left out")
