@@ -60,8 +60,9 @@ def _second_of_day(match: re.Match[str]) -> float:
 
 def _days(matches: Sequence[re.Match[str]]) -> FloatArray:
     """Days since the first row, (n_row,)."""
-    days = np.fromiter(_each_day(matches), dtype=np.float64, count=len(matches))
-    return days - days[0]
+    days: FloatArray = np.fromiter(_each_day(matches), dtype=np.float64, count=len(matches))
+    days -= days[0]
+    return days
 
 
 def _each_day(matches: Sequence[re.Match[str]]) -> Iterator[float]:

@@ -1,8 +1,8 @@
 """What the channels of a record say of one another and of the noise, without any model of the robot's motion.
 
-Spikes and lost counts stand out from all other samples; a dead channel has no values to speak of; two channels that
-are one have no noise of their own; speed and angle tell the clock twice; a torque that was filtered lacks the noise
-that the robot file states. All are doubts, not refusals.
+A dead channel has no values to speak of; two channels that are one have no noise of their own; speed and angle tell the
+clock twice; a torque that was filtered lacks the noise that the robot file states. All but dead torques are doubts, not
+refusals.
 """
 
 from __future__ import annotations
@@ -13,16 +13,10 @@ from collections.abc import Iterator
 import numpy as np
 import scipy
 
+from robid_acquisition.accidents import POSITION, TORQUE, accidents_in
 from robid_core import FloatArray, Record, Robot
 
-POSITION, TORQUE, SPEED = "motor_position", "motor_torque", "motor_speed"
-# Times all but one in a hundred: of a million normal values the largest reaches 2, of exponential ones 3, and of motion
-# that was recorded 4; twice that is none of these.
-OUT = 8.0
-SHARE = (
-    0.003  # of the samples: each spoils three second differences, and a hundredth of them moves the quantile
-)
-SHORTEST = 100  # samples
+SPEED = "motor_speed"
 LEVELS = 3  # values: what toggles by a count has as many
 SAME = 1e-9  # of the variance that two channels may differ by
 CLOCK = (
@@ -41,15 +35,27 @@ FLAT = 0.75  # of the noise in the middle, above: such a low-pass leaves 0.56, a
 BINS = 50
 
 
+def dead_torques(record: Record) -> Iterator[str]:
+    """Say which torques do not change, or toggle by a count, while their axis moves."""
+    for of, angle, torque in _levels(record):
+        if torque <= LEVELS < angle:
+            yield f"motor_torque of {of} {_has(torque)} while its angle moves: the channel is dead"
+
+
 def empty_channels(record: Record) -> Iterator[str]:
-    """Say which channels hold nothing, or what another one holds: no model can be held against these."""
-    yield from _dead(record)
+    """Say which angles do not change, and which channels are one column: no model can be held against these."""
+    for of, angle, torque in _levels(record):
+        if angle <= LEVELS < torque:
+            yield (
+                f"motor_position of {of} {_has(angle)} while its torque changes: the channel is dead, or the axis was "
+                "held; nothing can be said of this axis"
+            )
     yield from _doubled(record)
 
 
 def doubts_of_channels(record: Record, robot: Robot) -> Iterator[str]:
     """Say which channels hold accidents, tell another clock, or have less noise than they must."""
-    yield from _accidents(record)
+    yield from accidents_in({name: _lanes(record, name) for name in (POSITION, TORQUE)}, record)
     yield from _speeds(record)
     yield from _filtered(record, robot)
 
@@ -60,73 +66,16 @@ def _lanes(record: Record, name: str) -> list[FloatArray]:
     return [lane for lane in lanes if np.isfinite(lane).all()]
 
 
-def _accidents(record: Record) -> Iterator[str]:
-    """Samples of an angle that no acceleration makes, and single samples of a torque beside all others."""
-    for name, measure in ((POSITION, _bends), (TORQUE, _lonely)):
-        lanes = [lane for lane in _lanes(record, name) if len(lane) > SHORTEST]
-        for axis, of in enumerate(record.axis_names):
-            found = []
-            for lane in lanes:
-                found += _places(measure(lane[:, axis]), lane[:, axis])
-            if found:
-                unit, step = record.runs[0].channel(name).unit_symbol, record.runs[0].sample_time_s
-                sort = "spikes" if name == TORQUE else "spikes, or lost counts"
-                yield (
-                    f"{name} of {of} has {len(found)} {sort}, the first by {found[0][1]:.3g} {unit} at "
-                    f"{found[0][0] * step:.4g} s of its experiment: look at the cable and the counter, and leave them "
-                    "out (NaN, with gaps: mask or split)"
-                )
+def _levels(record: Record) -> Iterator[tuple[str, int, int]]:
+    """Each axis, with how many values its angle has, and its torque."""
+    lanes = [_lanes(record, name) for name in (POSITION, TORQUE)]
+    for axis, of in enumerate(record.axis_names if all(lanes) else ()):
+        angle, torque = (len(np.unique(np.concatenate([lane[:, axis] for lane in own]))) for own in lanes)
+        yield of, angle, torque
 
 
-def _bends(values: FloatArray) -> FloatArray:
-    """Second difference, (n_sample - 2,)."""
-    result: FloatArray = np.diff(values, 2)
-    return result
-
-
-def _lonely(values: FloatArray) -> FloatArray:
-    """By how much a sample lies beyond both its neighbours, (n_sample - 2,): what rises over several is no spike."""
-    before, after = np.diff(values)[:-1], -np.diff(values)[1:]
-    result: FloatArray = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    return result
-
-
-def _places(measure: FloatArray, values: FloatArray) -> list[tuple[int, float]]:
-    """Samples at which a measure stands out, one for each accident, and by how much."""
-    size = np.abs(measure)
-    steps = np.abs(np.diff(values))
-    count = float(steps[steps > 0].min(initial=np.inf))
-    usual = max(float(np.quantile(size, 0.99)), 2 * count if np.isfinite(count) else 0.0)
-    out = np.flatnonzero(size > OUT * usual)
-    if not len(out):
-        return []
-    first = out[np.concatenate(([True], np.diff(out) > 3))]
-    if len(first) > SHARE * len(size):
-        return []
-    return [(int(k) + 1, float(size[k])) for k in first]
-
-
-def _dead(record: Record) -> Iterator[str]:
-    """Channels of an axis that do not change, or toggle by a count, while the other one does."""
-    levels = {
-        name: [
-            len(np.unique(np.concatenate([lane[:, a] for lane in lanes])))
-            for a in range(len(record.axis_names))
-        ]
-        for name in (POSITION, TORQUE)
-        if (lanes := _lanes(record, name))
-    }
-    if len(levels) < 2:
-        return
-    for axis, of in enumerate(record.axis_names):
-        angle, torque = levels[POSITION][axis], levels[TORQUE][axis]
-        if torque <= LEVELS < angle:
-            yield f"motor_torque of {of} has {torque} values only while its angle moves: the channel is dead"
-        if angle <= LEVELS < torque:
-            yield (
-                f"motor_position of {of} has {angle} values only while its torque changes: the channel is dead, or the "
-                "axis was held; nothing can be said of this axis"
-            )
+def _has(levels: int) -> str:
+    return "has one value only" if levels == 1 else f"has {levels} values only"
 
 
 def _doubled(record: Record) -> Iterator[str]:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from robid_acquisition.agreement_of_channels import doubts_of_channels, empty_channels
-from robid_acquisition.lags import doubts_of_timing
+from robid_acquisition.agreement_of_channels import dead_torques, doubts_of_channels, empty_channels
+from robid_acquisition.lags import doubts_of_rate, doubts_of_timing
 from robid_acquisition.odd_experiments import copies_in, odd_experiments
 from robid_acquisition.plausible import (
     doubts_of_angle,
@@ -81,10 +81,13 @@ def check_record(
         refuse_jumps(record)
     if copies := copies_in(record, names):
         tell.object(f"{_listed(copies)}; leave copies out, they would count as measurements of their own")
+    if dead := list(dead_torques(record)):
+        tell.object(f"{_listed(dead)}; look at its column and its unit, or leave the recording out")
+        return
     if empty := list(empty_channels(record)):
         tell.warn(*empty)
         return
-    tell.warn(*doubts_of_limits(record), *doubts_of_channels(record, robot))
+    tell.warn(*doubts_of_rate(record, robot), *doubts_of_limits(record), *doubts_of_channels(record, robot))
     if slips := slips_of(record, robot):
         tell.object(f"{sentence(slips)}; {MEND}")
         return

@@ -93,7 +93,9 @@ def headline(pipeline: Pipeline, result: RunResult) -> str:
         return f"{pipeline.name}: nothing to do, all {n} stages are up to date"
     parts = [f"{counts['made'] + counts['same']} made", f"{counts['kept']} up to date"]
     parts += [f"{counts['refused']} without a result"] if counts["refused"] else []
-    return f"{pipeline.name}: {n} stages, {', '.join(parts)}, {result.seconds:.1f} s"
+    return (
+        f"{pipeline.name}: {n} {'stage' if n == 1 else 'stages'}, {', '.join(parts)}, {result.seconds:.1f} s"
+    )
 
 
 def last_page(pipeline: Pipeline, result: RunResult) -> Path | None:

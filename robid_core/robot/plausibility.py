@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 POSES = 64
 _TURNS = (2.0, 4.0)  # of a joint with limits: unusual, and none has them
 _INERTIA_RATIO = (0.02, 50.0)  # rotor through the gear over arm
+_SLOWEST_RATIO = 0.2  # motor turns per joint turn; motors turn faster than joints, or as fast
 _NO_INERTIA = 1e-9
 _JOINT_SPEED = (0.1, 40.0)  # rad/s
 _RESONANCE_HZ = (1.0, 200.0)
@@ -194,6 +195,7 @@ def _gears(robot: Robot) -> Iterator[Remark]:
                 f"axes.{name}.gear_ratio",
                 f"{axis.gear_ratio:g}: the joint turns faster than its motor; motor turns per joint turn are wanted, "
                 f"{1 / axis.gear_ratio:.4g}?",
+                impossible=ratio < _SLOWEST_RATIO,
             )
         if turns and not coupled and axis.speed_limit is not None:
             speed = axis.speed_limit / ratio

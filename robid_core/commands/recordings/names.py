@@ -30,11 +30,11 @@ DEFAULT_UNITS = {
 }  # fmt: skip
 REFERENCE = {
     "ref", "reference", "references", "goal", "desired", "des", "cmd", "command", "commanded", "setpoint", "target",
-    "soll", "demand",
+    "soll", "sollwert", "demand", "set", "sp", "consigne", "consigna",
 }  # fmt: skip
 MOTOR = {"motor", "mot", "motors", "drive", "rotor"}
 JOINT = {"joint", "joints", "link", "arm", "load", "se", "secondary", "output", "gelenk"}
-MEASURED = {"act", "actual", "measured", "meas", "ist", "rec"}
+MEASURED = {"act", "actual", "measured", "meas", "ist", "istwert", "rec"}
 # Not a measurement of what the other words say.
 OTHER = {
     "enable", "enabled", "limit", "limits", "max", "min", "flag", "status", "mode", "id", "index", "resolution",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from robid_tables.csv import CsvRecords
 from robid_tables.instants import instants
 from robid_tables.json import JsonRecords

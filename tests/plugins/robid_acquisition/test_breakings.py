@@ -98,6 +98,10 @@ def lost_counts(values: FloatArray) -> FloatArray:
     return values - np.where(np.arange(len(values)) > 1000, 40 * 2 * np.pi / 4096, 0.0)
 
 
+def lost_rows(run: Run, _: Robot) -> Run:
+    return {name: np.delete(values, np.s_[1000:1030], axis=0) for name, values in run.items()}
+
+
 def toggling(values: FloatArray) -> FloatArray:
     return values.mean() + 0.01 * np.random.default_rng(1).integers(0, 2, len(values))
 
@@ -151,15 +155,26 @@ MANY = {"two_axes", "scara", "six_axis"}
 BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set[str]]] = {
     "spikes of an angle": (of_one("q", spikes), {}, "spikes, or lost counts", set(ROBOTS)),
     "spikes of a torque": (of_one("tau", spikes), {}, "motor_torque of .* spikes", set(ROBOTS)),
-    "lost counts": (of_one("q", lost_counts), {}, "has 1 spikes, or lost counts", set(ROBOTS)),
+    "lost counts": (of_one("q", lost_counts), {}, "has 1 spike, or lost counts", set(ROBOTS)),
+    "lost rows": (
+        lost_rows,
+        {},
+        r"rows are missing at one place, the first at (0\.99\d|1) s.*several angles step there at once",
+        MANY,
+    ),
     "dead torque": (
         of_one("tau", lambda x: 0 * x + 0.1),
         {},
-        "has 1 values only while its angle",
+        "refused.*has one value only while its angle",
         set(ROBOTS),
     ),
-    "dead torque, a count": (of_one("tau", toggling), {}, "has 2 values only while its angle", set(ROBOTS)),
-    "dead angle": (of_one("q", lambda x: 0 * x + 1.0), {}, "has 1 values only while its torque", set(ROBOTS)),
+    "dead torque, a count": (of_one("tau", toggling), {}, "refused.*has 2 values only while", set(ROBOTS)),
+    "dead angle": (
+        of_one("q", lambda x: 0 * x + 1.0),
+        {},
+        "has one value only while its torque",
+        set(ROBOTS),
+    ),
     "doubled": (doubled, {}, "are the same column", MANY),
     "degrees": (of_one("q", np.degrees), {}, "refused.* look.? like degrees", set(ROBOTS)),
     "milliamperes": (

@@ -30,7 +30,8 @@ def test_a_bearing_on_the_line_of_the_next_gear_is_remarked() -> None:
     [
         ({"position_limits": [-170.0, 170.0]}, "position_limits", "170 rad are 27.1 turns; degrees.*2.967 rad", True),
         ({"position_limits": [-15.0, 15.0]}, "position_limits", "2.39 turns", False),
-        ({"gear_ratio": 0.01}, "gear_ratio", "motor turns per joint turn are wanted, 100", False),
+        ({"gear_ratio": 0.01}, "gear_ratio", "motor turns per joint turn are wanted, 100", True),
+        ({"gear_ratio": 0.5}, "gear_ratio", "motor turns per joint turn are wanted, 2", False),
         ({"rotor_inertia": 12.0}, "rotor_inertia", r"rotor is 1.2e\+05, the arm .* 13.6.* much more", False),
         ({"rotor_inertia": 1e-7}, "rotor_inertia", "much less", False),
         ({"torque_limit": 1.0}, "torque_limit", r"gravity asks for 1.97\d N m of the motor, 1.97 times", True),
