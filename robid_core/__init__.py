@@ -19,7 +19,7 @@ _HOME = {
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
-        "ExperimentDesign", "FrfEstimator", "Preprocessing", "ReportStage", "Settings", "Stage",
+        "ExperimentDesign", "FrfEstimator", "MILESTONE", "Preprocessing", "ReportStage", "Settings", "Stage",
     ),
     "robid_core.settings_types": ("DataPath", "ProjectPath", "RobotName", "StageRef"),
     "robid_core.drives": (
@@ -222,6 +222,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         StageRef as StageRef,
     )
     from robid_core.stage import (
+        MILESTONE as MILESTONE,
         Acquisition as Acquisition,
         CandidateDesign as CandidateDesign,
         Context as Context,

@@ -38,6 +38,10 @@ from robid_core.robot import Robot
 from robid_core.robot.file.left_out import AxisKey
 from robid_core.yaml_file.problems import KeyPath
 
+MILESTONE = logging.INFO + 5
+"""Level of what long work has found so far: a diagnosis' causes. The command line shows it when it is logged."""
+logging.addLevelName(MILESTONE, "FOUND")
+
 
 class Settings(BaseModel):
     """Base of everything that YAML sets: unknown keys forbidden, types strict as JSON, immutable."""

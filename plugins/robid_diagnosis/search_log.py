@@ -1,10 +1,14 @@
-"""The course of a diagnosis in the log of its run: each search, what was named, and why others were not."""
+"""The course of a diagnosis, told while it works: each search, what was named, and why others were not.
+
+All of it stands in the log of the run; the command line shows all but the reasons why others were not named.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
 
+from robid_core import MILESTONE
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Found, Hit
 from robid_diagnosis.steps import Step
@@ -30,11 +34,11 @@ class SearchLog:
 
     def named(self, step: Step, before: Sequence[Step], after: Sequence[Step], fitted: Fitted) -> None:
         """Say what was named, and what was dropped of all causes `before` a backward pass, or came in exchange."""
-        self._line("named %s: twice the log-likelihood rises by %.4g", place_text(*step.key), step.gain)
+        self._line("named %s: twice the log-likelihood rises by %.4g", _cause(step), step.gain)
         for one in (one for one in before if one not in after):
-            self._line("looked at again beside it and no longer named: %s", place_text(*one.key))
+            self._line("looked at again beside it and no longer named: %s", _cause(one))
         for one in (one for one in after if one not in before):
-            self._line("named in exchange: %s", place_text(*one.key))
+            self._line("named in exchange: %s", _cause(one))
         self._line("causes: %d, misfit %.3g", len(after), fitted.misfit)
 
     def ended(self, refused: Mapping[tuple[str, str | None, str | None], str], full: bool) -> None:
@@ -44,7 +48,7 @@ class SearchLog:
             return
         self._line("nothing more is named")
         for key, reason in refused.items():
-            self._line("not named, %s: %s", place_text(*key), reason)
+            self._line("not named, %s: %s", place_text(*key), reason, level=logging.INFO)
 
     def _promise(self, hit: Hit, found: Found, fitted: Fitted) -> str:
         """Gain and p-value after the search, in the noise that the fit leaves."""
@@ -52,6 +56,11 @@ class SearchLog:
         chance = chance_text(found.p_value(hit, noise))
         return f"{place_text(*hit.candidate.key)} gains {hit.gain.total / noise:.3g}, {chance}"
 
-    def _line(self, text: str, *values: object) -> None:
+    def _line(self, text: str, *values: object, level: int = MILESTONE) -> None:
         if self.log is not None:
-            self.log.info(text, *values)
+            self.log.log(level, text, *values)
+
+
+def _cause(step: Step) -> str:
+    place = place_text(*step.key)
+    return place if step.kind == "effect" else f"wrong value: {place}"

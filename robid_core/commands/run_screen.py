@@ -7,6 +7,7 @@ lines. Both go to stderr.
 from __future__ import annotations
 
 import contextlib
+import logging
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from robid_core.run.progress import Listener, Silence
+from robid_core.stage import MILESTONE
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -66,7 +68,8 @@ class Lines(Silence):
         """Say how far it is, not too often."""
         now = time.monotonic()
         left = self._part.seconds_left(now, done, total)
-        if now - self._told >= SECONDS_BETWEEN_LINES:
+        ended = done >= total and not note
+        if now - self._told >= SECONDS_BETWEEN_LINES and not ended:
             self._told = now
             rest = "" if left is None else f", {left:.0f} s left"
             _say(f"{stage}: {note + ' ' if note else ''}{done:g}/{total:g}{rest}")
@@ -127,8 +130,9 @@ def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
     if quiet:
         yield Silence()
     elif verbose or not on_terminal():
-        with _log_on_stderr() if verbose else contextlib.nullcontext():
-            yield Lines()
+        lines = Lines()
+        with _log_on_stderr() if verbose else _milestones(lines):
+            yield lines
     else:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -141,7 +145,9 @@ def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
             TextColumn("{task.fields[note]}", markup=False),
         )
         with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-            yield Bars(progress)
+            bars = Bars(progress)
+            with _milestones(bars):
+                yield bars
 
 
 def on_terminal() -> bool:
@@ -149,13 +155,34 @@ def on_terminal() -> bool:
     return sys.stderr.isatty()
 
 
-@contextlib.contextmanager
-def _log_on_stderr() -> Iterator[None]:
-    import logging
+class _Milestones(logging.Handler):
+    """Shows what stages log as milestones."""
 
+    def __init__(self, listener: Listener) -> None:
+        super().__init__(MILESTONE)
+        self._listener = listener
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show one; a line that cannot be made is lost."""
+        if record.levelno == MILESTONE:
+            with contextlib.suppress(Exception):
+                self._listener.note(f"{record.name.rpartition('.')[2]}: {record.getMessage()}")
+
+
+def _milestones(listener: Listener) -> contextlib.AbstractContextManager[None]:
+    return _heard_by(_Milestones(listener))
+
+
+def _log_on_stderr() -> contextlib.AbstractContextManager[None]:
     handler = logging.StreamHandler()
     handler.setLevel(logging.INFO)
     handler.setFormatter(logging.Formatter("%(name)s: %(message)s"))
+    return _heard_by(handler)
+
+
+@contextlib.contextmanager
+def _heard_by(handler: logging.Handler) -> Iterator[None]:
+    """Let a handler hear what runs log."""
     logging.getLogger("robid").addHandler(handler)
     try:
         yield

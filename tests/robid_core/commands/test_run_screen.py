@@ -1,10 +1,41 @@
-"""Time left: of the present part of a stage alone, since fits and searches take turns."""
+"""Time left, of the present part of a stage alone, and what long work has found so far."""
 
 from __future__ import annotations
 
+import logging
+
 import pytest
 
-from robid_core.commands.run_screen import Part
+from robid_core import MILESTONE
+from robid_core.commands import run_screen
+from robid_core.commands.run_screen import Part, listening
+
+
+@pytest.mark.parametrize("on_terminal", [False, True])
+def test_what_a_stage_has_found_is_shown_when_it_is_logged(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, on_terminal: bool
+) -> None:
+    monkeypatch.setattr(run_screen, "on_terminal", lambda: on_terminal)
+    log = logging.getLogger("robid.explain")
+    monkeypatch.setattr(logging.getLogger("robid"), "level", logging.DEBUG)
+    with listening(quiet=False, verbose=False):
+        log.log(MILESTONE, "named %s", "friction.lugre at axis_2")
+        assert "explain: named friction.lugre at axis_2" in capsys.readouterr().err
+        log.info("not named")
+        log.warning("is told at the end")
+    with listening(quiet=True, verbose=False):
+        log.log(MILESTONE, "named")
+    log.log(MILESTONE, "nobody listens")
+    assert "named" not in capsys.readouterr().err
+
+
+def test_with_the_whole_log_nothing_is_shown_twice(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger("robid"), "level", logging.DEBUG)
+    with listening(quiet=False, verbose=True):
+        logging.getLogger("robid.explain").log(MILESTONE, "named")
+    assert capsys.readouterr().err.count("named") == 1
 
 
 def test_time_left_is_that_of_the_present_part() -> None:
