@@ -243,15 +243,17 @@ class ForceEffect(_LawEffect):
         return {}
 
     @classmethod
-    def hardly_told(cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]) -> str:
-        """Say which number the data hardly tell though its stated error is small; empty: none.
+    def hardly_told(
+        cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]
+    ) -> Mapping[str, str]:
+        """Return the parameters that the data do not determine though a fit states small errors, with the reason.
 
-        A verdict repeats the sentence beside the cause. Where a law meets a motion at one end only, a fit takes what it
-        cannot know from the shape of the law near that end. `positions` are those that the law sees in each experiment,
-        (n_time,) each.
+        A verdict states no error of them, and repeats the sentence beside the cause. Where a law meets a motion at one
+        end only, a fit takes what it cannot know from the shape of the law near that end. `positions` are those that
+        the law sees in each experiment, (n_time,) each.
         """
         del parameters, place, positions
-        return ""
+        return {}
 
 
 class SignalEffect(_LawEffect):

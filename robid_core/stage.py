@@ -307,3 +307,16 @@ KINDS: tuple[type[Stage], ...] = (
     DiagnosisStage,
     ReportStage,
 )
+
+
+def stage_fault(loaded: Any) -> str:
+    """Say why what is registered as a stage is none; empty where it keeps to the contract of its kind."""
+    if not (isinstance(loaded, type) and issubclass(loaded, Stage)):
+        return "is not a stage: it is no subclass of a kind such as robid_core.FrfEstimator"
+    if not loaded.kind:
+        return "is of no kind; derive it from one such as robid_core.FrfEstimator"
+    try:
+        loaded.inputs(), loaded.lends()
+    except Exception as error:  # a stranger's annotations
+        return f"breaks the contract of stages: {error}"
+    return ""

@@ -15,11 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core import (
+    ConfigurationError,
     Effect,
     FloatArray,
     ForceEffect,
     Parameter,
     Place,
+    PluginError,
     Robot,
     SignalEffect,
 )
@@ -117,8 +119,16 @@ def catalogue(exclude: Sequence[str] = (), only: Sequence[str] = ()) -> list[str
     return [
         name
         for name in effect_names()
-        if name not in exclude and (name in only if only else effect_class(name).searched)
+        if name not in exclude and (name in only if only else _is_searched(name))
     ]
+
+
+def _is_searched(name: str) -> bool:
+    """Whether an effect is tried unasked; one that cannot be used is, so that the search says why it failed."""
+    try:
+        return effect_class(name).searched
+    except (ConfigurationError, PluginError):
+        return True
 
 
 def spots(robot: Robot, effect: type[Effect]) -> Iterator[Spot]:

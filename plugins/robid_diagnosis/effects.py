@@ -38,7 +38,7 @@ from robid_diagnosis.completeness import are_partial
 from robid_diagnosis.diagnosable import check_records, check_related
 from robid_diagnosis.free_motion import closed_loop_errors
 from robid_diagnosis.gear_ratio import gear_ratio_lines
-from robid_diagnosis.hardly_told import hardly_told_lines
+from robid_diagnosis.hardly_told import hardly_told
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.impossible_motion import check_possible
 from robid_diagnosis.judgement import errors_of, parted
@@ -71,6 +71,7 @@ from robid_diagnosis.wording import (
     separation_line,
     settling_line,
     silent_line,
+    untried_line,
     values_line,
 )
 
@@ -222,9 +223,15 @@ class Effects(DiagnosisStage):
         problem = final.problem
         model = model_of(robot, final)
         whole = case.variants.whole
+        hardly = hardly_told(outcome.motion, final.hypothesis.additions)
         causes = tuple(
             finding_of(
-                whole, final, step, partial, self._separation(step, case, outcome.final, model, context)
+                whole,
+                final,
+                step,
+                partial,
+                self._separation(step, case, outcome.final, model, context),
+                hardly,
             )
             for step, partial in zip(outcome.steps, are_partial(outcome), strict=True)
         )
@@ -240,7 +247,7 @@ class Effects(DiagnosisStage):
             for finding in causes
             for line in (finding_line(finding, data.n_config), separation_line(finding))
         ]
-        lines += hardly_told_lines(outcome.motion, final.hypothesis.additions)
+        lines += hardly.values()
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
@@ -262,12 +269,12 @@ class Effects(DiagnosisStage):
         errors, gain = errors_of(case, tests, robot, outcome, context.generator)
         moving, moving_line = self._moving(records, case, outcome, context)
         lines += [errors_line(errors, gain), moving_line]
+        lines.append(untried_line([one.use for one in outcome.searches[-1].failures if one.on is None]))
         if final.misfit > DOUBTFUL:
             lines.append(f"Left unexplained: misfit {final.misfit:.3g}.")
         lines.append(data_line(data))
         failed = tuple(
-            f"{one.use} at {one.on} ({one.side}): {one.reason}"
-            for one in (*outcome.searches[-1].failures, *selection.failures)
+            f"{one.where}: {one.reason}" for one in (*outcome.searches[-1].failures, *selection.failures)
         )
         tried = outcome.searches[0].tried
         excluded = tuple(name for name in effect_names() if name not in tried)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import scipy
@@ -26,11 +26,17 @@ from robid_diagnosis.wording import place_text
 
 
 def finding_of(
-    robot: Robot, final: Fitted, step: Step, partial: bool, separation: SeparatingExperiment | None = None
+    robot: Robot,
+    final: Fitted,
+    step: Step,
+    partial: bool,
+    separation: SeparatingExperiment | None = None,
+    hardly: Collection[str] = (),
 ) -> Finding:
     """Return a cause that was accepted, with the values that the last fit gives it, and what tells it from its ties.
 
-    `robot` has all that was told, the loads of all variants too; `partial`: whether it is a part of what acts there.
+    `robot` has all that was told, the loads of all variants too; `partial`: whether it is a part of what acts there;
+    `hardly`: numbers of which no error is stated, since the data do not determine them.
     """
     added = [one.names for one in final.hypothesis.additions if set(one.names) & set(step.names)]
     known = dict.fromkeys((*step.names, *(name for names in added for name in names)))
@@ -48,7 +54,9 @@ def finding_of(
         units=tuple(final.problem.free.robot.parameter_unit(name) for name in names),
         nominal=np.array(told),
         value=np.array([value for value, _ in estimates]),
-        standard_error=np.array([error for _, error in estimates]),
+        standard_error=np.array(
+            [np.nan if name in hardly else error for name, (_, error) in zip(names, estimates, strict=True)]
+        ),
         gain=step.gain,
         p_value=step.p_value,
         share=step.share,

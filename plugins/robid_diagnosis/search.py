@@ -25,6 +25,7 @@ from robid_diagnosis.structures import softened, unseen
 from robid_diagnosis.sums import Sums, inverse
 from robid_diagnosis.values import PRICE
 from robid_diagnosis.visible import Power, power_of
+from robid_diagnosis.wording import place_text
 
 DRAWS = 100
 TOGETHER = 24  # candidates whose columns are projected at once
@@ -77,6 +78,11 @@ class Failure:
     on: str | None
     side: str | None
     reason: str
+
+    @property
+    def where(self) -> str:
+        """The effect and its place; the effect alone where it could be tried at none."""
+        return self.use if self.on is None else place_text(self.use, self.on, self.side)
 
 
 @dataclass(frozen=True, eq=False)

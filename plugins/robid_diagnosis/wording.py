@@ -120,6 +120,13 @@ def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
     )
 
 
+def untried_line(names: Sequence[str]) -> str:
+    """Say which effects could be tried nowhere; empty where all could."""
+    if not names:
+        return ""
+    return f"Not tried, since they cannot be used: {', '.join(names)} (robid doctor says why)."
+
+
 def held_line(names: Sequence[str]) -> str:
     """Say which springs and dampers keep the value of the robot file; empty where the data determine all of them."""
     if not names:
@@ -263,9 +270,10 @@ def three_digits(value: float) -> str:
 
 
 def _size(name: str, value: float, error: float, told: float, unit: str) -> str:
-    """A number with its standard error, its unit, and what was told where it was."""
-    text = f"{name} {plain(value)} ± {error:.2g}"
+    """A number with its standard error where one is stated, its unit, and what was told where it was."""
+    text = f"{name} {plain(value)}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
     text += f" {unit}" if unit not in ("", "1") else ""
+    text += "" if np.isfinite(error) else ", not determined"
     return text + (f", robot file {plain(told)}" if np.isfinite(told) else "")
 
 

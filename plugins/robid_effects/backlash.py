@@ -13,7 +13,7 @@ to a joint that gravity holds on one flank.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -78,17 +78,19 @@ class Backlash(ForceEffect):
         return np.array([0.5 * gap, rounding_radius(gap), place.stiffness, place.damping])
 
     @classmethod
-    def hardly_told(cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]) -> str:
-        """Why the width of the gap is poorly determined: no experiment touches both flanks. Empty where one does."""
+    def hardly_told(
+        cls, parameters: FloatArray, place: Place, positions: Sequence[FloatArray]
+    ) -> Mapping[str, str]:
+        """The width of the gap, where no experiment touches both flanks."""
         del place
         half, depth = 0.5 * float(parameters[0]), 0.0
         for position in positions:
             upper, lower = (position > half).mean(), (position < -half).mean()
             if min(upper, lower) >= TOUCHED:
-                return ""
+                return {}
             depth = max(depth, half - position.min() if upper > lower else half + position.max())
-        return (
-            "no experiment touches both flanks of the gap: its width is poorly determined, and its standard error "
-            f"is too small; motions went {depth:.2g} rad deep into it. Measure poses in which gravity is balanced, or "
-            "faster moves"
-        )
+        return {
+            "gap": "no experiment touches both flanks of the gap: its width is not determined, but for being more than "
+            f"{depth:.2g} rad, by which motions went into it. Measure poses in which gravity is balanced, or faster "
+            "moves"
+        }

@@ -32,7 +32,7 @@ def _section(finding: Finding) -> dict[str, Any]:
             unit if unit != "1" else "",
             significant(float(told), 4) if np.isfinite(told) else "–",
             significant(float(value), 4),
-            significant(float(error), 2),
+            f"± {significant(float(error), 2)}" if np.isfinite(error) else "not determined",
         )
         for name, unit, told, value, error in zip(
             finding.names, finding.units, finding.nominal, finding.value, finding.standard_error, strict=True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from importlib import metadata
@@ -89,7 +90,11 @@ def versions() -> list[Finding]:
 
 
 def plugins() -> list[Finding]:
-    """Import every plugin; those that fail are named with the reason, and so are names that stand twice."""
+    """Import every plugin; those that fail, or are not what their group asks for, are named with the reason.
+
+    So are names that stand twice.
+    """
+    from robid_core.commands.registered import check_registered
     from robid_core.commands.trial import loaded_apart
     from robid_core.registry import GROUPS, registry
 
@@ -98,7 +103,9 @@ def plugins() -> list[Finding]:
     for group in GROUPS:
         for name in registry().names(group):
             try:
-                count += loaded_apart(registry().find(group, name), lambda _: 1)
+                plugin = registry().find(group, name)
+                loaded_apart(plugin, functools.partial(check_registered, plugin))
+                count += 1
             except ExtraMissing as error:
                 findings.append((0, f"optional {group} {error}"))
             except RobidError as error:

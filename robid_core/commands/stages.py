@@ -56,12 +56,17 @@ def table(rows: list[Row]) -> list[str]:
 
 
 def row(plugin: Plugin) -> Row:
-    """Return one line of the list; a plugin that cannot be imported says why."""
+    """Return one line of the list; a plugin that cannot be imported, or used, says why."""
+    from robid_core.commands.registered import check_registered
     from robid_core.commands.trial import loaded_apart
     from robid_core.errors import ExtraMissing, PluginError
 
+    def checked(loaded: Any) -> str:
+        check_registered(plugin, loaded)
+        return summary(loaded)
+
     try:
-        what = loaded_apart(plugin, summary)
+        what = loaded_apart(plugin, checked)
     except ExtraMissing as error:
         what = f"not installed: {error}"
     except PluginError as error:

@@ -18,7 +18,7 @@ from robid_core.pipeline.checking import check, settings_model
 from robid_core.pipeline.wiring import Source
 from robid_core.registry import EFFECTS, NOUNS, STAGES, Plugin, Registry
 from robid_core.settings_types import Places, SettingFile, StageRef
-from robid_core.stage import Input, Stage
+from robid_core.stage import Input, Stage, stage_fault
 from robid_core.yaml_file.nodes import Node, mapping
 from robid_core.yaml_file.problems import KeyPath, Mark, ProblemList, nearest
 
@@ -131,20 +131,12 @@ class Resolver:
         return declared
 
     def _stage_class(self, found: tuple[Plugin, Any], node: Node, path: KeyPath) -> type[Stage] | None:
-        plugin, cls = found
-        reason = ""
-        try:
-            if not (isinstance(cls, type) and issubclass(cls, Stage)):
-                reason = "is not a stage: it is no subclass of a kind such as robid_core.FrfEstimator"
-            elif not cls.kind:
-                reason = "is of no kind; derive it from one such as robid_core.FrfEstimator"
-            else:
-                cls.inputs(), cls.lends()
-                return cls
-        except Exception as error:
-            reason = f"breaks the contract of stages: {error}"
-        self.problems.add(node.keys["use"], (*path, "use"), f"{plugin} {reason}")
-        return None
+        plugin, loaded = found
+        if fault := stage_fault(loaded):
+            self.problems.add(node.keys["use"], (*path, "use"), f"{plugin} {fault}")
+            return None
+        cls: type[Stage] = loaded
+        return cls
 
     def _probably(self, node: Node) -> type[Stage] | None:
         """Return the stage that a wrong `use` was probably meant to be: the nearest, or one of the same family."""
@@ -160,9 +152,8 @@ class Resolver:
             for plugin in self.plugins.plugins(STAGES):
                 if plugin.name == guess:
                     try:
-                        cls = plugin.load()
-                        if isinstance(cls, type) and issubclass(cls, Stage) and cls.kind:
-                            cls.inputs(), cls.lends()
+                        cls: type[Stage] = plugin.load()
+                        if not stage_fault(cls):
                             return cls
                     except Exception:
                         continue

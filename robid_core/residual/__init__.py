@@ -1,7 +1,7 @@
 """The torque residual: measured motor torque against what the measured motion takes; under fits and diagnoses."""
 
 from robid_core.residual.building import default_patterns, torque_problem
-from robid_core.residual.catalogue import effect_class, effect_names, place_in
+from robid_core.residual.catalogue import effect_names, place_in
 from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.estimated_robot import estimated_robot, friction_of_motors
 from robid_core.residual.excited_range import excited_range
@@ -23,6 +23,7 @@ from robid_core.residual.variant_constants import variant_robots
 from robid_core.residual.weighting import Weighting
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot.effects import BoundEffect
+from robid_core.robot.file.effect_class import effect_class
 
 __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueProblem",

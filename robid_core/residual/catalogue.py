@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from robid_core.effect import Effect, Place
+from robid_core.effect import Place
 from robid_core.errors import ConfigurationError
-from robid_core.registry import EFFECTS, load_plugin, registry
+from robid_core.registry import EFFECTS, registry
 from robid_core.robot import Robot
 from robid_core.robot.effects import place_of
 
@@ -12,12 +12,6 @@ from robid_core.robot.effects import place_of
 def effect_names() -> list[str]:
     """Names of all effects that are installed, strangers' included."""
     return registry().names(EFFECTS)
-
-
-def effect_class(name: str) -> type[Effect]:
-    """Return an effect; raises ConfigurationError or PluginError where there is none or it cannot be imported."""
-    effect: type[Effect] = load_plugin(EFFECTS, name)
-    return effect
 
 
 def place_in(robot: Robot, label: str, on: str | None, side: str) -> Place | None:

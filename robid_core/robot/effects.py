@@ -7,7 +7,7 @@ under `axes` is a term like any other.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,8 @@ from robid_core.errors import ConfigurationError
 from robid_core.mechanics.friction import friction_terms
 from robid_core.mechanics.static_laws import static_force, viscous_damping
 from robid_core.mechanics.terms import ForceTerm, SignalTerm
-from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.effect_class import effect_class
 from robid_core.robot.file.effect_places import lacking_place, lacking_side, sides_of
 from robid_core.robot.file.named_parameters import misfits
 from robid_core.robot.structure_effect import StructureEffect
@@ -255,14 +255,9 @@ def motor_damping(
 
 def _effect(label: str, entry: EffectEntry) -> type[Effect]:
     try:
-        effect: Any = load_plugin(EFFECTS, entry.use)
+        return effect_class(entry.use)
     except ConfigurationError as error:
         raise ConfigurationError(f"effects.{label}: {error}") from error
-    if not (isinstance(effect, type) and issubclass(effect, Effect)):
-        raise ConfigurationError(
-            f"effects.{label}: '{entry.use}' is registered as an effect, but is {effect!r}"
-        )
-    return effect
 
 
 def _values(label: str, entry: EffectEntry, effect: type[Effect]) -> FloatArray:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.effect_class import effect_class
 from robid_core.robot.file.named_parameters import number_at
 from robid_core.robot.file.parameter_places import ParameterPlace
 from robid_core.robot.structure_effect import StructureEffect
@@ -81,7 +81,7 @@ def structure_effects(description: RobotDescription) -> list[tuple[str, EffectEn
     return [
         (label, entry)
         for label, entry in description.effects.items()
-        if issubclass(load_plugin(EFFECTS, entry.use), StructureEffect)
+        if issubclass(effect_class(entry.use), StructureEffect)
     ]
 
 

@@ -103,7 +103,7 @@ def _row(case: BlindCase, diagnosis: Diagnosis) -> dict[str, str]:
         "seen": " ".join(f"{one.n_seen}/{len(one.by_configuration)}" for one in named),
         "ties": " ".join(f"{use}@{on}" for use, on in _ties(named)),
         "size_error": " ".join(f"{error:.3g}" for error, _ in known),
-        "size_z": " ".join(f"{z:.3g}" for _, z in known),
+        "size_z": " ".join(f"{z:.3g}" for _, z in known if np.isfinite(z)),
         "covered": str(covered),
         "stated": str(stated),
         "z_squared": f"{squared:.4g}",

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from robid_core.errors import ConfigurationError
-from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.file.description import EffectEntry, RobotDescription
+from robid_core.robot.file.effect_class import effect_class
 from robid_core.robot.file.parameter_places import (
     DYNAMIC,
     ParameterPlace,
@@ -106,13 +106,10 @@ def number_at(description: RobotDescription, place: ParameterPlace) -> float:
 def effect_table(use: str) -> Sequence[TableRow]:
     """Return the table of an effect's parameters.
 
-    Raises ConfigurationError where no effect has that name (with what comes near), PluginError where its plugin
-    cannot be imported.
+    Raises ConfigurationError where no effect has that name (with what comes near), or what is registered is none;
+    PluginError where its plugin cannot be imported.
     """
-    effect = load_plugin(EFFECTS, use)
-    table: Sequence[TableRow] | None = getattr(effect, "parameters", None)
-    if table is None or callable(table):
-        raise ConfigurationError(f"effect '{use}' has no table of parameters; is {effect!r} an Effect?")
+    table: Sequence[TableRow] = effect_class(use).parameters
     return table
 
 

@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.registry import EFFECTS, load_plugin
 from robid_core.robot.file.denavit_hartenberg import table_written_out
 from robid_core.robot.file.description import EffectEntry, RobotDescription
 from robid_core.robot.file.document import Document, parse_document, read_document
+from robid_core.robot.file.effect_class import effect_class
 from robid_core.robot.file.effect_places import wrong_place
 from robid_core.robot.file.expansion import sheets_written_out
 from robid_core.robot.file.factors import values_by_factor
@@ -332,8 +332,7 @@ def _check_places(robot: RobotDescription | None, document: Document) -> None:
     if robot is None or document.problems.problems:
         return
     for label, entry in robot.effects.items():
-        effect = load_plugin(EFFECTS, entry.use)
-        if isinstance(effect, type) and (wrong := wrong_place(effect, entry, robot)):
+        if wrong := wrong_place(effect_class(entry.use), entry, robot):
             key, message = wrong
             document.add(("effects", label, key), message)
 

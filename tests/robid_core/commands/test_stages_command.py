@@ -9,11 +9,12 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from robid_core import FrfEstimator, Robot, Settings
+from robid_core import FrfEstimator, Robot, Settings, registry as registry_module
+from robid_core.commands import doctor
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
 from robid_core.errors import PluginError
 from robid_core.interruption import signals_as_interrupt
-from robid_core.registry import EFFECTS, EXTRAS, STAGES, Plugin, Registry, registry
+from robid_core.registry import DRIVES, EFFECTS, EXTRAS, RECORDS, STAGES, Plugin, Registry, registry
 from robid_core.yaml_file.kind import PIPELINE_FILE
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.problems import ProblemList
@@ -70,6 +71,36 @@ def test_a_plugin_that_fails_is_a_line_and_no_failure() -> None:
     name, group, package, what = row(plugin("robid_no_such_module:Stage"))
     assert (name, group, package) == ("frf.everything", "stages", "somebody 3.1")
     assert what.startswith("FAILS: 'frf.everything' (somebody 3.1) needs the module robid_no_such_module")
+
+
+@pytest.mark.parametrize(
+    ("group", "target", "told"),
+    [
+        (STAGES, "builtins:dict", "is not a stage: it is no subclass"),
+        (STAGES, "robid_core:FrfEstimator", "breaks the contract of stages"),
+        (STAGES, "robid_core:Stage", "is of no kind"),
+        (EFFECTS, "builtins:dict", "is no subclass of robid_core.ForceEffect"),
+        (EFFECTS, "robid_core:ForceEffect", "lacks parameters, source, law, sides"),
+        (EFFECTS, "robid_core:StructureEffect", "lacks parameters, source, places, apply"),
+        (DRIVES, "builtins:dict", "is no subclass of robid_core.Drives"),
+        (RECORDS, "builtins:dict", "is no reader of recordings: it lacks describe and read"),
+    ],
+)
+def test_what_is_registered_and_cannot_be_used_is_a_line_and_a_failure_of_doctor(
+    monkeypatch: pytest.MonkeyPatch, group: str, target: str, told: str
+) -> None:
+    """Whoever reads the list sees it before a run does."""
+    plugin = Plugin(group, "mine", target, "somebody", "3.1", EntryPoint("mine", target, group))
+    assert told in row(plugin)[3]
+    assert row(plugin)[3].startswith("FAILS: 'mine' (somebody 3.1) ")
+    monkeypatch.setattr(registry_module, "registry", lambda: Registry([plugin.entry_point]))
+    (_, (code, said)) = doctor.plugins()
+    assert code
+    assert told in said
+
+
+def test_all_that_robid_brings_is_what_its_group_asks_for() -> None:
+    assert [said for code, said in doctor.plugins() if code] == []
 
 
 def test_a_plugin_whose_extra_is_absent_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,8 @@ from robid_core import registry as plugins
 _MODULE = """
 from typing import NamedTuple
 
+from robid_core import ForceEffect
+
 class Row(NamedTuple):
     name: str
     unit: str
@@ -20,10 +22,14 @@ class Row(NamedTuple):
     lower: float
     upper: float
 
-class Stribeck:
+class OfAStranger(ForceEffect):
+    source, law, sides = "nobody", None, ("motor",)
+
+class Stribeck(OfAStranger):
     parameters = (Row("breakaway", "N m", 1.5, 0.0, 50.0), Row("speed", "rad/s", 2.0, 0.01, 100.0))
 
-class Curve:
+class Curve(OfAStranger):
+    sides = ("gear",)
     parameters = tuple(
         Row(name, unit, 1e5, 0.0, 1e9)
         for name, unit in (
@@ -32,7 +38,7 @@ class Curve:
         )
     )
 
-class NoTable:
+class NoTable(OfAStranger):
     pass
 """
 

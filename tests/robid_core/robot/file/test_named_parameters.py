@@ -148,7 +148,7 @@ def test_a_value_that_cannot_be_is_refused_at_its_place(one: RobotDescription) -
 def test_an_effect_that_is_not_there_is_told_with_what_comes_near(one: RobotDescription) -> None:
     for use, told in (
         ("friction.stribek", "no effect 'friction.stribek'; did you mean 'friction.stribeck'?"),
-        ("friction.none", "effect 'friction.none' has no table of parameters"),
+        ("friction.none", "effect 'friction.none' (unknown 0) lacks parameters"),
     ):
         wrong = one.model_copy(update={"effects": {"x": EffectEntry(use=use)}})
         with pytest.raises(ConfigurationError) as refused:

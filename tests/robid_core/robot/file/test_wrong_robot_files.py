@@ -203,7 +203,10 @@ CASES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     ),
     "effect without a table": (
         ("friction.stribeck", "friction.none"),
-        ("30:12: effects.grease.use: effect 'friction.none' has no table of parameters",),
+        (
+            "30:12: effects.grease.use: effect 'friction.none' (unknown 0) lacks parameters; see "
+            "`robid init --plugin effect`",
+        ),
     ),
     "effect's parameter misspelt": (
         ("breakaway: 1.2", "break_away: 1.2"),
