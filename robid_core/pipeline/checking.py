@@ -11,7 +11,7 @@ import json
 import re
 import typing
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
@@ -28,9 +28,16 @@ _STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=Fal
 _NOUNS = {
     "an object": "a mapping",
     "a valid array": "a list",
+    "a valid list": "a list",
+    "a valid integer": "a whole number",
+    "a valid number": "a number",
+    "a valid string": "text",
+    "a valid boolean": "true or false",
     "a valid tuple": "a list",
     "a valid dictionary": "a mapping",
 }
+_SHOULD = "Input should be "
+_ONE_OF = re.compile(r"\^\(([\w|]+)\)\$")  # a pattern that lists words
 _CONTAINERS = {"List": "list", "Tuple": "list", "Set": "list", "Dictionary": "mapping"}
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number")
 _OLD_BOOLEANS = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
@@ -173,9 +180,22 @@ def _wording(items: list[Mapping[str, Any]]) -> str:
         item for item in items if item["type"] in _BOUNDS
     ]  # of the right kind: other kinds are no advice
     messages = list(dict.fromkeys(_message(item) for item in beyond or items))
-    first, rest = messages[0], [message.removeprefix("Input should be ") for message in messages[1:]]
+    wanted = [message.removeprefix(_SHOULD) for message in messages if message.startswith(_SHOULD)]
+    told = [f"{_written(items[0].get('input'))}must be {' or '.join(wanted)}"] if wanted else []
     hint = _hint(items[0])
-    return " or ".join([first, *rest]) + (f"; {hint}" if hint else "")
+    others = [message for message in messages if not message.startswith(_SHOULD)]
+    return " or ".join([*told, *others]) + (f"; {hint}" if hint else "")
+
+
+def _written(value: Any) -> str:
+    """What stands in the file; nothing where nothing does."""
+    if isinstance(value, bool):
+        return f"{str(value).lower()} "
+    if isinstance(value, str):
+        return f"'{_short(value)}' "
+    if isinstance(value, Mapping | Sequence):
+        return "this mapping " if isinstance(value, Mapping) else "this list "
+    return f"{_short(repr(value))} " if isinstance(value, int | float) else ""
 
 
 def _message(item: Mapping[str, Any]) -> str:
@@ -184,6 +204,9 @@ def _message(item: Mapping[str, Any]) -> str:
     text = str(item["msg"])
     if item["type"] in ("value_error", "assertion_error"):
         return text.partition(", ")[2]
+    if item["type"] == "string_pattern_mismatch" and (words := _ONE_OF.fullmatch(item["ctx"]["pattern"])):
+        *first, last = words[1].split("|")
+        return f"{_SHOULD}{', '.join(first)} or {last}"
     for theirs, ours in _NOUNS.items():
         text = text.replace(theirs, ours)
     text = re.sub("^(List|Tuple|Set|Dictionary) ", lambda noun: f"This {_CONTAINERS[noun[1]]} ", text)
@@ -195,19 +218,19 @@ def _hint(item: Mapping[str, Any]) -> str:
     if kind == "bool_type" and isinstance(value, str) and value.casefold() in _OLD_BOOLEANS:
         return f"'{value}' is text in YAML 1.2; write {_OLD_BOOLEANS[value.casefold()]}"
     if kind == "int_type" and isinstance(value, float) and value.is_integer():
-        return f"{value!r} is not a whole number to YAML; write {int(value)}"
+        return f"write {int(value)}"
     if kind in ("int_type", "float_type") and isinstance(value, str):
         if len(value) > MOST_DIGITS and value.lstrip("+-").isdecimal():
             return f"it has {len(value.lstrip('+-'))} digits, of which at most {MOST_DIGITS} are read"
-        return f"'{_short(value)}' is text"
+        return ""
     if kind == "string_type" and isinstance(value, bool | int | float):
-        return f"{value!r} is no text; write it in quotes if text is meant"
+        return "write it in quotes if text is meant"
     if kind == "literal_error" and isinstance(value, str):
         near = nearest(
             value,
             [text.strip("'") for text in str(item["ctx"]["expected"]).replace(" or ", ", ").split(", ")],
         )
-        return f"did you mean '{near}'?" if near else f"not '{_short(value)}'"
+        return f"did you mean '{near}'?" if near else ""
     return "" if value is not None or kind == "missing" else "the value is empty"
 
 

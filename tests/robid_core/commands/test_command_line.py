@@ -96,9 +96,9 @@ def test_a_wrong_pipeline_is_lines_on_stderr_and_exit_code_2(robid: Robid, tmp_p
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.splitlines() == [
-        "bad.yaml:7:42: stages.where.with.count: Input should be greater than 0",
+        "bad.yaml:7:42: stages.where.with.count: 0 must be greater than 0",
         "bad.yaml:10:9: stages.frf.use: no stage 'frf.lgo'; did you mean 'frf.log'?",
-        "--set seed=-1: seed: Input should be greater than or equal to 0",
+        "--set seed=-1: seed: -1 must be greater than or equal to 0",
     ]
 
 

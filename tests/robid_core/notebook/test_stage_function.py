@@ -142,7 +142,7 @@ def test_drives_are_handed_in(robot: Robot, run: Run) -> None:
         (lambda robot: use("acquisition.simulated", plant=robot), "a Robot cannot be a setting"),
         (
             lambda robot: use("excitation.multisine", band_hz=[4], lines=0),
-            "lines: Input should be greater than 0",
+            "lines: 0 must be greater than 0",
         ),
     ],
 )

@@ -109,7 +109,7 @@ MISTAKES: dict[str, tuple[tuple[str, str], str, str]] = {
         "settle_periods",
         "less than or equal to 10000",
     ),
-    "half a period": (("periods: 2", "periods: 2.5"), "periods", "a valid integer"),
+    "half a period": (("periods: 2", "periods: 2.5"), "periods", "2.5 must be a whole number"),
     "a period of no time": (("period_s: 4", "period_s: 0"), "period_s", "greater than 0"),
     "a period of days": (("period_s: 4", "period_s: 999999.5"), "period_s", "take a shorter period"),
     "a period between samples": (
@@ -117,9 +117,9 @@ MISTAKES: dict[str, tuple[tuple[str, str], str, str]] = {
         "period_s",
         "not an even number of the robot's samples",
     ),
-    "a period from the environment": (("period_s: 4", "period_s: $PERIOD"), "period_s", "text"),
+    "a period from the environment": (("period_s: 4", "period_s: $PERIOD"), "period_s", "'$PERIOD' must be a number"),
     "a band upside down": (("[4, 80]", "[80, 4]"), "band_hz", "80 Hz is not below 4 Hz"),
-    "a band of one": (("[4, 80]", "80"), "band_hz", "should be a list"),
+    "a band of one": (("[4, 80]", "80"), "band_hz", "80 must be a list"),
     "a band of three": (("[4, 80]", "[4, 40, 80]"), "band_hz", "at most 2 items"),
     "a band from zero": (("[4, 80]", "[0, 80]"), "band_hz", "greater than 0"),
     "a band without end": (("[4, 80]", "[4, 1.0e+300]"), "period_s", "take a shorter period"),
@@ -172,7 +172,7 @@ MISTAKES: dict[str, tuple[tuple[str, str], str, str]] = {
     "a robot from the environment": (("robot: one_axis", "robot: $ROBOT"), "robot", "no robot '$ROBOT'"),
     "a name that leads away": (("name: example", "name: ../other"), "name", "is no name"),
     "a seed of a thousand digits": (("seed: 1", f"seed: {'1' * 1000}"), "seed", "it has 1000 digits"),
-    "a seed in words": (("seed: 1", "seed: now"), "seed", "'now' is text"),
+    "a seed in words": (("seed: 1", "seed: now"), "seed", "'now' must be a whole number"),
     "drives misspelt": (("use: simulated", "use: simulatd"), "drives.use", "did you mean 'simulated'?"),
     "drives without a plant": (
         (SIMULATED, "{use: simulated}"),
@@ -311,4 +311,4 @@ def test_a_number_out_of_bounds_is_that_where_a_list_would_do(tmp_path: Path, co
     channels = f"{{motor_torque: {{column: [i], unit: A, torque_constant: {constant}}}}}"
     read = f"{{use: acquisition.recorded, with: {{path: a.csv, channels: {channels}}}}}"
     found = problems(tmp_path, text_of(acquire=read))
-    assert [told for path, told in found if "torque_constant" in path] == ["Input should be greater than 0"]
+    assert [told for path, told in found if "torque_constant" in path] == ["-0.48 must be greater than 0"]

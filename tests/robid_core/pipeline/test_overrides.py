@@ -66,13 +66,13 @@ def test_the_robot_has_a_long_form(load: Load) -> None:
         ("stages.wher.with.count=5", "stages.wher: no stage 'wher'; did you mean 'where'?"),
         (
             "stages.where.with.count=5.0",
-            "stages.where.with.count: Input should be a valid integer; 5.0 is not a",
+            "stages.where.with.count: 5.0 must be a whole number; write 5",
         ),
         (
             "stages.where.with.count=yes",
-            "stages.where.with.count: Input should be a valid integer; 'yes' is text",
+            "stages.where.with.count: 'yes' must be a whole number",
         ),
-        ("stages.where.with.count=0", "stages.where.with.count: Input should be greater than 0"),
+        ("stages.where.with.count=0", "stages.where.with.count: 0 must be greater than 0"),
         ("stages.where.with.cout=5", "stages.where.with.cout: unknown key 'cout'; did you mean 'count'?"),
         (
             "stages.excite.with.band_hz.2=5",
@@ -80,7 +80,7 @@ def test_the_robot_has_a_long_form(load: Load) -> None:
         ),
         (
             "stages.excite.with.band_hz.0=x",
-            "stages.excite.with.band_hz[0]: Input should be a valid number; 'x' is",
+            "stages.excite.with.band_hz[0]: 'x' must be a number",
         ),
         ("stages.where.with.count", "write it as path=value, for example stages.fit.with.starts=50"),
         ("=5", "write it as path=value, for example stages.fit.with.starts=50"),

@@ -117,7 +117,7 @@ def test_keys_of_nested_settings_are_told_where_they_stand(problems: Read, data:
     )
     assert found == [
         "bad.yaml:6:84: stages.read.with.filters[1].cutof_hz: unknown key 'cutof_hz'; did you mean 'cutoff_hz'?",
-        "bad.yaml:6:99: stages.read.with.filters[2].cutoff_hz: Input should be greater than 0",
+        "bad.yaml:6:99: stages.read.with.filters[2].cutoff_hz: 0 must be greater than 0",
     ]
 
 

@@ -213,7 +213,7 @@ def test_a_plugin_whose_error_at_import_has_no_text_is_told(world: Any, capsys: 
 @fault(
     "R14",
     sees="`robid stages`: the line of a plugin that ended its process when it was imported, and all other plugins",
-    mutant=("robid_core/commands/stages.py", "loaded_apart(plugin, summary)", "summary(plugin.load())"),
+    mutant=("robid_core/commands/stages.py", "loaded_apart(plugin, checked)", "checked(plugin.load())"),
 )
 def test_R14_a_list_of_plugins_survives_one_that_ends_its_process(world: Any, capsys: Any) -> None:
     at_import(world, ELSEWHERE)
@@ -248,8 +248,8 @@ def test_R14_a_plugin_that_ends_its_process_is_not_explained(world: Any, capsys:
     sees="exit 8 of `robid doctor`: FAIL at the plugin that ends its process, and all other findings",
     mutant=(
         "robid_core/commands/doctor.py",
-        "loaded_apart(registry().find(group, name), lambda _: 1)",
-        "bool(registry().load(group, name))",
+        "loaded_apart(plugin, functools.partial(check_registered, plugin))",
+        "check_registered(plugin, plugin.load())",
     ),
 )
 def test_R14_a_doctor_survives_a_plugin_that_ends_its_process(world: Any, capsys: Any) -> None:
