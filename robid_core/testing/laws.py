@@ -7,6 +7,7 @@ the slopes of its own force, and gives on eight lanes what it gives on one numbe
 from __future__ import annotations
 
 import ctypes
+import itertools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -23,6 +24,11 @@ STEP = 2.5e-4  # s, of the simulator
 N_POINT = 60  # of a random path
 SLOPE = 1e-4  # relative, between a slope and a difference
 NOTHING = 1e-6  # of the force: what a slope may be wrong by where the argument changes by its own size
+AMPLITUDES = (1e-4, 1e-2, 0.3)  # rad
+OMEGAS = (1.0, 60.0)  # rad/s
+LOADS = (-20.0, 0.0, 20.0)  # N m
+N_CYCLE = 200  # steps
+GIVEN = 0.2  # of the work that goes through a law in a cycle, either way
 GUARD = 3  # rows behind a state that nobody may touch, and behind parameters that hold not-a-number
 
 FORCE_INPUTS = ("position", "velocity", "load")
@@ -167,6 +173,29 @@ def check_rest(law: TriedLaw) -> None:
             raise ContractBroken(
                 f"{law.name}: with step 0 the state changes to {following} at {law.where(point, 0.0)}; a step of no "
                 "length asks for the static force"
+            )
+
+
+def check_work(law: TriedLaw) -> None:
+    """Check that a force law takes work from a motion that comes back to where it was, as friction and springs do.
+
+    A law that stands in place of a damper of the robot file (a gap) may take a little less than nothing.
+    """
+    for amplitude, omega, load in itertools.product(AMPLITUDES, OMEGAS, LOADS):
+        step, state = 2 * np.pi / omega / N_CYCLE, law.initial
+        done = size = 0.0
+        for number in range(2 * N_CYCLE):
+            phase = omega * (number + 0.5) * step
+            velocity = amplitude * omega * np.cos(phase)
+            outputs, state = law(Point(np.array([amplitude * np.sin(phase), velocity, load]), state), step)
+            if number >= N_CYCLE:  # the state has settled
+                done += float(outputs[0] * velocity)
+                size += abs(float(outputs[0] * velocity))
+        if done < -GIVEN * size:
+            raise ContractBroken(
+                f"{law.name}: the law pushes with the motion: over a cycle of {amplitude:g} rad at {omega:g} rad/s "
+                f"under a load of {load:g} N m it gives {100 * abs(done) / size:.0f} % of the work through it; the "
+                "force against the motion is positive where the velocity is (the robot takes minus the force)"
             )
 
 

@@ -117,7 +117,11 @@ MISTAKES: dict[str, tuple[tuple[str, str], str, str]] = {
         "period_s",
         "not an even number of the robot's samples",
     ),
-    "a period from the environment": (("period_s: 4", "period_s: $PERIOD"), "period_s", "'$PERIOD' must be a number"),
+    "a period from the environment": (
+        ("period_s: 4", "period_s: $PERIOD"),
+        "period_s",
+        "'$PERIOD' must be a number",
+    ),
     "a band upside down": (("[4, 80]", "[80, 4]"), "band_hz", "80 Hz is not below 4 Hz"),
     "a band of one": (("[4, 80]", "80"), "band_hz", "80 must be a list"),
     "a band of three": (("[4, 80]", "[4, 40, 80]"), "band_hz", "at most 2 items"),

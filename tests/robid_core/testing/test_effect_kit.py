@@ -209,9 +209,15 @@ def does_not_compile_law(position, velocity, load, state, next_state, parameters
     return no_such_function(velocity)  # noqa: F821
 
 
+@kernel
+def pushes_law(position, velocity, load, state, next_state, parameters, step):
+    return -parameters[0] * velocity, 0.0 * position, -parameters[0]
+
+
 @pytest.mark.parametrize(
     ("law", "clause"),
     [
+        (pushes_law, "pushes with the motion: .* of the work through it"),
         (wrong_slope_law, "slope_velocity is .* differences of the force are"),
         (forgets_position_law, "slope_position is 0, differences of the force are"),
         (unguarded_law, "guard divisions"),
@@ -375,13 +381,14 @@ def test_terms_that_do_not_fit_the_robot_are_found() -> None:
 
 
 @kernel
-def driving_law(position, velocity, load, state, next_state, parameters, step):
-    return -60.0 * parameters[0] * velocity, 0.0 * position, -60.0 * parameters[0] + 0.0 * velocity
+def repelling_law(position, velocity, load, state, next_state, parameters, step):
+    """A spring that repels: no work in a cycle."""
+    return -1e4 * parameters[0] * position, -1e4 * parameters[0] + 0.0 * position, 0.0 * velocity
 
 
 def test_a_force_that_makes_a_robot_run_away_is_found() -> None:
-    nothing = (TestValue({}, {"force": 0.0}, "nothing moves"),)
-    effect = changed(Drag, law=staticmethod(driving_law), test_values=nothing, regressor=lambda *_: {})
+    nothing = (TestValue({}, {"force": 0.0}, "nothing bends"),)
+    effect = changed(Drag, law=staticmethod(repelling_law), test_values=nothing, regressor=lambda *_: {})
     with pytest.raises(
         ContractBroken, match="a motor of one_axis is asked for 20 rad/s|does not stay in bounds"
     ):
