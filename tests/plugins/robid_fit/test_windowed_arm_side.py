@@ -274,11 +274,14 @@ def test_intervals_of_forty_plants_hold_the_truth(arm_side: tuple[str, ...], swi
     """Squares of errors of springs and dampers over stated ones average one, or less.
 
     An encoder alone of 2e-7 rad, on a link that swings by 0.8 rad, shows in the bin of the slow sine what a simulation
-    errs by, 2e-7 of the motion: a misfit above one, with which the stated errors have grown.
+    errs by, 2e-7 of the motion: a misfit above one, with which the stated errors have grown. Beside a torque sensor
+    it counts less.
     """
     off, _, misfits = deviations(arm_side, range(40), swing=swing)
     # Chi-square of forty: rms below 1.22 in 97.5 of 100; a model error of 2e-4 is stated beside the noise.
     rms = np.sqrt((off**2).mean(axis=0))
     assert (rms > 0.5).all()
     assert (rms < 1.3).all()
-    assert np.median(misfits) < 1.1 or (arm_side == BOTH[:1] and swing > 0.5)
+    with_encoder = BOTH[0] in arm_side and swing > 0.5
+    largest = 1.1 if not with_encoder else np.inf if arm_side == BOTH[:1] else 1.2
+    assert np.median(misfits) < largest

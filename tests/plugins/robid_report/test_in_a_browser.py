@@ -7,6 +7,7 @@ import hashlib
 import html
 import itertools
 import json
+import logging
 import re
 import shutil
 import subprocess
@@ -15,9 +16,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from blind.cases import blind_case
+from blind.plan import Wanted
 
-from robid_core import LinkMesh, Robot, TimeComparison
+from robid_core import Context, LinkMesh, Robot, TimeComparison
+from robid_core.stage import map_in_process
 from robid_core.testing import example_design, example_fit, example_frf
+from robid_diagnosis.effects import Effects
 from robid_report.comparison_page import ComparisonPage
 from robid_report.html import HtmlReport
 
@@ -251,3 +256,20 @@ def test_a_comparison_is_drawn_on_phone_and_screen_dark_and_light(scheme: int, t
         assert found["words"] == []
         dark = sum(int(part) for part in re.findall(r"\d+", found["ground"])) < 150
         assert dark == (scheme == 0)
+
+
+def test_a_diagnosis_is_drawn_on_phone_screen_and_paper(tmp_path: Path) -> None:
+    """Friction that falls with the speed: verdict, picture of the cause, curves of the residual, detectable sizes."""
+    case = blind_case(Wanted("strong", 900_013, 1, ("friction.stribeck",), (1000.0, 3000.0)))
+    log = logging.getLogger("page")
+    context = Context(np.random.default_rng(0), map_in_process, lambda *_, **__: None, log)
+    diagnosis = Effects(separate=False, response_check=()).run((case.record,), case.told, context)
+    assert [one.effect for one in diagnosis.findings] == ["friction.stribeck"]
+    page = HtmlReport().run(case.told, diagnosis=diagnosis).html
+    views = {"phone": 390, "screen": 1400, "paper": A4_TEXT_PX}
+    for width, found in seen(tmp_path, page, views, "--blink-settings=preferredColorScheme=1").items():
+        assert found["errors"] == []
+        assert found["wide"] <= width, found["beyond"]
+        assert found["words"] == []
+        assert found["faint"] == []
+        assert found["cut"] == 0 or width == 390
