@@ -63,7 +63,8 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
         return final
     found = [_as_sure_as(pair, fitted), other]
     if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
-        found += _with_own_widths(pair, failures, progress)
+        nearer = fitted if fitted.misfit < pair.misfit else pair  # secants may lead astray where no width is right
+        found += _with_own_widths(nearer, failures, progress)
     possible = [one for one in found if _is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
