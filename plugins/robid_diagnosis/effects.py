@@ -245,7 +245,10 @@ class Effects(DiagnosisStage):
         lines += [
             line
             for finding in causes
-            for line in (finding_line(finding, data.n_config), separation_line(finding))
+            for line in (
+                finding_line(finding, data.n_config, sum(problem.left_out)),
+                separation_line(finding),
+            )
         ]
         lines += hardly.values()
         values = values_of(final)

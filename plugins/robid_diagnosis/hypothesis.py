@@ -184,20 +184,6 @@ class Fitted:
         """As it was fitted; the friction of its motors is in functions of speed."""
         return self.problem.free.robot_at(self.point[: self.problem.n_free])
 
-    def cost(self, about: Linearisation) -> float:
-        """Twice the negative log-likelihood with the weights of some fit, and the priors.
-
-        An experiment that this fit leaves out, and those weights do not, counts as the mean of the others: so fits that
-        leave out different ones are compared.
-        """
-        weighted = self.problem.weighted(self.point, about.weights)
-        for own, weight, block in zip(weighted, about.weights, self.problem.blocks, strict=True):
-            if block.used is not None:
-                counted = np.ones_like(block.used) if weight.used is None else weight.used
-                own[~block.used] = 0.0
-                own *= np.sqrt(counted.sum() / max(1, (counted & block.used).sum()))
-        return 2 * self.problem.cost(self.point, weighted)
-
     def estimate(self, name: str) -> tuple[float, float]:
         """Value of a free parameter and its standard error, in its own unit."""
         values, errors = self._estimates

@@ -14,6 +14,7 @@ from robid_core import RobidError
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LEAST
+from robid_diagnosis.likelihood import lost
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Searched, Step
 from robid_diagnosis.trials import WRONG, clearly_less, nearness
@@ -75,12 +76,12 @@ class Revision:
             if without.misfit > self.bare.misfit:  # which holds nothing more: no minimum was found
                 self.failures.append(Failure(*step.key, "the fit without it went astray"))
                 continue
-            lost = _lost(without, current)
-            if lost < least:
+            missing = lost(without, current, current.about)
+            if missing < least:
                 return self.run(without, [*before, *after], motion, left)
-            margin = max(nearness(current), BETTER * lost if current.misfit > WRONG else 0.0)
-            other = self._other(without, step, [*before, *after], lost + margin, motion) if left else None
-            if other is not None and _lost(other[0], current) < -margin:
+            margin = max(nearness(current), BETTER * missing if current.misfit > WRONG else 0.0)
+            other = self._other(without, step, [*before, *after], missing + margin, motion) if left else None
+            if other is not None and lost(other[0], current, current.about) < -margin:
                 fitted, better = other
                 return self.run(fitted, [*before, better, *after], motion, left - 1)
         return current, steps
@@ -89,7 +90,9 @@ class Revision:
         """Fit all but one cause; with derivatives that cost many motions only where that may show it to be needless."""
         hypothesis = current.hypothesis.without(step.names)
         quick = self.case.fit_what_is_seen(hypothesis, self.progress, begin=current, thorough=False)
-        if quick.misfit <= self.bare.misfit and clearly_less(quick, _lost(quick, current), least):
+        if quick.misfit <= self.bare.misfit and clearly_less(
+            quick, lost(quick, current, current.about), least
+        ):
             return quick
         return self.case.fit_what_is_seen(quick.hypothesis, self.progress, begin=quick)
 
@@ -108,8 +111,3 @@ class Revision:
             return None
         other = self.next_cause(without, seen, others)
         return other if other is not None and other[1].gain > least else None
-
-
-def _lost(without: Fitted, current: Fitted) -> float:
-    """By how much twice the log-likelihood is smaller without a cause."""
-    return without.cost(current.about) - current.cost(current.about)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from robid_core import RobidError
 from robid_diagnosis.hypothesis import Case, Fitted
+from robid_diagnosis.likelihood import lost
 from robid_diagnosis.search import Failure
 from robid_diagnosis.steps import Step
 from robid_diagnosis.trials import SAME, Trial, clearly_less, key_of, nearness
@@ -58,7 +59,7 @@ def _may_be_lower(fitted: Fitted, final: Fitted, near: float) -> bool:
 
 def _lacks(fitted: Fitted, final: Fitted) -> float:
     """By how much twice the log-likelihood of a fit is smaller than that of the final one."""
-    return fitted.cost(final.about) - final.cost(final.about)
+    return lost(fitted, final, final.about)
 
 
 def _beside(case: Case, final: Fitted, step: Step, rival: Trial, progress: Progress) -> Fitted:

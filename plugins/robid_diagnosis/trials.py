@@ -14,6 +14,7 @@ from robid_core import RobidError
 from robid_diagnosis.additions import addition_of, is_fixed, label_of
 from robid_diagnosis.hypothesis import FEW, Addition, Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
+from robid_diagnosis.likelihood import costs
 from robid_diagnosis.search import Failure, Hit, Search
 from robid_diagnosis.values import PRICE, ValueHit
 from robid_diagnosis.zero_speed import with_own_width
@@ -265,7 +266,7 @@ class Trials:
         return None
 
     def _of(self, fitted: Fitted, hit: Rival) -> Trial:
-        before, after = (one.cost(self.current.about) for one in (self.current, fitted))
+        before, after = costs(self.current, fitted, self.current.about)
         pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
 

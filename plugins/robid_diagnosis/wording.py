@@ -24,8 +24,8 @@ RESTING = 0.005  # share of the samples at rest: less is not a percent
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
-def finding_line(finding: Finding, n_config: int) -> str:
-    """One line: where, what, how large, how sure."""
+def finding_line(finding: Finding, n_config: int, n_left_out: int = 0) -> str:
+    """One line: where, what, how large, how sure; `n_left_out`: experiments in which its robot rattles."""
     if finding.kind == "unknown" and not finding.names:
         return (
             f"{finding.on}: no effect of the catalogue explains the residual; {finding.effect} would "
@@ -49,6 +49,8 @@ def finding_line(finding: Finding, n_config: int) -> str:
         seen = f"; seen in {finding.n_seen} of {n_config} configuration{'' if n_config == 1 else 's'}"
         if finding.by_configuration.sum() < RESIDUAL * finding.gain:
             seen = "; without it parameters of the robot file would leave their tolerances"
+            if n_left_out:
+                seen = "; shown by the experiments that are not used, in which it rattles"
     chance = chance_text(finding.p_value)
     ties = f"these data cannot distinguish it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
     return f"{finding.where}: {what} ({sizes}){seen}; {chance} after the search; {ties}."

@@ -20,6 +20,7 @@ from robid_core import FloatArray, RobidError
 from robid_core.estimation.scaled_inverse import scaled_inverse
 from robid_core.estimation.torque.speed_functions import NEAR_ALONE
 from robid_diagnosis.hypothesis import Fitted
+from robid_diagnosis.likelihood import lost
 from robid_diagnosis.search import Failure
 from robid_diagnosis.trials import DOUBTFUL, WRONG
 from robid_diagnosis.values import PRICE
@@ -50,8 +51,7 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
     numbers = (len(NEAR_ALONE) - 1) * final.case.told.n_axis
     try:
         fitted = _with_width(final, final.case.with_fitted_width(final).width, ALONE, progress)
-        lost = fitted.cost(final.about) - final.cost(final.about)
-        near = lost < PRICE * numbers * max(1.0, final.misfit)
+        near = lost(fitted, final, final.about) < PRICE * numbers * max(1.0, final.misfit)
         if near and _is_possible(fitted):
             return _as_sure_as(final, fitted)
         if final.misfit > WRONG and not final.solution.converged:
@@ -63,15 +63,17 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
         return final
     found = [_as_sure_as(pair, fitted), other]
     if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
-        nearer = fitted if fitted.misfit < pair.misfit else pair  # secants may lead astray where no width is right
+        nearer = (
+            fitted if fitted.misfit < pair.misfit else pair
+        )  # secants may lead astray where no width is right
         found += _with_own_widths(nearer, failures, progress)
     possible = [one for one in found if _is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
 
     def cost(one: Fitted) -> float:
-        """With what its numbers gain by chance."""
-        return one.cost(final.about) + PRICE * one.problem.n_free * max(1.0, final.misfit)
+        """Beside that of the final fit, with what its numbers gain by chance."""
+        return lost(one, final, final.about) + PRICE * one.problem.n_free * max(1.0, final.misfit)
 
     return min(possible, key=cost, default=final)
 

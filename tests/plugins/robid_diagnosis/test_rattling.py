@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Callable
 
@@ -13,6 +14,7 @@ from robid_core.residual.misfit import power_in_noise
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
 from robid_diagnosis.hypothesis import Addition, Case, Hypothesis
+from robid_diagnosis.likelihood import lost
 from robid_fit.torque_doubts import rattling
 from robid_fit.torque_residual import TorqueResidualFit
 
@@ -56,6 +58,28 @@ def test_experiments_in_which_the_model_rattles_do_not_count(plant: Robot, recor
     (remark,) = rattling(problem)
     assert remark.is_remark
     assert "2 of 12 experiments are not used" in remark.sentence
+
+
+def test_a_robot_without_the_gap_has_to_explain_the_experiments_that_are_left_out_because_of_it(
+    plant: Robot, record: Record
+) -> None:
+    """They count for both: for the robot that rattles as the mean of its others. Else a gap would become needless."""
+    case = Case((record,), plant, {}, 100.0, 0, 12, 5e-4)
+    fitted = case.fit_what_is_seen(PLAY, lambda *_: None, as_told=True, roughly=True)
+    bare = case.fit_what_is_seen(
+        PLAY.without(("effect.play.gap",)), lambda *_: None, begin=fitted, roughly=True
+    )
+    ((block,), (weight,)), (without,) = (fitted.problem.blocks, fitted.about.weights), bare.problem.blocks
+    assert block.used is not None
+    assert without.used is None
+    every = dataclasses.replace(weight, used=None)
+    (mine,), (its,) = (one.problem.weighted(one.point, (every,)) for one in (bare, fitted))
+    power, own = ((rows**2).sum(axis=-1) for rows in (mine, its))
+    assert power[~block.used].min() > 10 * own[block.used].max()
+    means = np.where(block.used, own, own[block.used].mean())
+    priors = [float(((one.point / one.problem.prior) ** 2).sum()) for one in (bare, fitted)]
+    by_hand = power.sum() - means.sum() + priors[0] - priors[1]
+    assert lost(bare, fitted, fitted.about) == pytest.approx(by_hand, rel=1e-9)
 
 
 @pytest.mark.full

@@ -8,6 +8,7 @@ import numpy as np
 
 from robid_core import Record, Robot
 from robid_diagnosis.hypothesis import Case
+from robid_diagnosis.likelihood import lost
 from robid_diagnosis.revision import Revision
 from robid_diagnosis.selection import Selection
 from robid_diagnosis.trials import TIE
@@ -41,5 +42,5 @@ def test_a_cause_that_stood_in_for_another_is_exchanged(
     fitted, steps = revision.run(outcome.final, list(outcome.steps), None)
     assert {step.use for step in steps} == {TRUE, RIPPLE}
     about = outcome.final.about
-    assert fitted.cost(about) < outcome.final.cost(about) - TIE
+    assert lost(fitted, outcome.final, about) < -TIE
     assert fitted.misfit < 1.02 < outcome.final.misfit

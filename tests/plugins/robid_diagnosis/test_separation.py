@@ -20,6 +20,7 @@ from robid_core import (
     mean_travel,
 )
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.likelihood import lost
 from robid_diagnosis.proposals import drawn_configurations, proposals
 from robid_diagnosis.results import finding_of, model_of
 from robid_diagnosis.selection import Selection
@@ -118,8 +119,8 @@ def test_a_cable_and_a_counterbalance_are_told_apart_by_the_experiment_that_was_
         new = measured(plant, reference[None], angle[None], 1, 5)
         both = replace(case, records=(record, new))
         fits = [both.fit(one.hypothesis, lambda *_: None, begin=one) for one in (final, rival)]
-        after = fits[1].cost(fits[0].about) - fits[0].cost(fits[0].about)
-        return sign * 0.5 * (after - rival.cost(final.about) + final.cost(final.about))
+        after = lost(fits[1], fits[0], fits[0].about)
+        return sign * 0.5 * (after - lost(rival, final, final.about))
 
     assert told_apart(best.reference, best.configuration) > SURE
     assert abs(told_apart(multisines(4, 3)[0], record.angle[0])) < SURE
@@ -149,7 +150,7 @@ def test_no_experiment_separates_a_law_from_one_that_holds_it_as_a_special_case(
 ) -> None:
     """Cogging is torque ripple without its part in proportion to the torque: a fit of ripple follows it anywhere."""
     case, cogging, ripple = waves
-    assert 0 <= cogging.cost(cogging.about) - ripple.cost(cogging.about) < TIE
+    assert 0 <= lost(cogging, ripple, cogging.about) < TIE
     robot = Robot.of_model(model_of(told, cogging))
     found = [
         ratios(cogging, [ripple], one.record)
