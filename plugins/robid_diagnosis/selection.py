@@ -42,6 +42,7 @@ TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was tol
 WORSE = 0.02  # of the squares: what fits data worse is no cause, however near numbers come to what was told
 DOUBTS_MORE = 1.05  # of the misfit: nor is what is further from the noise that its own robot leaves
 MUCH_LACKS = 10.0  # misfit: above, noise is less than a tenth of what is left
+LITTLE = 0.05  # of what is left where much lacks: what explains less follows the shape of what lacks
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -151,7 +152,7 @@ class Selection:
         while rivals and taken is None:
             trials = fits.run(rivals, others)
             good = [trial for trial in trials if not self._refused_as_worse(trial, current)]
-            judged = ((trial, self._taken(trial, trials, seen, len(values))) for trial in good)
+            judged = ((trial, self._taken(trial, trials, current, seen, len(values))) for trial in good)
             taken = next(((trial.fitted, step) for trial, step in judged if step is not None), None)
             rivals, others = [hit for hit in waiting if not good and not fits.has_tried(hit)], []
         self.failures += fits.failures
@@ -163,11 +164,18 @@ class Selection:
             self._refuse(trial.hit, "with it the data fit worse")
         return worse
 
-    def _taken(self, trial: Trial, trials: Sequence[Trial], seen: Searched, n_value: int) -> Step | None:
+    def _taken(
+        self, trial: Trial, trials: Sequence[Trial], current: Fitted, seen: Searched, n_value: int
+    ) -> Step | None:
         """Return the step that a trial is, none where something speaks against it."""
         step = self._judged(trial, trials, seen, n_value)
         if step is None:
             self._refuse(trial.hit, "configurations do not agree about it")
+            return None
+        if current.misfit > MUCH_LACKS and trial.loss > -LITTLE:
+            self._refuse(
+                trial.hit, f"it explains {-100 * trial.loss:.2g} % of what is left, and something else most"
+            )
             return None
         if step.share < PART:
             times = 1 / max(step.share, 1e-3)

@@ -103,7 +103,8 @@ def left_out_line(left_out: Sequence[int], n: int) -> str:
     return (
         f"{sum(left_out)} of {experiments_text(n)} {'is' if sum(left_out) == 1 else 'are'} not used (configuration "
         f"{', '.join(where)}): with what was found the model rattles there and does not repeat its motion as the "
-        "machine did. Errors of prediction contain them. Smaller or slower motions, or a load on the axis, avoid that."
+        "machine did; in a gap that was found too wide it does so, too. Errors of prediction contain them. Smaller "
+        "or slower motions, or a load on the axis, avoid that."
     )
 
 
@@ -203,7 +204,7 @@ def silent_line(
         if refused:
             return "No cause is named: what was asked for gains more than chance, and not enough."
         return (
-            "Nothing significant: the robot file with fitted values explains these data; "
+            "Nothing significant: the robot file with fitted values and delays explains these data; "
             "for detectable sizes see the table on the page."
         )
     return (

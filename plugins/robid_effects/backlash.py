@@ -89,8 +89,10 @@ class Backlash(ForceEffect):
             if min(upper, lower) >= TOUCHED:
                 return {}
             depth = max(depth, half - position.min() if upper > lower else half + position.max())
+        least = (
+            f", but for being more than {depth:.2g} rad, by which motions went into it" if depth > 0 else ""
+        )
         return {
-            "gap": "no experiment touches both flanks of the gap: its width is not determined, but for being more than "
-            f"{depth:.2g} rad, by which motions went into it. Measure poses in which gravity is balanced, or faster "
-            "moves"
+            "gap": "no experiment that counts touches both flanks of the gap as it was found: its width is not "
+            f"determined{least}. Measure poses in which gravity is balanced, or faster moves"
         }
