@@ -209,6 +209,9 @@ def _by_behaviour(
             guesses[b] = replace(
                 guesses[b], quantity="position", reference=ahead, unit=position.unit, reasons=(reason,)
             )
+    for index, words in enumerate(said):
+        if words.reference and guesses[index].quantity:
+            guesses[index] = replace(guesses[index], reference=True)  # whatever it is the derivative of
 
 
 def _widest_axis(samples: FloatArray) -> int | None:

@@ -78,6 +78,9 @@ _OF_QUANTITY = {
 }
 _BRACKETS = re.compile(r"[\[(<]([^\[\]()<>]*)[\])>]")
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ°]+|[0-9]+")
+_TOGETHER = re.compile(
+    r"(d?d?q|qd|qm|v|vel|pos|tau|i|cur)(ref|des|cmd|set|soll|act|meas|ist)"
+)  # qref, taucmd
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,10 @@ class Said:
 
 
 def words_of(name: str) -> list[str]:
-    """Return the words of a name in lower case: `TorqueCur1` is torque, cur, 1."""
-    return [word.lower() for word in _WORD.findall(name)]
+    """Return the words of a name in lower case: `TorqueCur1` is torque, cur, 1, and `qref` q, ref."""
+    words = (word.lower() for word in _WORD.findall(name))
+    parts = ((word, _TOGETHER.fullmatch(word)) for word in words)
+    return [part for word, both in parts for part in (both.groups() if both else (word,))]
 
 
 def said_by(name: str, unit: str = "", hint: str = "") -> Said:

@@ -37,6 +37,10 @@ def by_label(columns: dict[str, np.ndarray], **more: object) -> dict[str, Guess]
         ("Cur", "current", "", False, ""),
         ("q_soll [rad]", "position", "", True, "rad"),
         ("SetPos_J1_deg", "position", "", True, "deg"),
+        ("qref", "position", "", True, ""),
+        ("taucmd_1", "torque", "", True, ""),
+        ("qmeas", "position", "", False, ""),
+        ("iq", "current", "", False, ""),
         ("pos_sp", "position", "", True, ""),
         ("Sollwert Winkel", "position", "", True, ""),
         ("input_volts", "voltage", "", False, ""),
@@ -189,4 +193,15 @@ def test_of_several_torques_the_measured_one_is_taken() -> None:
     assert [one.label for one in guess_channels({"rec.q": motion(6)[0], **tables}).chosen] == [
         "rec.q",
         "rec.act_torque",
+    ]
+
+
+def test_the_derivative_of_an_angle_that_is_called_a_reference_is_one() -> None:
+    time = np.arange(2000) * 1e-3
+    angle = np.sin(5 * time)
+    columns = {"t": time, "q": angle, "vref": 5 * np.cos(5 * time)}
+    assert [one.meaning for one in guess_channels(columns).channels] == [
+        "time",
+        "motor_position",
+        "speed_reference",
     ]
