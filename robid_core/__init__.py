@@ -34,6 +34,7 @@ _HOME = {
     "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
+    "robid_core.robot.sampling": ("other_sampling",),
     "robid_core.robot.file.model_file": ("JointLimits", "MeshShape", "RobotModel"),
     "robid_core.robot.link_meshes": ("LinkMesh", "link_meshes"),
     "robid_core.robot.effect_columns": ("EffectColumn", "effect_columns"),
@@ -209,6 +210,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         simulate_record as simulate_record,
         simulate_records as simulate_records,
     )
+    from robid_core.robot.sampling import other_sampling as other_sampling
     from robid_core.robot.side_by_side import (
         prescribe_many as prescribe_many,
     )

@@ -19,7 +19,7 @@ import numpy as np
 
 from robid_core import DataRejected, FloatArray
 from robid_tables.encoding import read_text
-from robid_tables.instants import instants
+from robid_tables.instants import TOLD, instants
 from robid_tables.layout import SEPARATORS, Layout, Line, layout_of, split, trimmed
 from robid_tables.notation import (
     CERTAIN_COMMA,
@@ -76,7 +76,7 @@ def read_table(path: Path) -> Table:
     rows = _rows(path, layout, complete=text.endswith("\n"))
     mark = _decimal_mark(path, layout, rows)
     columns, words, clocks = _read_slowly(path, layout, rows, mark)
-    remarks += tuple(f"{name}: dates or times of day, read in seconds since midnight" for name in clocks)
+    remarks += tuple(f"{name}: {TOLD}" for name in clocks)
     return Table(columns, words, layout, mark, encoding, remarks)
 
 

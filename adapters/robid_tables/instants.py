@@ -16,6 +16,7 @@ import numpy as np
 
 from robid_core import FloatArray
 
+TOLD = "dates or times of day, read in seconds since midnight"
 DAY_S = 86_400.0
 _INSTANT = re.compile(
     r"(?P<date>(?:[0-9]{4}[-/.][0-9]{1,2}[-/.][0-9]{1,2}|[0-9]{1,2}[-/.][0-9]{1,2}[-/.](?:[0-9]{4}|[0-9]{2})))?"

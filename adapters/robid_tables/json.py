@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robid_core import DataRejected, FloatArray, StoreError
-from robid_tables.instants import instants
+from robid_tables.instants import TOLD, instants
 from robid_tables.notation import NUMBER, foreign_notation
 
 
@@ -100,7 +100,7 @@ def _enter(path: Path, name: str, values: Any, columns: dict[str, FloatArray], r
             raise DataRejected(f"{path}: '{name}' holds the text '{text}'; write numbers without quotes")
     seconds = instants(texts) if len(texts) == len(flat) else None
     if seconds is not None:
-        remarks.append(f"{name}: dates or times of day, read in seconds since midnight")
+        remarks.append(f"{name}: {TOLD}")
         columns[name] = seconds
         return
     if texts:

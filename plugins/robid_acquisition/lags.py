@@ -33,19 +33,7 @@ FEWEST = 10  # bins
 LATE = 0.65  # samples: a lag below may be of the model
 PHASE = 0.12  # rad that a lag must turn in the middle of the band: friction and damping may turn as much
 HOLD = 0.15  # samples by which a lag may miss half a sample, which a wrong hold makes
-SAME_RATE = 1e-3  # of a sampling time: a clock that is off by more is another one
 ALIKE = 0.4  # samples by which axes may differ that share a lag
-
-
-def doubts_of_rate(record: Record, robot: Robot) -> Iterator[str]:
-    """Say where a record is not sampled as the drives of its robot are: most of what follows refuses it."""
-    step = record.runs[0].sample_time_s
-    if abs(step / robot.sample_time_s - 1) > SAME_RATE:
-        yield (
-            f"the record is sampled every {step:g} s, and the drives of {robot.name} every {robot.sample_time_s:g} s "
-            "by the robot file (sample_time_s, 0.001 where nothing is stated): fits of torques, diagnoses and "
-            "predictions refuse that; correct the wrong one"
-        )
 
 
 def doubts_of_timing(record: Record, robot: Robot) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robid_acquisition.agreement_of_channels import dead_torques, doubts_of_channels, empty_channels
-from robid_acquisition.lags import doubts_of_rate, doubts_of_timing
+from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.odd_experiments import copies_in, odd_experiments
 from robid_acquisition.plausible import (
     doubts_of_angle,
@@ -19,7 +19,7 @@ from robid_acquisition.plausible import (
     unsigned_torques,
 )
 from robid_acquisition.suspect_signals import doubts_of_limits, refuse_jumps
-from robid_core import DataRejected, Record, Robot
+from robid_core import DataRejected, Record, Robot, other_sampling
 
 Place = tuple[int, int, int]
 MOST = 3  # objections of one kind that are told
@@ -87,7 +87,11 @@ def check_record(
     if empty := list(empty_channels(record)):
         tell.warn(*empty)
         return
-    tell.warn(*doubts_of_rate(record, robot), *doubts_of_limits(record), *doubts_of_channels(record, robot))
+    if other := other_sampling(record.runs[0].sample_time_s, robot):
+        tell.warn(
+            f"{other} (0.001 where it states none): torque fits, diagnoses and predictions refuse it else"
+        )
+    tell.warn(*doubts_of_limits(record), *doubts_of_channels(record, robot))
     if slips := slips_of(record, robot):
         tell.object(f"{sentence(slips)}; {MEND}")
         return

@@ -15,7 +15,6 @@ from robid_core.parameters import FreeParameters
 from robid_core.residual.measured import (
     arm_side_of,
     block_of,
-    check_sampling,
     check_variants,
     parts_by_variant,
     spectra_of,
@@ -23,6 +22,7 @@ from robid_core.residual.measured import (
 from robid_core.residual.moving_samples import MovingSamples, moving_samples
 from robid_core.residual.problem import TorqueProblem
 from robid_core.robot import Robot
+from robid_core.robot.sampling import check_sampling
 
 Motion = PeriodicMotion | WindowedMotion
 
@@ -105,7 +105,7 @@ def torque_problem(
     ]
     for part, under in measured:
         for run in part.runs:
-            check_sampling(run, under)
+            check_sampling(run.sample_time_s, under)
     parts = [
         (spectra(part, discard, highest_hz, under.sample_time_s), _bare(under)) for part, under in measured
     ]

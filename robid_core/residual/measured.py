@@ -8,7 +8,7 @@ from typing import cast, get_args
 import numpy as np
 
 from robid_core.arrays import FloatArray
-from robid_core.artifacts import DenseRun, Record
+from robid_core.artifacts import Record
 from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion, periodic_motion_of
 from robid_core.estimation.torque.quick_lengths import quick_length
@@ -23,16 +23,6 @@ from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot import Robot
 
 SHARPEST = 0.1  # of the change of a speed within a sample
-ALIKE = 1e-3  # of a sampling time: a clock that is off by more is another one
-
-
-def check_sampling(run: DenseRun, robot: Robot) -> None:
-    """Refuse a run that is not sampled as the drives of its robot are."""
-    if abs(run.sample_time_s / robot.sample_time_s - 1) > ALIKE:
-        raise ConfigurationError(
-            f"the record is sampled every {run.sample_time_s:g} s and the drives of {robot.name} every "
-            f"{robot.sample_time_s:g} s; set sample_time_s in the robot file"
-        )
 
 
 def hold_of(record: Record) -> Hold:

@@ -17,9 +17,10 @@ from robid_core.errors import DataRejected
 from robid_core.estimation.torque.spectra import Hold
 from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motion_of
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
-from robid_core.residual.measured import check_sampling, hold_of
+from robid_core.residual.measured import hold_of
 from robid_core.residual.signals import commanded_torque, reported_torque, true_motion
 from robid_core.robot import Robot
+from robid_core.robot.sampling import check_sampling
 
 HIGHEST_HZ = 100.0  # of what tells how the arm rings at the first sample
 ROUNDS = 6  # of prescribed motions that find it, at most
@@ -56,7 +57,7 @@ def prescribe_record(robot: Robot, record: Record) -> Record:
 
 
 def _prescribed(robot: Robot, run: DenseRun, torque_hold: Hold) -> DenseRun:
-    check_sampling(run, robot)
+    check_sampling(run.sample_time_s, robot)
     if not run.valid.all():
         raise DataRejected(
             "samples are missing in the record; cut the recording there, or read it with gaps: split"

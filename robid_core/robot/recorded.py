@@ -16,12 +16,13 @@ import numpy as np
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts import Channel, DenseRun, Record, frozen
-from robid_core.errors import ConfigurationError, DataRejected
+from robid_core.errors import DataRejected
 from robid_core.estimation.local_motion import local_motion
 from robid_core.mechanics import SimulationDiverged
 from robid_core.robot.plant import check_once, continue_simulation, controller_of, standing
 from robid_core.robot.recorded_lanes import DRIVE_ENABLED, RecordedLanes, recorded_lanes, side_by_side
 from robid_core.robot.restarts import cut_into_windows, join_windows, window_starts
+from robid_core.robot.sampling import check_sampling
 
 if TYPE_CHECKING:
     from robid_core.mechanics import SimulationState
@@ -161,7 +162,7 @@ def _groups(courses: Sequence[_Course], alone: bool) -> list[list[int]]:
 def _course(
     robot: Robot, run: DenseRun, periodic: bool, start: Start, horizon_s: float | None, half_window: int
 ) -> _Course:
-    _check_sampling(robot, run)
+    check_sampling(run.sample_time_s, robot)
     lanes = recorded_lanes(run)
     n_sample = lanes.position.shape[1]
     if horizon_s is None:
@@ -173,14 +174,6 @@ def _course(
     at_starts = tuple(one.reshape(-1, robot.n_axis) for one in motion)
     cut = cut_into_windows(lanes, starts, n_horizon)
     return _Course(cut, (0, run.sample_time_s), n_sample, starts, at_starts)
-
-
-def _check_sampling(robot: Robot, run: DenseRun) -> None:
-    if abs(run.sample_time_s / robot.sample_time_s - 1) > 1e-3:
-        raise ConfigurationError(
-            f"the record is sampled every {run.sample_time_s:g} s and the drives control every "
-            f"{robot.sample_time_s:g} s; set sample_time_s in the robot file"
-        )
 
 
 def _simulate(robot: Robot, courses: Sequence[_Course], start: Start, seed: int | None) -> list[Outputs]:

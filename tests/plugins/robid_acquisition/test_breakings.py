@@ -199,6 +199,12 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
         "clock is wrong .sample_time_s: 0.001000",
         set(ROBOTS),
     ),
+    "another sampling time": (
+        lambda run, _: run,
+        {"sample_time_s": 2 * STEP},
+        r"set sample_time_s in the robot file \(0.001 where it states none\)",
+        {"one_axis"},
+    ),
     "clock of a period": (
         lambda run, _: run,
         {"sample_time_s": 1.01 * STEP, "period_s": N_SAMPLE * STEP},
