@@ -11,12 +11,13 @@ from robid_core import (
     DiagnosedData,
     Finding,
     Model,
+    Parameter,
     ParameterTable,
     Record,
     Robot,
     SeparatingExperiment,
 )
-from robid_core.residual import estimated_robot, friction_of_motors, parts_by_variant
+from robid_core.residual import effect_class, estimated_robot, friction_of_motors, parts_by_variant
 from robid_diagnosis.completeness import still_gains
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
@@ -36,13 +37,14 @@ def finding_of(
     """Return a cause that was accepted, with the values that the last fit gives it, and what tells it from its ties.
 
     `robot` has all that was told, the loads of all variants too; `partial`: whether it is a part of what acts there;
-    `hardly`: numbers of which no error is stated, since the data do not determine them.
+    `hardly`: numbers of which no error is stated, since the data do not determine them; nor is one of what is held.
     """
     added = [one.names for one in final.hypothesis.additions if set(one.names) & set(step.names)]
     known = dict.fromkeys((*step.names, *(name for names in added for name in names)))
     names = tuple(name for name in known if name in final.problem.free.names)  # others data do not tell
     estimates = [final.estimate(name) for name in names]
     told = [robot.parameter(name) if name in robot.layout else float("nan") for name in names]
+    held = _held(final, step)
     kind = "value" if step.kind != "effect" else "partial" if partial else "cause"
     picture = step.picture
     return Finding(
@@ -50,12 +52,24 @@ def finding_of(
         effect=step.use,
         on=step.on or "",
         side=step.side or "",
-        names=tuple(name.rpartition(".")[2] if step.kind == "effect" else name for name in names),
-        units=tuple(final.problem.free.robot.parameter_unit(name) for name in names),
-        nominal=np.array(told),
-        value=np.array([value for value, _ in estimates]),
+        names=(
+            *(name.rpartition(".")[2] if step.kind == "effect" else name for name in names),
+            *(row.name for row, _ in held),
+        ),
+        units=(
+            *(final.problem.free.robot.parameter_unit(name) for name in names),
+            *(row.unit for row, _ in held),
+        ),
+        nominal=np.array([*told, *(np.nan for _ in held)]),
+        value=np.array([*(value for value, _ in estimates), *(value for _, value in held)]),
         standard_error=np.array(
-            [np.nan if name in hardly else error for name, (_, error) in zip(names, estimates, strict=True)]
+            [
+                *(
+                    np.nan if name in hardly else error
+                    for name, (_, error) in zip(names, estimates, strict=True)
+                ),
+                *(np.nan for _ in held),
+            ]
         ),
         gain=step.gain,
         p_value=step.p_value,
@@ -70,6 +84,20 @@ def finding_of(
         explained=picture.explained if picture else None,
         separation=separation,
     )
+
+
+def _held(final: Fitted, step: Step) -> list[tuple[Parameter, float]]:
+    """Sizes of a cause that are held, since data do not determine them, and are neither zero nor as by default.
+
+    Without them the numbers that are estimated say another law. Sizes may be zero, shapes may not.
+    """
+    return [
+        (row, one.values[row.name])
+        for one in final.hypothesis.additions
+        if set(one.names) & set(step.names)
+        for row in effect_class(one.use).parameters
+        if row.name not in one.free and row.lower <= 0 and one.values[row.name] not in (0.0, row.default)
+    ]
 
 
 def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
