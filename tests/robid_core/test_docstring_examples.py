@@ -46,6 +46,7 @@ PLUGINS = {
     "robid_core.robot.batch",
     "robid_core.robot.effect_columns",
     "robid_core.robot.file.left_out",
+    "robid_core.robot.sampling",
     "robid_core.robot.file.model_file",
     "robid_core.robot.forces_along",
     "robid_core.robot.link_meshes",
