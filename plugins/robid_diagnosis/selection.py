@@ -172,7 +172,7 @@ class Selection:
         if step is None:
             self._refuse(trial.hit, "configurations do not agree about it")
             return None
-        if current.misfit > MUCH_LACKS and trial.loss > -LITTLE:
+        if explains_little(trial.loss, current.misfit):
             self._refuse(
                 trial.hit, f"it explains {-100 * trial.loss:.2g} % of what is left, and something else most"
             )
@@ -311,6 +311,19 @@ def fits_worse(loss: float, misfit: float, before: float) -> bool:
         With the law and without, each in the noise of its own robot.
     """
     return loss > WORSE or (before < MUCH_LACKS and misfit > DOUBTS_MORE * before)
+
+
+def explains_little(loss: float, misfit: float) -> bool:
+    """Whether so little of what is left is explained that something else, which lacks, has to be what is left.
+
+    Parameters
+    ----------
+    loss
+        By which share the squares of what is left grow with the law.
+    misfit
+        Without it.
+    """
+    return misfit > MUCH_LACKS and loss > -LITTLE
 
 
 def _stands_out(value: ValueHit, hits: Sequence[Hit], least: LeastGains) -> bool:
