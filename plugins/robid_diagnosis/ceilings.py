@@ -14,6 +14,7 @@ import numpy as np
 from robid_core import FloatArray
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.projection import Projection, Rows
+from robid_diagnosis.wording import FREE
 
 KNOTS = (0.0, 0.05, 0.12, 0.25, 0.5, 0.8, 1.2, 1.8, 2.6)  # of the rms speed
 BENDS = (-0.8, -0.6, -0.4, -0.25, -0.12, 0.0, 0.12, 0.25, 0.4, 0.6, 0.8)  # of a deflection hardly exceeded
@@ -41,6 +42,11 @@ class Ceiling:
     """Likewise, of the data alone: without that told numbers need not leave their tolerances."""
     freedom: int
     """Number of functions."""
+
+    @property
+    def function_of(self) -> str:
+        """In words, with the place."""
+        return f"{FREE}{self.variable} at {self.axis}"
 
 
 def ceilings(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> list[Ceiling]:

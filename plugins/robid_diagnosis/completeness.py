@@ -1,8 +1,9 @@
 """Whether a cause is all that acts at its place, or only a part of it.
 
-Three signs of a part, none of which needs the true law in the catalogue: it gains less than free functions of its
-place; beside it free functions of its place still gain more than noise and the model's error let them; another wave of
-the same order is needed at its axis, though one source makes one wave.
+Signs of a part, none of which needs the true law in the catalogue: it gains less than free functions of its place;
+beside it free functions of its place still gain more than noise and the model's error let them; more than noise is left
+where it acts; another wave of the same order is needed at its axis, though one source makes one wave. What changes the
+robot itself, and gains no more than free functions of one axis, may as well be a law there.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ import scipy
 
 from robid_diagnosis.ceilings import Ceiling
 from robid_diagnosis.least_gains import LeastGains
+from robid_diagnosis.remainder import chance_of_remainders
 from robid_diagnosis.selection import APART, LEVEL
 from robid_diagnosis.steps import Outcome, Step
 
+REMAINS = 1e-4  # probability that noise leaves so much where a cause acts: less is no chance
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
 
 
@@ -24,14 +27,17 @@ def are_partial(outcome: Outcome) -> list[bool]:
     unexplained = {left.axis for left in outcome.left if still_gains(left, outcome)}
     names = outcome.final.problem.free.robot.axis_names
     orders = [_order(outcome, step) for step in outcome.steps]
+    chances = chance_of_remainders(outcome.base, outcome.final, [step.on for step in outcome.steps])
     return [
         step.share < CAUSE
+        or bool(step.as_well)
+        or chance < REMAINS
         or _acts_at(step, unexplained, names)
         or any(
             other is not step and other.on == step.on and abs(order - orders[j]) < APART
             for j, other in enumerate(outcome.steps)
         )
-        for step, order in zip(outcome.steps, orders, strict=True)
+        for step, order, chance in zip(outcome.steps, orders, chances, strict=True)
     ]
 
 

@@ -23,7 +23,7 @@ from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.selection import LEVEL
 from robid_diagnosis.steps import Outcome, Step
-from robid_diagnosis.wording import place_text
+from robid_diagnosis.wording import FREE, place_text
 
 
 def finding_of(
@@ -74,7 +74,7 @@ def finding_of(
         gain=step.gain,
         p_value=step.p_value,
         share=step.share,
-        ties=tuple(place_text(*tie) for tie in step.ties),
+        ties=(*(place_text(*tie) for tie in step.ties), *([step.as_well] if step.as_well else [])),
         by_configuration=step.by_configuration,
         held_out=step.held_out,
         by_own_size=step.by_own_size,
@@ -113,7 +113,7 @@ def unknown_of(outcome: Outcome) -> tuple[Finding, ...]:
     p_value = min(1.0, outcome.searches[-1].trials * float(scipy.stats.chi2.sf(left.gain, left.freedom)))
     if left.gain <= least.at(least.axis_names.index(left.axis)) or p_value > LEVEL:
         return ()
-    return (unknown(f"a function of {left.variable}", left.axis, left.gain, p_value),)
+    return (unknown(f"{FREE}{left.variable}", left.axis, left.gain, p_value),)
 
 
 def unknown(effect: str, on: str, gain: float, p_value: float) -> Finding:

@@ -15,7 +15,7 @@ import numpy as np
 
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_at_fit, differs_between, holds_elsewhere
-from robid_diagnosis.ceilings import ANGLE, ceilings, drifts
+from robid_diagnosis.ceilings import ANGLE, Ceiling, ceilings, drifts
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
@@ -43,6 +43,9 @@ WORSE = 0.02  # of the squares: what fits data worse is no cause, however near n
 DOUBTS_MORE = 1.05  # of the misfit: nor is what is further from the noise that its own robot leaves
 MUCH_LACKS = 10.0  # misfit: above, noise is less than a tenth of what is left
 LITTLE = 0.05  # of what is left where much lacks: what explains less follows the shape of what lacks
+CHANGE = (
+    1.2  # of the gain of free functions of one axis: a change of the robot that gains less may be a law there
+)
 PART = 0.5  # of the gain of free functions at its axis: a law that gains less is not taken
 
 Progress = Callable[[float, float, str], None]
@@ -269,6 +272,7 @@ class Selection:
         if differs and differs_at_fit(trial.fitted, trial.addition.names, trial.gain):
             self.failures.append(Failure(*whole.candidate.key, differs))
             return None
+        share, best = self._share(trial, search)
         return Step(
             "effect",
             trial.addition.use,
@@ -280,22 +284,24 @@ class Selection:
             held,
             projection.by_group(whole.sums, whole.gain, groups),
             projection.by_own_size(whole.sums, whole.gain, groups),
-            self._share(trial, search),
+            share,
             trial.freedom,
             tuple(near),
+            as_well=best.function_of if trial.hit.candidate.place is None and share < CHANGE else "",
         )
 
-    def _share(self, trial: Trial, search: Search) -> float:
+    def _share(self, trial: Trial, search: Search) -> tuple[float, Ceiling]:
         """Gain over that of the best free functions at the axis; at all axes, where the robot itself is changed.
 
-        A wave is not held against waves of all orders: it is not the less one where others act beside it.
+        With these functions. A wave is not held against waves of all orders: it is not the less one where others act
+        beside it.
         """
         assert isinstance(trial.hit, Hit)
         place, wave = trial.hit.candidate.place, trial.hit.columns.paired
         axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
         free = [one for asked in (ceilings, drifts) for one in asked(search.motion, search.projection, axes)]
-        best = max(one.gain for one in free if not (wave and one.variable == ANGLE))
-        return trial.gain / best if best > LEAST else float("nan")
+        best = max((one for one in free if not (wave and one.variable == ANGLE)), key=lambda one: one.gain)
+        return (trial.gain / best.gain if best.gain > LEAST else float("nan")), best
 
 
 def fits_worse(loss: float, misfit: float, before: float) -> bool:

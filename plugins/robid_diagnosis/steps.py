@@ -43,6 +43,8 @@ class Step:
     rivals: tuple[Trial, ...] = ()
     """What explains the data as well, and how it was fitted."""
     picture: Picture | None = None
+    as_well: str = ""
+    """Free functions of one axis that explain as much as a change of the robot itself; empty where none do."""
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:

@@ -17,6 +17,7 @@ BEYOND = 3.0  # standard deviations of a tolerance: likewise
 SHOWN = 5  # values
 MANY_DIGITS = 4
 BETTER = 1.005  # a gain that rounds to more than one
+FREE = "a function of "  # of speed, load, angle...: what is free in its shape
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 TOGETHER = 3  # numbers of a body that are read out where none moved by itself
@@ -31,9 +32,12 @@ def finding_line(finding: Finding, n_config: int, n_left_out: int = 0) -> str:
             f"{finding.on}: no effect of the catalogue explains the residual; {finding.effect} would "
             f"(twice the log-likelihood rises by {finding.gain:.3g})."
         )
+    a_law = any(tie.startswith(FREE) for tie in finding.ties)
     what = {
         "cause": "{}",
-        "partial": "{} explains a part; nothing in the catalogue explains the rest",
+        "partial": "{}, or a law at one axis that the catalogue lacks"
+        if a_law
+        else "{} explains a part; nothing in the catalogue explains the rest",
         "value": "wrong value: {}",
     }[finding.kind].format(finding.effect if finding.kind != "value" else f"{finding.effect} of {finding.on}")
     rows = list(

@@ -14,7 +14,8 @@ from robid_core.artifacts.tables import Table, finding_table
 class Finding(Artifact):
     """One thing that the simulation gets wrong.
 
-    `kind` is `cause` (an effect that explains what free functions at its place do), `partial` (it explains less),
+    `kind` is `cause` (an effect that explains what free functions at its place do), `partial` (it explains less,
+    or more than noise is left where it acts, or free functions of one axis explain as much as a change of the robot),
     `unknown` (only free functions of what `effect` says explain what is left, or responses and torques disagree), or
     `value` (numbers of the robot file that are wrong). `effect` is the effect's plugin, or body, rotor or spring for
     values; `on` and `side` say where. `gain` is of twice the log-likelihood, `p_value` counts the search. `share` is

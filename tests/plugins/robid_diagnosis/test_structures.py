@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable, Mapping
+
 import numpy as np
 import pytest
 
-from robid_core import Robot, StructureEffect
+from robid_core import Context, Record, Robot, StructureEffect
 from robid_core.residual import effect_class
+from robid_core.stage import map_in_process
 from robid_diagnosis.candidates import Candidate
+from robid_diagnosis.effects import Effects
 from robid_diagnosis.structures import BASE, RESONANCES, structure_candidates
 
 HIGHEST_HZ = 100.0
@@ -56,3 +61,44 @@ def test_every_motor_may_turn_every_other_axis() -> None:
 @pytest.mark.parametrize("use", ["load.payload", "load.centre_of_mass", "drive.rotor_inertia"])
 def test_what_changes_numbers_that_are_fitted_is_no_candidate(use: str) -> None:
     assert candidates_of(Robot.load("six_axis"), use) == []
+
+
+@pytest.mark.parametrize(
+    ("use", "on", "values", "kind", "ties"),
+    [
+        (
+            "transmission.stiffening",
+            "axis_1",
+            {"cubic": 5e7},
+            "partial",
+            ("a function of gear deflection at axis_1",),
+        ),
+        (
+            "structure.foundation_sway",
+            "base",
+            {"stiffness_x": 2e6, "stiffness_y": 2e6, "mass": 100.0},
+            "cause",
+            (),
+        ),
+    ],
+)
+def test_a_pedestal_that_explains_no_more_than_functions_of_one_axis_may_be_a_law_there(
+    told: Robot,
+    plant_of: Callable[[Robot, int], Robot],
+    measured: Callable[..., Record],
+    use: str,
+    on: str,
+    values: Mapping[str, float],
+    kind: str,
+    ties: tuple[str, ...],
+) -> None:
+    """A stiff pedestal is a spring that differs from pose to pose, as a stiffening gear is; a heavy one resonates."""
+    plant = plant_of(told, 3).with_effect("hidden", use, on, values=values)
+    context = Context(np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("test"))
+    sway = ("structure.foundation_sway",)
+    diagnosis = Effects(only=sway, separate=False, response_check=()).run(
+        (measured(plant, 5),), told, context
+    )
+    (finding,) = diagnosis.findings
+    assert (finding.effect, finding.kind, finding.ties) == (*sway, kind, ties)
+    assert ("or a law at one axis" in diagnosis.verdict) == bool(ties)
