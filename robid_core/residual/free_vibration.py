@@ -33,12 +33,10 @@ def vibration_about(
 ) -> ComplexArray:
     """Likewise about joint-side angles, (n_pose, n_axis); (n_pose, n_bin, n_row, 2 n_behind)."""
     n, model = robot.n_axis, robot.second_order(angle)
-    mass, damping, stiffness = (getattr(model, name)[:, n:, n:] for name in ("mass", "damping", "stiffness"))
     push = [getattr(model, name)[:, :n, n:] for name in ("stiffness", "damping", "mass")]
-    acceleration = -np.linalg.solve(mass, np.concatenate((stiffness, damping), axis=2))
-    still = np.zeros_like(mass)
-    rate = np.concatenate((still, np.broadcast_to(np.eye(mass.shape[1]), mass.shape)), axis=2)
-    value, vector = np.linalg.eig(np.concatenate((rate, acceleration), axis=1))
+    flow = _behind(robot, angle)
+    acceleration = flow[:, flow.shape[1] // 2 :]
+    value, vector = np.linalg.eig(flow)
     torque = np.concatenate((push[0], push[1]), axis=2) + push[2] @ acceleration
     time = motion.sample_time_s * np.arange(motion.n_sample)
     wave = np.exp(value[:, None, None, :] * time[:, None])
@@ -50,6 +48,21 @@ def vibration_about(
         )
     torques: ComplexArray = modes @ np.linalg.inv(vector)[:, None]
     return torques
+
+
+def slowest_decay(robot: Robot, angle: FloatArray) -> float:
+    """Rate, 1/s, with which the slowest vibration behind held motors dies away about joint-side angles."""
+    return float(-np.linalg.eigvals(_behind(robot, angle)).real.max())
+
+
+def _behind(robot: Robot, angle: FloatArray) -> FloatArray:
+    """Matrix of the state behind held motors, angles and rates, (n_pose, 2 n_behind, 2 n_behind)."""
+    n, model = robot.n_axis, robot.second_order(angle)
+    mass, damping, stiffness = (getattr(model, name)[:, n:, n:] for name in ("mass", "damping", "stiffness"))
+    acceleration = -np.linalg.solve(mass, np.concatenate((stiffness, damping), axis=2))
+    rate = np.concatenate((np.zeros_like(mass), np.broadcast_to(np.eye(mass.shape[1]), mass.shape)), axis=2)
+    flow: FloatArray = np.concatenate((rate, acceleration), axis=1)
+    return flow
 
 
 def rms_vibration(robot: Robot, angle: FloatArray, motion: WindowedMotion) -> FloatArray:

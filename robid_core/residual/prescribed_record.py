@@ -6,7 +6,6 @@ behind the motors rings on from before the first sample: how, the recorded torqu
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +18,13 @@ from robid_core.estimation.torque.windowed import WindowedMotion, windowed_motio
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
 from robid_core.residual.measured import hold_of
 from robid_core.residual.signals import commanded_torque, reported_torque, true_motion
+from robid_core.residual.vibration_along_motion import moves_far, vibration_along
 from robid_core.robot import Robot
 from robid_core.robot.sampling import check_sampling
 
 HIGHEST_HZ = 100.0  # of what tells how the arm rings at the first sample
 ROUNDS = 6  # of prescribed motions that find it, at most
 BETTER = 0.9  # of what was left: a round that leaves more was the last
-DIFFERENCE = 0.01  # of the rms vibration: for derivatives beside springs that are not linear
 MODEL_ERROR = 0.01  # of the rms torque: what else than ringing may be wrong
 
 
@@ -90,13 +89,13 @@ def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
     whitener = np.zeros((n_bin, n_axis, n_axis), dtype=np.complex128)
     whitener[:] = np.diag(np.sqrt(n_bin) / (MODEL_ERROR * rms))
     prior = rms_vibration(robot, robot.joint_angle(middle), motion)
-    bent = bool(robot.bending_forces)
+    along = bool(robot.bending_forces) or moves_far(robot, motion)
 
     def torque_from(deviation: FloatArray) -> FloatArray:
         state = state_at_first(robot, moved.angle, moved.speed, deviation)
         return robot.prescribe(moved, state).torque.reshape(shape)
 
-    vibration = None if bent else free_vibration(robot, motion)
+    vibration = None if along else free_vibration(robot, motion)
     deviation = np.zeros((*shape[:2], prior.shape[1]))
     best, before = motion.torque, np.inf
     for _ in range(ROUNDS):
@@ -108,24 +107,8 @@ def _ringing_as_recorded(robot: Robot, motion: WindowedMotion) -> FloatArray:
         if left > BETTER * before or robot.mechanism.n_coordinate == robot.n_axis:
             break
         before = left
-        if bent:
-            vibration = _simulated_vibration(torque_from, deviation, torque, prior, motion)
+        if along:
+            vibration = vibration_along(robot, motion, moved, deviation, prior, motion.spectrum_of)
         assert vibration is not None
         deviation = deviation + deviation_of(residual, vibration, whitener, prior)
     return best
-
-
-def _simulated_vibration(
-    torque_from: Callable[[FloatArray], FloatArray],
-    deviation: FloatArray,
-    torque: FloatArray,
-    prior: FloatArray,
-    motion: WindowedMotion,
-) -> ComplexArray:
-    """Spectra as of `free_vibration`, by prescribed motions: in the middle of a gap the linear model has no spring."""
-    found = []
-    for i, own in enumerate(prior.T):
-        moved, step = deviation.copy(), DIFFERENCE * own[:, None]
-        moved[:, :, i] += step
-        found.append(motion.spectrum_of(torque_from(moved) - torque) / step[..., None, None])
-    return np.stack(found, axis=-1)

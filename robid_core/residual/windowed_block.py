@@ -29,11 +29,11 @@ from robid_core.residual.impedance import impedance
 from robid_core.residual.inertial_units import inertial_noise
 from robid_core.residual.moving_samples import MovingSamples
 from robid_core.residual.signals import added_torque, true_motion
+from robid_core.residual.vibration_along_motion import moves_far, vibration_along
 from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
 
-LARGE = 0.2  # rad at a joint from the middle of a motion: beyond, a linear model gives no start values
 MORE = 2.0  # times the variance that a robot file states: angles that show more are believed
 UNIFORM = 12  # step squared over the variance of what is rounded
 WIDE = 1e3  # of what a row leaves: a sensor's zero is not known
@@ -56,6 +56,8 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
         init=False, default=None
     )
     """What this motion took of the last robot that was alone, and how it began: derivatives are taken about it."""
+    _last_vibration: tuple[Robot, MotorMotion, ComplexArray] | None = field(init=False, default=None)
+    """What deviations of the initial state add, and about which robot."""
 
     @classmethod
     def of_record(
@@ -94,8 +96,7 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
     @property
     def moves_far(self) -> bool:
         """Whether the arm leaves what a linear model can tell."""
-        joints = self.robot.joint_angle(self.motion.angle)
-        return bool((np.abs(joints - self.angle[:, None, None]) > LARGE).any())
+        return moves_far(self.robot, self.motion)
 
     def thinned(self, keep: npt.NDArray[np.int64]) -> WindowedBlock:
         """Likewise; of long ways the first experiments of each configuration are enough to begin with.
@@ -197,11 +198,35 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
 
     def free_vibration(self, robot: Robot) -> ComplexArray | None:
         """Rows of unit deviations of the initial state, then of zeros, (n_config, n_exp, n_bin, n_row, n_unknown)."""
-        parts = [free_vibration(robot, self.motion, self.arm)] if self.initial_state_unknown else []
+        parts = [self._vibration(robot)] if self.initial_state_unknown else []
         if self.arm is not None:
             zeros = np.pad(self.arm.zeros(), ((0, 0), (robot.n_axis, 0), (0, 0)))
             parts.append(np.broadcast_to(zeros, (*self.motion.angle.shape[:2], *zeros.shape)))
         return np.concatenate(parts, axis=-1) if parts else None
+
+    def _vibration(self, robot: Robot) -> ComplexArray:
+        """Rows of unit deviations of the initial state.
+
+        Along the motion where the arm moves far or springs are bent; about the robot to which the motion was
+        prescribed last, which is as good as any near it. Sensors behind the gears have the closed form alone.
+        """
+        last, far = self._last_rows, self.moves_far or bool(robot.bending_forces)
+        if self.arm is not None or last is None or not far:
+            return free_vibration(robot, self.motion, self.arm)
+        about, moved, deviation, _ = last
+        known = self._last_vibration
+        if known is None or known[0] is not about or known[1] is not moved:
+            rms = rms_vibration(about, self.angle, self.motion)
+            found = vibration_along(
+                about,
+                self.motion,
+                moved,
+                deviation,
+                rms,
+                lambda torque: self.motion.spectrum_of_means(torque, about.step_s),
+            )
+            self._last_vibration = known = about, moved, found
+        return known[2]
 
     def improve_initial_state(self, robot: Robot, residual: ComplexArray, whitener: ComplexArray) -> None:
         """Begin the next prescribed motion as residuals tell, so that a linear model is enough for what is left."""
