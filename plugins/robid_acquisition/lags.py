@@ -33,18 +33,47 @@ FEWEST = 10  # bins
 LATE = 0.65  # samples: a lag below may be of the model
 PHASE = 0.12  # rad that a lag must turn in the middle of the band: friction and damping may turn as much
 HOLD = 0.15  # samples by which a lag may miss half a sample, which a wrong hold makes
+SPRINGS = (0.7, 0.85, 1.0, 1.2, 1.4)  # times the robot file's
 ALIKE = 0.4  # samples by which axes may differ that share a lag
 
 
 def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
-    """Say which torques lag the angles, or lead them, and whether the hold is another one."""
-    step = record.runs[0].sample_time_s
+    """Say which torques lag the angles, or lead them, and whether the hold is another one.
+
+    Springs of a robot file are often a quarter off, and near a wrong resonance phases are as of a lag. So what is told
+    is there with springs as well beside which the phases scatter least.
+    """
+    told = _doubts(record, robot)
+    if not told:
+        return []
+    as_well = _doubts(record, _with_likely_springs(record, robot))
+    return [sentence for what, sentence in as_well.items() if what in told]
+
+
+def _with_likely_springs(record: Record, robot: Robot) -> Robot:
+    """Return the robot with the springs of each gear, one after the other, as its axis' phases scatter least."""
+    for name in robot.axis_names:
+        spring = f"gear_stiffness.{name}"
+        if spring not in robot.layout:
+            continue
+        tried = [robot.with_parameters({spring: factor * robot.parameter(spring)}) for factor in SPRINGS]
+        robot = min(tried, key=lambda one: _scatter(record, one, name))
+    return robot
+
+
+def _scatter(record: Record, robot: Robot, name: str) -> float:
+    """Scatter of an axis' phases about those of a lag; infinite where too few are told."""
+    lag = _lags(record, robot)[0].get(name)
+    return np.inf if lag is None else lag.scatter
+
+
+def _lags(record: Record, robot: Robot) -> tuple[dict[str, Lag], dict[str, tuple[FloatArray, FloatArray]]]:
+    """Lags of the axes that tell one, and their phases over angular frequencies."""
     try:
         phases = list(_phases(record, robot))
     except (RobidError, ArithmeticError, np.linalg.LinAlgError):
-        return []
-    known: dict[str, Lag] = {}
-    bins: dict[str, tuple[FloatArray, FloatArray]] = {}
+        return {}, {}
+    step, known, bins = record.runs[0].sample_time_s, dict[str, Lag](), {}
     for a, name in enumerate(robot.axis_names):
         omega = np.concatenate([w for axis, w, _ in phases if axis == a] or [np.zeros(0)])
         phase = np.concatenate([p for axis, _, p in phases if axis == a] or [np.zeros(0)])
@@ -53,8 +82,15 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
         lag = torque_lag(omega, phase, step)
         if lag.scatter < SCATTER and lag.error < ERROR:
             known[name], bins[name] = lag, (omega, phase)
+    return known, bins
+
+
+def _doubts(record: Record, robot: Robot) -> dict[str, str]:
+    """Likewise, by what is doubted, of a robot whose springs are as they are."""
+    step = record.runs[0].sample_time_s
+    known, bins = _lags(record, robot)
     if not known:
-        return []
+        return {}
     middle = {name: float(np.median(omega)) for name, (omega, _) in bins.items()}
     lags = np.array([one.samples for one in known.values()])
     weights = np.array([1 / (one.error**2 + MODEL**2) for one in known.values()])
@@ -66,20 +102,20 @@ def doubts_of_timing(record: Record, robot: Robot) -> list[str]:
             alone = lag_beside_friction(*next(iter(bins.values())), step)
             sure, apart = alone.error < ALONE, alone.samples
             if abs(alone.samples) < CERTAIN * alone.error:
-                return []
+                return {}
         if sure and (wrong := _hold(record.torque_hold, apart)):
-            return [wrong]
+            return {"torque_hold": wrong}
         whose = (
             "all torques from which it can be estimated"
             if len(known) > 1
             else f"the torque of {next(iter(known))}"
         )
-        return [_sentence(whose, common, step)] if abs(common) > LATE and turned > PHASE else []
-    return [
+        return dict([_sentence(whose, common, step)]) if abs(common) > LATE and turned > PHASE else {}
+    return dict(
         _sentence(f"the torque of {name}", lag.samples, step)
         for name, lag in known.items()
         if abs(lag.samples) > LATE and abs(lag.samples) * step * middle[name] > PHASE
-    ]
+    )
 
 
 def _hold(told: str, lag: float) -> str:
@@ -93,11 +129,13 @@ def _hold(told: str, lag: float) -> str:
     )
 
 
-def _sentence(whose: str, lag: float, step: float) -> str:
+def _sentence(whose: str, lag: float, step: float) -> tuple[str, str]:
+    """What is doubted, and the sentence."""
     late, channel = ("lag", "motor_torque") if lag > 0 else ("lead", "motor_position")
     verb = late if whose.startswith("all") else f"{late}s"
-    return (
-        f"{whose} {verb} the angles by {abs(lag):.2g} samples ({1e3 * abs(lag) * step:.3g} ms): {channel}: delay_s: "
+    what = f"{whose} {verb} the angles"
+    return what, (
+        f"{what} by {abs(lag):.2g} samples ({1e3 * abs(lag) * step:.3g} ms): {channel}: delay_s: "
         f"{abs(lag) * step:.2g}, or a lag that the robot file lacks (drive.current_loop, sensing.delay)"
     )
 

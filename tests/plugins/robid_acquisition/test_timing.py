@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robid_acquisition.lags import doubts_of_timing
+from robid_acquisition.lags import _doubts, doubts_of_timing
 from robid_acquisition.plausible import doubts_of_scale
 from robid_acquisition.recorded import RecordedAcquisition
 from robid_core import Channel, Context, DenseRun, FloatArray, Record, Robot
@@ -61,7 +61,9 @@ def late(torque: FloatArray, samples: FloatArray | float) -> FloatArray:
     return np.fft.irfft(np.fft.rfft(torque - line, axis=1) * turn, n, axis=1) + line
 
 
-def record(position: FloatArray, torque: FloatArray, hold: str = "zero_order_hold") -> Record:
+def record(
+    position: FloatArray, torque: FloatArray, hold: str = "zero_order_hold", robot: Robot = ROBOT
+) -> Record:
     def channel(unit: str, values: FloatArray) -> Channel:
         return Channel("motor", unit, values[:, None, None, None])
 
@@ -71,7 +73,7 @@ def record(position: FloatArray, torque: FloatArray, hold: str = "zero_order_hol
         np.arange(position.shape[1]) * STEP,
         np.ones((len(position), 1, 1, 1, position.shape[1]), dtype=bool),
     )
-    return Record(ROBOT.axis_names, "", hold, (run,), ROBOT.joint_angle(position.mean(axis=1)))
+    return Record(robot.axis_names, "", hold, (run,), robot.joint_angle(position.mean(axis=1)))
 
 
 def told(words: str) -> float:
@@ -211,3 +213,24 @@ def test_what_the_warning_says_to_write_mends_the_record(
     inner = slice(40, 1900)  # all are cut to the shortest, which lost an end of the file
     as_it_was = np.sqrt(np.mean((late(sound[1], 1.4) - sound[1])[1, inner] ** 2))
     assert np.sqrt(np.mean((mended[inner] - sound[1][1, inner]) ** 2)) < 0.3 * as_it_was
+
+
+def test_a_wrong_spring_is_no_lag() -> None:
+    """A SCARA of soft gears, in whose file springs are a quarter too soft and a third too stiff.
+
+    About a resonance that is elsewhere phases are as of a torque that leads by 1.1 samples.
+    """
+    arm = Robot.load("scara")
+    springs = [f"gear_stiffness.axis_{i}" for i in (1, 2)]
+    soft = {name: 0.25 * arm.parameter(name) for name in springs}
+    nominal = arm.with_parameters({springs[0]: 0.75 * soft[springs[0]], springs[1]: 1.3 * soft[springs[1]]})
+    draw, time = np.random.default_rng(5), STEP * np.arange(4000)
+    lines = np.arange(1.25, 60.0, 1.5)[:, None]
+    waves = np.cos(2 * np.pi * lines * time + draw.uniform(0, 2 * np.pi, (4, 4, len(lines), 1))).sum(axis=2)
+    slow = np.sin(np.pi * time + draw.uniform(0, 2 * np.pi, (4, 4, 1)))
+    poses = draw.uniform(-0.6, 0.6, (4, 4)) * np.array([1, 1, 0.05, 1])
+    plant = arm.with_parameters(soft)
+    run = plant.simulate(np.swapaxes(4 * waves / waves.std() + 10 * slow, 1, 2), poses, seed=3)
+    one = record(run.position, run.torque, robot=arm)
+    assert "the torque of axis_2 leads the angles" in _doubts(one, nominal)
+    assert not doubts_of_timing(one, nominal)
