@@ -55,8 +55,7 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
 
     `misfit` is what the model leaves: much above one, a delay that is larger than any channel's is the model's.
     """
-    found = []
-    doubted = []
+    found, doubted, leads, lags = list[str](), list[str](), False, False
     for axis, value, sd in zip(timing.axis_names, timing.lag, timing.standard_error, strict=True):
         if abs(value) <= LATE:
             continue
@@ -64,9 +63,17 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
             doubted.append(f"{axis} ({value:.2g} ± {sd:.1g} samples)")
         elif is_late(value, sd):
             way = "lags" if value > 0 else "leads"
+            lags, leads = lags or bool(value > 0), leads or bool(value < 0)
             found.append(
                 f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
             )
+    if found:
+        channels = [name for name, so in (("motor_position", leads), ("motor_torque", lags)) if so]
+        found.append(
+            "Timing: no robot file that is written here has such delays. If channels are recorded at different "
+            f"instants, give delay_s of {' or '.join(channels)} in the channel map; if the loop of the drive is late, "
+            "give the robot file the effect sensing.delay: its closed loop then comes near to the recorded one."
+        )
     if doubted:
         found.append(
             f"Timing: a delay of the torque cannot be distinguished from what the model lacks: {', '.join(doubted)}."
