@@ -143,6 +143,8 @@ class Effect(abc.ABC):
     """Values of the law that are known from elsewhere."""
     searched: ClassVar[bool] = True
     """Whether a diagnosis tries it unasked; not one of which a law with fewer numbers is a special case."""
+    smoothest: ClassVar[Mapping[str, float]] = {}
+    """Values with which a law that has corners has none, nearly: where a fit goes astray, it begins again from them."""
 
     @classmethod
     def defaults(cls) -> FloatArray:

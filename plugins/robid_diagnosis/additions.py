@@ -29,6 +29,7 @@ def addition_of(hit: Hit, search: Search, label: str) -> Addition:
     free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
     free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
     free |= {row.name for row in candidate.effect.parameters if row.unit == "1" and row.default > 0}
+    free -= set(candidate.effect.smoothest)
     whole = search.motion.whole(candidate, values)
     least = min(SMALL * float(np.linalg.norm(whole)), SEEN)
     if candidate.place is None:

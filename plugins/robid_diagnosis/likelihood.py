@@ -29,6 +29,24 @@ def lost(one: Fitted, other: Fitted, about: Linearisation) -> float:
     return mine - its
 
 
+def is_nearer(one: Fitted, other: Fitted, without: Fitted) -> bool:
+    """Whether a fit of a law is nearer to all experiments than another one, in the weights of the fit without the law.
+
+    A fit explains nothing of experiments that it leaves out: they count as without the law.
+    """
+    every = tuple(replace(weight, used=None) for weight in without.about.weights)
+    bare = without.problem.weighted(without.point, every)
+
+    def cost(fitted: Fitted) -> float:
+        weighted = fitted.problem.weighted(fitted.point, every)
+        for own, known, block in zip(weighted, bare, fitted.problem.blocks, strict=True):
+            if block.used is not None:
+                own[~block.used] = known[~block.used]
+        return fitted.problem.cost(fitted.point, weighted)
+
+    return cost(one) < cost(other)
+
+
 def _either(one: BoolArray | None, other: BoolArray | None) -> BoolArray | None:
     """Experiments that either uses, (n_config, n_exp); None: all."""
     return None if one is None or other is None else one | other

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 from robid_core import RobidError
 from robid_diagnosis.additions import addition_of, is_fixed, label_of
+from robid_diagnosis.from_smooth import fits_from_smooth
 from robid_diagnosis.hypothesis import FEW, Addition, Case, Fitted
 from robid_diagnosis.least_gains import LeastGains
-from robid_diagnosis.likelihood import costs
+from robid_diagnosis.likelihood import costs, is_nearer
 from robid_diagnosis.search import Failure, Hit, Search
 from robid_diagnosis.values import PRICE, ValueHit
 from robid_diagnosis.zero_speed import with_own_width
@@ -98,6 +99,7 @@ class Trials:
         if self._leaves_much(trials):
             own = [self._with_own_width(trial) for trial in trials]
             trials = trials if own == trials else self._settled(own)
+        trials = self._from_smooth((*rivals, *others), trials)
         if self._leaves_much(trials):
             shaped = [
                 hit
@@ -170,8 +172,7 @@ class Trials:
 
         A search far from its size, about springs that were refitted without it, promises next to nothing of it.
         """
-        here = bool(trials) and key_of(hit)[1] == key_of(trials[0].hit)[1]
-        return here and is_fixed(hit, self.search)
+        return _acts_there(hit, trials) and is_fixed(hit, self.search)
 
     def _settled(self, trials: Sequence[Trial]) -> list[Trial]:
         """Fit those that gain nearly as much as the best to the end, and return all, the best first.
@@ -209,6 +210,30 @@ class Trials:
             if fitted.solution.converged or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:
                 break
         return trial
+
+    def _from_smooth(self, hits: Sequence[Rival], trials: list[Trial]) -> list[Trial]:
+        """Fit a law with corners from where they are round, where fits went astray or its robot rattles."""
+        rattles = bool(trials) and any(trials[0].fitted.problem.left_out)
+        if not (rattles or self._leaves_much(trials)):
+            return trials
+        cornered = (hit for hit in hits if isinstance(hit, Hit) and hit.candidate.effect.smoothest)
+        hit = next((hit for hit in cornered if _acts_there(hit, trials)), None)
+        if hit is None:
+            return trials
+        before = self.current.hypothesis
+        law = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
+        begin = self.current if before.additions else None
+        try:
+            fits = fits_from_smooth(self.case, law, begin, self.progress)
+        except RobidError as error:
+            self.failures.append(Failure(*key_of(hit), str(error)))
+            return trials
+        rounded, plain = (self._of(fitted, hit) for fitted in fits)
+        trial = plain if plain.worth > rounded.worth - nearness(rounded.fitted) else rounded
+        others = [one for one in trials if key_of(one.hit) != key_of(hit)]
+        same = [one for one in trials if one not in others]
+        nearer = all(is_nearer(trial.fitted, one.fitted, self.current) for one in same)
+        return self._settled([*others, trial]) if nearer and trial.gain > self.least.of(hit) else trials
 
     def _restarted(self, hit: Hit, trials: list[Trial]) -> list[Trial]:
         """Fit from all values of the search's grid: a gap has many minima.
@@ -269,6 +294,11 @@ class Trials:
         before, after = costs(self.current, fitted, self.current.about)
         pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
+
+
+def _acts_there(hit: Rival, trials: Sequence[Trial]) -> bool:
+    """Whether a rival acts where the best trial does."""
+    return bool(trials) and key_of(hit)[1] == key_of(trials[0].hit)[1]
 
 
 def nearness(fitted: Fitted) -> float:

@@ -2,8 +2,8 @@
 
 Theory: torque = k D(x) + d D'(x) v with the dead zone D(x) = 0 for |x| < gap / 2 and x -+ gap / 2 beyond (Nordin
 and Gutman 2002, Automatica 38): spring and damper of the robot file act on the flanks only. Two departures keep it
-computable. The corners are rounded within a tenth of the gap (ROUNDING of the half gap; a contact is soft at first
-anyway), and inside a thousandth of the spring stays (RESIDUAL), without which an unloaded joint would have no
+computable. The corners are rounded within a tenth of the gap (`rounding`, 0.2 of the half gap; a contact is soft at
+first anyway), and inside a thousandth of the spring stays (RESIDUAL), without which an unloaded joint would have no
 equilibrium. A gap that is passed within a step of a simulation acts by its mean over the step (see `deflection`). The
 law returns the difference to the linear spring and damper. Under a sine of amplitude A the spring
 acts as k N(A), N = 1 - (2 / pi) (asin mu + mu sqrt(1 - mu^2)), mu = gap / (2 A) (Gelb and Vander Velde 1968); under a
@@ -21,8 +21,6 @@ from robid_core import FloatArray, ForceEffect, Parameter, Place, TestValue
 from robid_core.mechanics import kernel, where
 from robid_effects.deflection import SMALLEST_RADIUS, dead_zone, swept_radius
 
-ROUNDING = 0.2
-"""Radius of the corners over half the gap."""
 TOUCHED = 1e-3  # of the time on a flank, or more: it is touched
 RESIDUAL = 1e-3
 """Share of spring and damper that stays inside the gap."""
@@ -44,19 +42,23 @@ def backlash_law(position, velocity, load, state, next_state, parameters, step):
     return force, by_position, damping * (contact - 1.0) + by_radius * wider
 
 
-def rounding_radius(gap: float) -> float:
-    """Radius of the rounded corners of a gap, rad."""
-    return max(0.5 * ROUNDING * gap, SMALLEST_RADIUS)
-
-
 class Backlash(ForceEffect):
     """Backlash: a gap in the gear, centred on zero deflection."""
 
     source = "Nordin and Gutman 2002, Automatica 38(10); Gelb and Vander Velde 1968"
     sides = ("gear",)
+    smoothest = {"rounding": 0.9}
     law = staticmethod(backlash_law)
     parameters = (
         Parameter("gap", "rad", 3e-4, 0.0, 0.1, "full width, joint side (1 arc minute is 2.9e-4 rad)"),
+        Parameter(
+            "rounding",
+            "1",
+            0.2,
+            0.02,
+            1.0,
+            "radius of the corners over half the gap: how soft contact is",
+        ),
     )
     test_values = (
         TestValue(
@@ -74,8 +76,9 @@ class Backlash(ForceEffect):
     @classmethod
     def arguments(cls, parameters: FloatArray, place: Place) -> FloatArray:
         """Half the gap, radius of its corners, spring and damper of the robot file."""
-        gap = float(parameters[0])
-        return np.array([0.5 * gap, rounding_radius(gap), place.stiffness, place.damping])
+        gap, rounding = parameters
+        radius = max(0.5 * rounding * gap, SMALLEST_RADIUS)
+        return np.array([0.5 * gap, radius, place.stiffness, place.damping])
 
     @classmethod
     def hardly_told(

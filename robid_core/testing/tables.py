@@ -41,6 +41,13 @@ def check_table(effect: type[Effect]) -> None:
     if not isinstance(rows, tuple) or not all(isinstance(row, Parameter) for row in rows):
         raise ContractBroken(f"{name}: parameters is {rows!r}; give a tuple of Parameter, () for none")
     _check_rows(name, rows, {*reserved, "step", "state"})
+    bounds = {row.name: (row.lower, row.upper) for row in rows}
+    for parameter, value in effect.smoothest.items():
+        lower, upper = bounds.get(parameter, (math.inf, -math.inf))
+        if not lower < value < upper:
+            raise ContractBroken(
+                f"{name}: smoothest has {parameter} = {value:g}; give a parameter of the table, within its bounds"
+            )
     if issubclass(effect, ForceEffect | SignalEffect):
         _check_declared_law(effect, name)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from robid_effects.backlash import RESIDUAL, ROUNDING, Backlash, rounding_radius
+from robid_effects.backlash import RESIDUAL, Backlash
 
-GAP, SPRING, DAMPER = 3e-4, 9e4, 60.0
+GAP, SPRING, DAMPER, ROUNDING = 3e-4, 9e4, 60.0, 0.2
 HALF, RADIUS = GAP / 2, ROUNDING * GAP / 2
 
 
@@ -18,7 +18,7 @@ def place(at):
 def law(
     position: float, velocity: float, place, gap: float = GAP, step: float = 0.0
 ) -> tuple[float, float, float]:
-    arguments = Backlash.arguments(np.array([gap]), place)
+    arguments = Backlash.arguments(np.array([gap, ROUNDING]), place)
     return Backlash.law(position, velocity, 0.0, np.zeros(1), np.zeros(1), arguments, step)
 
 
@@ -122,8 +122,9 @@ def test_the_first_harmonic_under_a_sine_is_the_textbooks(at, ratio: float, text
     assert in_phase == pytest.approx(RESIDUAL + (1 - RESIDUAL) * textbook, abs=2.6e-3)
 
 
-def test_the_radius_is_a_tenth_of_the_gap() -> None:
-    assert rounding_radius(GAP) == pytest.approx(GAP / 10, rel=1e-12)
+def test_the_radius_is_a_tenth_of_the_gap_unless_told_otherwise(place) -> None:
+    assert Backlash.arguments(Backlash.defaults(), place)[1] == pytest.approx(GAP / 10, rel=1e-12)
+    assert Backlash.arguments(np.array([GAP, 0.9]), place)[1] == pytest.approx(0.45 * GAP, rel=1e-12)
 
 
 def test_a_width_is_told_where_one_experiment_touches_both_flanks(place) -> None:

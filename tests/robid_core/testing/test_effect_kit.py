@@ -153,6 +153,7 @@ def changed(base: Any, **members: Any) -> Any:
         ({"parameters": (Parameter("size", "1", 2, -1, 1, "x"),)}, "default 2 is not within its bounds -1 to 1"),
         ({"parameters": (Parameter("size", "1", 0, 0, math.inf, "x"),)}, "not within its bounds 0 to inf"),
         ({"parameters": (Parameter("size", "1", 1, 1, 1, "x"),)}, "can only be 1; make it a constant"),
+        ({"smoothest": {"softness": 0.5}}, "smoothest has softness = 0.5; give a parameter of the table"),
         ({"law": None}, "has no law"),
         ({"law": drag_law.py_func}, "law is called with itself"),
         ({"test_values": ()}, "has no test_values"),
