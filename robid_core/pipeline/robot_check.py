@@ -94,8 +94,9 @@ def check_drives_against_robot(
 
 
 def _asks(stage: Stage) -> bool:
-    """Whether a stage looks at the robot at all before it runs."""
-    return type(stage).problems_with is not Stage.problems_with or bool(stage.needs_of_axes())
+    """Whether a stage looks at the robot at all before it runs: a robot that cannot be is refused for it then."""
+    kind = type(stage)
+    return kind.problems_with is not Stage.problems_with or kind.needs_of_axes is not Stage.needs_of_axes
 
 
 def _check(entry: Declared, robot: Robot, problems: ProblemList) -> None:

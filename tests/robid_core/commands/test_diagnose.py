@@ -27,6 +27,7 @@ from robid_core.commands.diagnose import (
 from robid_core.errors import ConfigurationError
 from robid_core.pipeline import Pipeline
 from robid_core.stage import map_in_process
+from robid_core.yaml_file.problems import FileProblems
 
 
 def test_the_pipeline_reads_every_record_and_explains_them_together(tmp_path: Path) -> None:
@@ -41,6 +42,23 @@ def test_the_pipeline_reads_every_record_and_explains_them_together(tmp_path: Pa
     stages = {node.name: node for node in pipeline.stages}
     assert tuple(stages["explain"].inputs["record"]) == ("record_1", "record_2")
     assert stages["explain"].stage.only == ("friction.stribeck@axis_1",)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("number", "wrong"),
+    [("gear_ratio.axis_1", 0.0125), ("centre_of_mass.axis_1.z", 202.0)],
+)
+def test_a_robot_that_cannot_be_is_refused_before_a_record_is_read(
+    tmp_path: Path, number: str, wrong: float
+) -> None:
+    """A ratio upside down, millimetres: `robid doctor` tells them, and so does whoever has not asked it."""
+    (tmp_path / "a.mcap").write_bytes(b"")
+    (tmp_path / "robot.yaml").write_text(
+        f"robid_robot: 1\nbase: one_axis\nparameters: {{{number}: {wrong}}}\n", encoding="utf-8"
+    )
+    (tmp_path / FILE).write_text(pipeline_text("robot.yaml", [{"path": "a.mcap"}], Asked()), encoding="utf-8")
+    with pytest.raises(FileProblems, match=r"robot: robot.yaml:.*(turns faster than its motor|millimetres)"):
+        Pipeline.load(tmp_path / FILE, data_root=tmp_path)
 
 
 def test_one_long_motion_is_cut_and_what_is_measured_later_is_not(tmp_path: Path) -> None:
