@@ -252,7 +252,7 @@ class Effects(DiagnosisStage):
         ]
         lines += hardly.values()
         values = values_of(final)
-        lines += [*timing_lines(timing, final.misfit), values_line(values)]
+        lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
         lines.append(rests_line(robot.axis_names, problem.at_rest.tolist()))
         lines += gear_ratio_lines(causes, values)

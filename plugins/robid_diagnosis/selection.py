@@ -29,6 +29,7 @@ from robid_diagnosis.ties import with_final_ties
 from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, total
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
+from robid_diagnosis.wording import MUCH_LACKS
 from robid_diagnosis.written import as_written
 from robid_diagnosis.zero_speed import WIDTHS, with_own_width
 
@@ -41,7 +42,6 @@ NEAR = 0.3  # of the largest gain: rivals gain at least that
 TOLERANCES = 0.5  # of a gain: where numbers come so much nearer to what was told, no data can hold that out
 WORSE = 0.02  # of the squares: what fits data worse is no cause, however near numbers come to what was told
 DOUBTS_MORE = 1.05  # of the misfit: nor is what is further from the noise that its own robot leaves
-MUCH_LACKS = 10.0  # misfit: above, noise is less than a tenth of what is left
 LITTLE = 0.05  # of what is left where much lacks: what explains less follows the shape of what lacks
 CHANGE = (
     1.2  # of the gain of free functions of one axis: a change of the robot that gains less may be a law there

@@ -18,6 +18,7 @@ SHOWN = 5  # values
 MANY_DIGITS = 4
 BETTER = 1.005  # a gain that rounds to more than one
 FREE = "a function of "  # of speed, load, angle...: what is free in its shape
+MUCH_LACKS = 10.0  # misfit: above, noise is less than a tenth of what is left
 LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sign worth telling
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 TOGETHER = 3  # numbers of a body that are read out where none moved by itself
@@ -142,8 +143,11 @@ def held_line(names: Sequence[str]) -> str:
     return f"These data do not determine {', '.join(names[:SHOWN])}{more}: taken from the robot file."
 
 
-def values_line(values: ParameterTable) -> str:
-    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is."""
+def values_line(values: ParameterTable, misfit: float) -> str:
+    """Say which springs, bodies and rotors are not as they were told, the furthest from it first; empty if none is.
+
+    Where much lacks, what is fitted stands for it, and no error says how far: with the misfit that is left.
+    """
     told = np.where(values.start == 0, np.nan, values.start)
     relative, error = values.estimate / told - 1, values.standard_error / np.abs(told)
     apart = np.array([group in REFITTED for group in values.groups])
@@ -158,7 +162,8 @@ def values_line(values: ParameterTable) -> str:
         for i in furthest[:SHOWN]
     ]
     more = f"; {len(furthest) - SHOWN} more" if len(furthest) > SHOWN else ""
-    return f"Values: {'; '.join(lines)}{more}." if lines else ""
+    doubt = "these cannot be distinguished from what the model lacks: " if misfit > MUCH_LACKS else ""
+    return f"Values: {doubt}{'; '.join(lines)}{more}." if lines else ""
 
 
 def response_check_line(check: ResponseCheck) -> str:

@@ -27,10 +27,18 @@ def table(estimate: list[float], error: list[float], group: str = "stiffness") -
 
 def test_values_that_are_surely_and_clearly_off_are_read_out_the_furthest_first() -> None:
     """A half is further than a third more; an error of a percent, or one that the data do not tell, is not read out."""
-    line = values_line(table([130.0, 50.0, 101.0, 140.0], [0.2, 0.1, 0.1, 20.0]))
+    line = values_line(table([130.0, 50.0, 101.0, 140.0], [0.2, 0.1, 0.1, 20.0]), 1.0)
     assert line == (
         "Values: gear_stiffness.axis_2 is 50 ± 0.1 % smaller than in the robot file; "
         "gear_stiffness.axis_1 is 30 ± 0.2 % larger than in the robot file."
+    )
+
+
+def test_where_much_lacks_values_may_stand_for_it() -> None:
+    line = values_line(table([130.0], [0.2]), 500.0)
+    assert line == (
+        "Values: these cannot be distinguished from what the model lacks: gear_stiffness.axis_1 is 30 ± 0.2 % larger "
+        "than in the robot file."
     )
 
 
@@ -48,9 +56,9 @@ def test_one_experiment_is_no_plural() -> None:
 
 
 def test_many_are_counted_and_none_is_no_line() -> None:
-    assert values_line(table([200.0] * 7, [1.0] * 7)).endswith("; 2 more.")
-    assert values_line(table([100.5], [0.01])) == ""
-    assert values_line(table([50.0], [0.01], group="friction")) == ""
+    assert values_line(table([200.0] * 7, [1.0] * 7), 1.0).endswith("; 2 more.")
+    assert values_line(table([100.5], [0.01]), 1.0) == ""
+    assert values_line(table([50.0], [0.01], group="friction"), 1.0) == ""
 
 
 def test_a_gain_that_data_do_not_show_is_one_of_tolerances() -> None:
