@@ -188,12 +188,15 @@ def test_friction_that_turns_much_sooner_than_told_is_no_cause(
 def test_hysteresis_is_named_and_what_cannot_be_told_from_it(
     told: Robot, plant_of: Plants, measured: Measured
 ) -> None:
-    """Maxwell's slip and the law of Bouc and Wen draw nearly the same loops: either may be named, both are."""
+    """Maxwell's slip and the law of Bouc and Wen draw nearly the same loops: either may be named, both are.
+
+    As a part: its fit ends beside the minimum (a spread of 2.4 for 10, misfit 1.04), and more than noise is left.
+    """
     plant = plant_of(told, 3).with_effect(
         "hidden", "transmission.maxwell_slip", "axis_1", values={"stiffness": 5e3, "torque": 2.0}
     )
     (finding,) = diagnosed(measured(plant, 4), told).findings
-    assert (finding.kind, finding.on, finding.side) == ("cause", "axis_1", "gear")
+    assert (finding.kind, finding.on, finding.side) == ("partial", "axis_1", "gear")
     assert any("transmission.maxwell_slip" in name for name in (finding.effect, *finding.ties))
 
 
