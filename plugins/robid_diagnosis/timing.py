@@ -55,24 +55,23 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
 
     `misfit` is what the model leaves: much above one, a delay that is larger than any channel's is the model's.
     """
-    found, doubted, leads, lags = list[str](), list[str](), False, False
-    for axis, value, sd in zip(timing.axis_names, timing.lag, timing.standard_error, strict=True):
+    found, doubted, late = list[str](), list[str](), [0.0] * len(timing.lag)
+    rows = zip(timing.axis_names, timing.lag, timing.standard_error, strict=True)
+    for number, (axis, value, sd) in enumerate(rows):
         if abs(value) <= LATE:
             continue
         if misfit > DOUBTFUL and (abs(value) > IMPLAUSIBLE or not is_late(value, sd)):
             doubted.append(f"{axis} ({value:.2g} ± {sd:.1g} samples)")
         elif is_late(value, sd):
             way = "lags" if value > 0 else "leads"
-            lags, leads = lags or bool(value > 0), leads or bool(value < 0)
+            late[number] = float(value * timing.sample_time_s)
             found.append(
                 f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
             )
     if found:
-        channels = [name for name, so in (("motor_position", leads), ("motor_torque", lags)) if so]
         found.append(
-            "Timing: no robot file that is written here has such delays. If channels are recorded at different "
-            f"instants, give delay_s of {' or '.join(channels)} in the channel map; if the loop of the drive is late, "
-            "give the robot file the effect sensing.delay: its closed loop then comes near to the recorded one."
+            "Timing: a robot that is written here has no such delay, and its closed loop is without. The channel map "
+            f"takes it off the recording: motor_torque: {{delay_s: [{', '.join(f'{one:.4g}' for one in late)}]}}."
         )
     if doubted:
         found.append(
