@@ -1,194 +1,81 @@
-"""What a real run gives: the page and the figures of `docs/example`, which is run once; a second build keeps it."""
+"""What real runs give: pages and figures of `docs/example`, which is run once; a second build keeps it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 
+from generated_pages import drawings
 from generated_pages.chart import Curve, chart, row_of
+from generated_pages.stage_pictures import pictures
+from robid_core import Diagnosis, Pipeline, Run
 from robid_core.mechanics import equivalent_damping
-from robid_core.pipeline import Pipeline
-from robid_core.run import RunOptions, run_pipeline
 
 EXAMPLE = Path(__file__).parent.parent / "example"
-WIDE = (480, 260)
-HERTZ = "frequency, Hz"
-MOST_POINTS = 600
 
 
 def pages() -> dict[str, str]:
-    """Return the run's page and the figures of the methods by their paths."""
-    run_pipeline(Pipeline.load(EXAMPLE / "pipeline.yaml"), RunOptions())
-    folder = EXAMPLE / "runs" / "one-axis"
-    artifacts = folder / "artifacts"
-    run_pipeline(Pipeline.load(EXAMPLE / "motion.yaml"), RunOptions())
-    moved = EXAMPLE / "runs" / "motion" / "artifacts"
-    figures = {
-        "excitation": _excitation(artifacts),
-        "responses": _responses(artifacts),
-        "log_fit": _log_fit(artifacts),
-        "torque_residual": _residual(artifacts),
-        "diagnosis": _diagnosis(artifacts),
-        "equivalent_gain": _equivalent_gain(),
-        "design": _design(artifacts),
-        "rigid": _over_time(moved / "rigid.h5", 0, "fit.rigid on the run in docs/example/motion.yaml."),
-        "output_error": _over_time(
-            moved / "loop.h5", 1, "fit.time_domain on the run in docs/example/motion.yaml."
+    """Return pages of the runs, figures of the methods, and a picture of each stage, by their paths."""
+    example, motion = Run.make(EXAMPLE / "pipeline.yaml"), Run.make(EXAMPLE / "motion.yaml")
+    _write_table(motion)
+    every = Run.make(Pipeline.load(EXAMPLE / "every_stage.yaml", data_root=EXAMPLE))
+    figures = _figures(example, motion)
+    figures |= {f"stage_{name}": lines for name, lines in pictures(example, motion, every).items()}
+    texts = {f"figures/{name}.txt": "\n".join(lines) for name, lines in figures.items()}
+    for name, run, stage in (("report_of_the_example", example, "page"), ("comparison", every, "compare")):
+        file = run.path / "artifacts" / f"{stage}.html"
+        texts[f"extra/{name}.html"] = file.read_text(encoding="utf-8")
+    return texts
+
+
+def _write_table(motion: Run) -> None:
+    """Write a measurement as the table that `every_stage.yaml` reads."""
+    run = motion["acquire"].runs[0]
+    columns = [run.channels[name].values[0, 0, 0, 0, :, 0] for name in ("motor_position", "motor_torque")]
+    table = np.column_stack([run.time_s, *columns])
+    np.savetxt(EXAMPLE / "measured.csv", table, "%.6f", ",", header="t,q,tau", comments="")
+
+
+def _figures(example: Run, motion: Run) -> dict[str, list[str]]:
+    rigid, loop = motion["rigid"].time[0], motion["loop"].time[1]
+    return {
+        "excitation": drawings.excitation(
+            example["excite"],
+            "Excitation of the run in docs/example: the excited lines are odd, the slow sine stands on an even bin.",
         ),
+        "responses": drawings.responses(
+            example["frf"],
+            "Response of one configuration by frf.log, motor acceleration over motor torque.",
+        ),
+        "log_fit": drawings.fitted_response(example["log_fit"], "fit.log_response, one configuration."),
+        "torque_residual": _residual(example["explain"]),
+        "diagnosis": drawings.cause(example["explain"], "The picture of a cause, as on the page."),
+        "equivalent_gain": _equivalent_gain(),
+        "design": drawings.design(
+            example["choose"],
+            "design.optimal on the robot of one axis: the few poses that are most informative.",
+        ),
+        "rigid": drawings.over_time(rigid, "fit.rigid on the run in docs/example/motion.yaml."),
+        "output_error": drawings.over_time(loop, "fit.time_domain on the run in docs/example/motion.yaml."),
     }
-    page = (artifacts / "page.html").read_text(encoding="utf-8")
-    return {f"figures/{name}.txt": "\n".join(lines) for name, lines in figures.items()} | {
-        "extra/report_of_the_example.html": page
-    }
 
 
-def _excitation(folder: Path) -> list[str]:
-    """Spectrum of the speed reference of one experiment, and the beginning of it over time."""
-    with h5py.File(folder / "excite.h5") as file, h5py.File(folder / "acquire.h5") as record:
-        reference = file["reference"][0, 0, 0, :, 0]
-        sample_time = float(np.diff(record["runs/0000/time_s"][:2])[0])
-        lines = record["line"][:]
-    amplitude = 2 * np.abs(np.fft.rfft(reference)) / len(reference)
-    frequency = np.fft.rfftfreq(len(reference), sample_time)
-    band = (frequency > 0.2) & (frequency < 100)
-    others = band & ~np.isin(np.arange(len(frequency)), lines)
-    decibel = 20 * np.log10(np.maximum(amplitude, 1e-4))
-    seen = slice(0, round(2.0 / sample_time), 2)
-    time = sample_time * np.arange(len(reference))
-    return row_of(
-        [
-            chart(
-                "The first two seconds",
-                "time, s",
-                "speed reference, rad/s",
-                [Curve(time[seen], reference[seen])],
-                size=WIDE,
-            ),
-            chart(
-                "Its spectrum",
-                HERTZ,
-                "amplitude, dB of rad/s",
-                [
-                    Curve(
-                        frequency[others],
-                        decibel[others],
-                        "reference",
-                        "not excited: detection lines, and the slow sine",
-                        dots=True,
-                    ),
-                    Curve(frequency[lines], decibel[lines], "second", "excited lines", dots=True),
-                ],
-                logarithmic=True,
-                size=WIDE,
-            ),
-        ],
-        "Excitation of the run in docs/example: the excited lines are odd, the slow sine stands on an even bin.",
+def _residual(explained: Diagnosis) -> list[str]:
+    curve = next(one for one in explained.residuals if one.variable.startswith("frequency"))
+    told = (
+        (curve.measured, "reference", "measured torque"),
+        (curve.refitted, "first", "left by the robot file, values refitted"),
+        (curve.extended, "second", "left with the missing friction law"),
     )
-
-
-def _responses(folder: Path) -> list[str]:
-    with h5py.File(folder / "frf.h5") as file:
-        frequency, response = file["frequency_hz"][:], file["response"][0, :, 0, 0]
-        blocks = file["block_response"][0, :, :, 0, 0]
-        deviation = np.sqrt(
-            file["input_gram_inverse"][0, :, 0, 0].real * file["output_covariance"][0, :, 0, 0].real
-        )
-    spread = np.abs(blocks - blocks.mean(axis=0)).max(axis=0)
-    return row_of(
-        [
-            chart(
-                "Response",
-                HERTZ,
-                "magnitude, dB",
-                [Curve(frequency, 20 * np.log10(np.abs(response)))],
-                logarithmic=True,
-                size=WIDE,
-            ),
-            chart(
-                "Uncertainty",
-                HERTZ,
-                "relative to the response, dB",
-                [
-                    Curve(
-                        frequency,
-                        20 * np.log10(deviation / np.abs(response)),
-                        "second",
-                        "stated standard deviation",
-                    ),
-                    Curve(
-                        frequency,
-                        20 * np.log10(spread / np.abs(response)),
-                        "reference",
-                        "blocks, from their mean",
-                        dots=True,
-                    ),
-                ],
-                logarithmic=True,
-                size=WIDE,
-            ),
-        ],
-        "Response of one configuration by frf.log, motor acceleration over motor torque.",
-    )
-
-
-def _log_fit(folder: Path) -> list[str]:
-    with h5py.File(folder / "log_fit.h5") as file:
-        frequency = file["response/frequency_hz"][:]
-        measured, modelled, start = (
-            20 * np.log10(np.abs(file[f"response/{name}"][0, :, 0, 0]))
-            for name in ("measured", "modelled", "start")
-        )
     curves = [
-        Curve(frequency, start, "reference", "robot file"),
-        Curve(frequency, modelled, "second", "fitted model"),
-        Curve(frequency, measured, "first", "measured", dots=True),
+        Curve(curve.abscissa, 20 * np.log10(np.maximum(values, 1e-6)), style, name)
+        for values, style, name in told
     ]
+    up = "torque, dB of N m"
     return row_of(
-        [chart("Response", HERTZ, "magnitude, dB", curves, logarithmic=True, size=WIDE)],
-        "fit.log_response, one configuration.",
-    )
-
-
-def _residual_curve(folder: Path, beginning: str) -> tuple[str, dict[str, np.ndarray]]:
-    """Return a residual of the diagnosis over a variable whose name begins so."""
-    with h5py.File(folder / "explain.h5") as file:
-        for group in file["residuals"].values():
-            variable = str(group.attrs["variable"])
-            if variable.startswith(beginning):
-                return variable, {name: group[name][:] for name in group}
-    raise LookupError(f"no residual over {beginning}")
-
-
-def _residual(folder: Path) -> list[str]:
-    variable, curve = _residual_curve(folder, "frequency")
-    decibel = {
-        name: 20 * np.log10(np.maximum(values, 1e-6)) for name, values in curve.items() if name != "abscissa"
-    }
-    curves = [
-        Curve(curve["abscissa"], decibel["measured"], "reference", "measured torque"),
-        Curve(curve["abscissa"], decibel["refitted"], "first", "left by the robot file, values refitted"),
-        Curve(curve["abscissa"], decibel["extended"], "second", "left with the missing friction law"),
-    ]
-    return row_of(
-        [chart("Torque residual", variable, "torque, dB of N m", curves, logarithmic=True, size=WIDE)],
+        [chart("Torque residual", curve.variable, up, curves, logarithmic=True, size=drawings.WIDE)],
         "What each model leaves of the measured torque.",
-    )
-
-
-def _diagnosis(folder: Path) -> list[str]:
-    with h5py.File(folder / "explain.h5") as file:
-        finding = file["findings/0000"]
-        variable = str(finding.attrs["variable"])
-        x, residual, explained = (finding[name][:] for name in ("abscissa", "residual", "explained"))
-    curves = [
-        Curve(x, explained, "second", "friction.load_dependent, as found"),
-        Curve(x, residual, "first", "torque that the rest of the model leaves", dots=True),
-    ]
-    return row_of(
-        [chart("The cause", variable, "torque, N m", curves, size=WIDE)],
-        "The picture of a cause, as on the page.",
     )
 
 
@@ -201,57 +88,8 @@ def _equivalent_gain() -> list[str]:
             (9.0, "second", "on a slow sine of 9 rad/s"),
         )
     ]
+    title, across = "Gain of Coulomb friction of 0.5 N m", "rms speed of the multisine, rad/s"
     return row_of(
-        [
-            chart(
-                "Gain of Coulomb friction of 0.5 N m",
-                "rms speed of the multisine, rad/s",
-                "gain, dB of N m s/rad",
-                curves,
-                logarithmic=True,
-                size=WIDE,
-            )
-        ],
+        [chart(title, across, "gain, dB of N m s/rad", curves, logarithmic=True, size=drawings.WIDE)],
         "The slow sine keeps the motor moving, so that friction disturbs a small multisine less.",
-    )
-
-
-def _design(folder: Path) -> list[str]:
-    with h5py.File(folder / "choose.h5") as file:
-        angle, weight = file["angle"][:, 0], file["weight"][:]
-    order = np.argsort(angle)
-    curves = [
-        Curve(
-            np.repeat(angle[order], 3),
-            np.stack([0 * weight, weight[order], 0 * weight], axis=1).ravel(),
-            "second",
-        )
-    ]
-    return row_of(
-        [
-            chart(
-                "Chosen configurations", "angle of axis_1, rad", "share of the experiments", curves, size=WIDE
-            )
-        ],
-        "design.optimal on the robot of one axis: the few poses that are most informative.",
-    )
-
-
-def _over_time(file_name: Path, index: int, caption: str) -> list[str]:
-    """Measured and modelled torque over time, and their difference."""
-    with h5py.File(file_name) as file:
-        found = file[f"time/{index:04d}"]
-        every = max(1, found["time_s"].shape[0] // MOST_POINTS)
-        time, measured, modelled = (
-            found[name][:].reshape(found["time_s"].shape[0], -1)[::every, 0]
-            for name in ("time_s", "measured", "modelled")
-        )
-    curves = [Curve(time, measured, "first", "measured"), Curve(time, modelled, "reference", "model")]
-    left = [Curve(time, measured - modelled, "second")]
-    return row_of(
-        [
-            chart("Motor torque", "time, s", "torque, N m", curves, size=WIDE),
-            chart("Measured less model", "time, s", "torque, N m", left, size=WIDE),
-        ],
-        caption,
     )

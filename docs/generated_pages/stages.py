@@ -59,6 +59,7 @@ def _page(plugin: Plugin) -> str:
     lines = heading(name)
     lines += [prose(inspect.getdoc(loaded) or ""), ""]
     if plugin.group == STAGES:
+        lines += [f".. include:: ../figures/stage_{plugin.name}.txt", ""]
         lines += _wiring(loaded)
     model = settings_model(loaded)
     rows = setting_rows(model)

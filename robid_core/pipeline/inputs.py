@@ -61,7 +61,12 @@ def _wrong_sources(
 ) -> dict[KeyPath, str]:
     """Return what is wrong with what stands under an input, by its place; empty where nothing is."""
     names = [str(item.value) for item in _items(node)]
-    if entry is not None and isinstance(node.value, list) and not entry.many:
+    if (
+        entry is not None
+        and isinstance(node.value, list)
+        and not entry.many
+        and (names or not entry.optional)
+    ):
         what = "robot" if entry.name in _robots(stage) else entry.artifact.__name__
         return {place: f"{stage.plugin} takes one {what} here; write the name of one stage, no list"}
     if entry is not None and not names and not entry.optional:
@@ -114,6 +119,8 @@ def order_stages(declared: dict[str, Declared], problems: ProblemList) -> list[t
         for own in stage.inputs:
             if own.named and own.name in wires[name]:
                 wires[name][own.name] = each(wires[name][own.name])
+            if not own.many and wires[name].get(own.name) == ():  # an empty list: it stays away
+                del wires[name][own.name]
     missing: dict[type[Artifact], list[Open]] = {}
     for entry in unsettled:
         if not declared[entry.stage].known:  # its plugin is a guess
@@ -142,8 +149,11 @@ def _tell_ambiguous(entry: Open, stage: Declared, problems: ProblemList) -> None
     lines = _either([f"`inputs: {{{entry.parameter}: {name}}}`" for name in entry.candidates])
     makers = f"{', '.join(entry.candidates[:-1])} and {entry.candidates[-1]}"
     message = f"ambiguous: {makers} each make {_a(entry.artifact)}; write {lines}"
-    if any(one.name == entry.parameter and one.many for one in stage.inputs):
+    asked = next(one for one in stage.inputs if one.name == entry.parameter)
+    if asked.many:
         message += f", or of several a list, `inputs: {{{entry.parameter}: [{', '.join(entry.candidates)}]}}`"
+    if asked.optional:
+        message += f", or `inputs: {{{entry.parameter}: []}}` for none"
     problems.add(_mark(stage), ("stages", stage.name, "inputs", entry.parameter), message)
 
 

@@ -128,8 +128,14 @@ def _branch(plugin: Plugin, model: type[BaseModel], definitions: Schema) -> Sche
 
 def _input(entry: Input) -> Schema:
     """Return the schema of what stands under one input."""
-    if not entry.many:
+    if not entry.many and not entry.optional:
         return {"type": "string", "description": f"A stage that makes {entry.artifact.__name__}."}
+    if not entry.many:
+        return {
+            "type": ["string", "array"],
+            "maxItems": 0,
+            "description": f"A stage that makes {entry.artifact.__name__}, or [] for none.",
+        }
     return {
         "type": ["string", "array"],
         "items": {"type": "string"},

@@ -11,10 +11,26 @@ from pydantic import Field
 
 from robid_core import FrfEstimator, Robot, Settings, registry as registry_module
 from robid_core.commands import doctor
+from robid_core.commands.registered import FAULTS
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
 from robid_core.errors import PluginError
 from robid_core.interruption import signals_as_interrupt
-from robid_core.registry import DRIVES, EFFECTS, EXTRAS, RECORDS, STAGES, Plugin, Registry, registry
+from robid_core.registry import (
+    DRIVES,
+    DYNAMICS,
+    EFFECTS,
+    EXECUTORS,
+    EXTRAS,
+    GROUPS,
+    MESHES,
+    MODELS,
+    RECORDS,
+    STAGES,
+    TASKS,
+    Plugin,
+    Registry,
+    registry,
+)
 from robid_core.yaml_file.kind import PIPELINE_FILE
 from robid_core.yaml_file.parsing import read_nodes
 from robid_core.yaml_file.problems import ProblemList
@@ -84,6 +100,13 @@ def test_a_plugin_that_fails_is_a_line_and_no_failure() -> None:
         (EFFECTS, "robid_core:StructureEffect", "lacks parameters, source, places, apply"),
         (DRIVES, "builtins:dict", "is no subclass of robid_core.Drives"),
         (RECORDS, "builtins:dict", "is no reader of recordings: it lacks describe and read"),
+        (DYNAMICS, "builtins:dict", "computes no dynamics: it lacks solve_equilibrium, second_order_model"),
+        (MODELS, "math:pi", "is no function"),
+        (MODELS, "robid_pin.mesh:triangles_of_mesh", "cannot be called with (file, locked joints)"),
+        (MESHES, "builtins:pow", "cannot be called with (file)"),
+        (EXECUTORS, "builtins:dict", "is no executor: it must return a context manager"),
+        (EXECUTORS, "os:fwalk", "a generator under contextlib.contextmanager"),
+        (TASKS, "math:pi", "is no function"),
     ],
 )
 def test_what_is_registered_and_cannot_be_used_is_a_line_and_a_failure_of_doctor(
@@ -97,6 +120,10 @@ def test_what_is_registered_and_cannot_be_used_is_a_line_and_a_failure_of_doctor
     (_, (code, said)) = doctor.plugins()
     assert code
     assert told in said
+
+
+def test_every_group_is_asked() -> None:
+    assert set(FAULTS) == set(GROUPS)
 
 
 def test_all_that_robid_brings_is_what_its_group_asks_for() -> None:

@@ -316,3 +316,26 @@ def test_a_number_out_of_bounds_is_that_where_a_list_would_do(tmp_path: Path, co
     read = f"{{use: acquisition.recorded, with: {{path: a.csv, channels: {channels}}}}}"
     found = problems(tmp_path, text_of(acquire=read))
     assert [told for path, told in found if "torque_constant" in path] == ["-0.48 must be greater than 0"]
+
+
+def test_an_optional_input_that_several_stages_could_feed_may_stay_away(tmp_path: Path) -> None:
+    stages = {
+        "explain": "{use: diagnosis.effects}",
+        "encoders": "{use: diagnosis.deflection}",
+        "check": "{use: diagnosis.prediction}",
+    }
+    ((place, message),) = problems(tmp_path, text_of(**stages))
+    assert place == "stages.check.inputs.explained"
+    assert message.endswith("`inputs: {explained: encoders}`, or `inputs: {explained: []}` for none")
+    stages["check"] = "{use: diagnosis.prediction, inputs: {explained: []}}"
+    (tmp_path / "pipeline.yaml").write_text(text_of(**stages), encoding="utf-8")
+    pipeline = Pipeline.load(tmp_path / "pipeline.yaml")
+    assert pipeline.stage("check").inputs == {"record": ("acquire",)}
+    one_too_many = "{use: diagnosis.prediction, inputs: {explained: [explain]}}"
+    ((place, message),) = problems(tmp_path, text_of(**stages | {"check": one_too_many}))
+    assert (place, "write the name of one stage, no list" in message) == (
+        "stages.check.inputs.explained",
+        True,
+    )
+    ((place, message),) = problems(tmp_path, text_of(frf="{use: frf.log, inputs: {record: []}}"))
+    assert (place, "write the name of one stage, no list" in message) == ("stages.frf.inputs.record", True)
