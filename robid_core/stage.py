@@ -118,9 +118,9 @@ class Stage(Settings):
 
     Of a record a stage gets what it says it can use: where `sees_test` is false, the experiments that are held out
     for tests are left out; where `handles_variants` is false, a record of several variants (payloads, tools) is
-    refused. Where `needs_lines` is true, `robid validate` refuses a record of an excitation that has no lines. Where
-    `names_several` is true, an input that takes many takes one, or those that the pipeline names: all that there are
-    might be held-out data.
+    refused. Where `needs_lines` is true, `robid validate` refuses a record of an excitation, or of recordings,
+    without lines. Where `names_several` is true, an input that takes many takes one, or those that the pipeline names:
+    all that there are might be held-out data.
     """
 
     kind: ClassVar[str] = ""
@@ -162,6 +162,15 @@ class Stage(Settings):
         path inside the settings, as ``("free", 0)`` or ``("prior", "mass.*")``; the empty path is the stage as a whole.
         """
         del robot
+        return {}
+
+    def problems_with_files(self, robot: Robot, data_root: Path) -> Mapping[KeyPath, str]:
+        """Say which settings do not go with the data files that they lead to, as `problems_with` does.
+
+        Asked whenever a pipeline is read and `problems_with` says nothing: it has to be quick, whatever the files'
+        size, and passes over what is damaged or takes long; the run tells that.
+        """
+        del robot, data_root
         return {}
 
     @classmethod
@@ -244,6 +253,11 @@ class Acquisition(Stage):
 
     kind = "acquisition"
     output = Record
+
+    @property
+    def gives_lines(self) -> bool:
+        """Whether its records may have excited lines, as far as it is for the settings to say."""
+        return True
 
 
 class Preprocessing(Stage):

@@ -49,6 +49,20 @@ def read_columns(path: Path) -> tuple[dict[str, FloatArray], list[str]]:
     return columns, remarks
 
 
+def plain_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each column without reading one; none where lists or structures are among them."""
+    try:
+        file = pyarrow.parquet.ParquetFile(path)
+    except (pyarrow.ArrowException, OSError) as error:
+        raise DataRejected(
+            f"{path}: cannot be read as Parquet ({str(error).partition(chr(10))[0]})"
+        ) from error
+    schema = file.schema_arrow
+    if any(pyarrow.types.is_nested(kind) for kind in schema.types):
+        return {}
+    return dict.fromkeys(schema.names, (file.metadata.num_rows,))
+
+
 def _values(column: pyarrow.ChunkedArray) -> tuple[FloatArray | None, str]:
     """Return the numbers of a column, None where it has none, and what there is to say."""
     kind = column.type
@@ -106,6 +120,11 @@ class ParquetRecords:
         """Return one line for each column, and what is left out."""
         columns, remarks = read_columns(path)
         return [*(f"{name}: {values.shape}" for name, values in columns.items()), *remarks]
+
+    @staticmethod
+    def shapes(path: Path) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of plain columns by the file's footer; none where others nest in it."""
+        return plain_shapes(path)
 
     @staticmethod
     def read(path: Path) -> dict[str, FloatArray]:

@@ -33,6 +33,7 @@ from robid_tables.notation import (
 )
 
 _log = logging.getLogger("robid.csv")
+LONG = 100_000_000  # bytes; lines of as many are counted in half a second
 CUT = "A01"  # begins what is told of a cut file
 _INTEGER = re.compile("[+-]?[0-9]+")
 _FRACTION = re.compile("[0-9]+(?:e[+-]?[0-9]+)?", re.IGNORECASE)
@@ -234,6 +235,14 @@ class CsvRecords:
             if remark.startswith(CUT):
                 _log.warning("%s: %s", path, remark)
         return table.columns
+
+    @staticmethod
+    def shapes(path: Path) -> dict[str, tuple[int, ...]]:
+        """Return the shape of each column, of words too, by the header and the count of lines; of a long file none."""
+        if path.stat().st_size > LONG:
+            return {}
+        layout = layout_of(path, read_text(path)[0])
+        return dict.fromkeys(layout.names, (len(layout.body),))
 
     @staticmethod
     def units(path: Path) -> dict[str, str]:

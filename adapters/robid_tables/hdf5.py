@@ -56,6 +56,25 @@ def read_data_sets(path: Path) -> tuple[dict[str, FloatArray], list[str]]:
     return arrays, remarks
 
 
+def data_set_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of what `read_data_sets` reads, by path; raises DataRejected as it does."""
+    shapes: dict[str, tuple[int, ...]] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.size:
+            fields = item.dtype.fields or {"": (item.dtype, 0)}
+            for field, (kind, *_) in fields.items():
+                if kind.base.kind in "fiub":
+                    shapes[f"{name}/{field}" if field else name] = (*item.shape, *kind.shape)
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
+        raise DataRejected(f"{path}: cannot be read as HDF5 ({error})") from error
+    return shapes
+
+
 def _is_artifact(path: Path) -> bool:
     try:
         with h5py.File(path, "r") as file:
@@ -84,6 +103,11 @@ class Hdf5Records:
             ),
             *remarks,
         ]
+
+    @staticmethod
+    def shapes(path: Path) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of the data sets by path; their numbers are not read."""
+        return data_set_shapes(path)
 
     @staticmethod
     def read(path: Path) -> dict[str, FloatArray]:

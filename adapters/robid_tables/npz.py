@@ -56,6 +56,25 @@ def read_arrays(path: Path) -> dict[str, FloatArray]:
     return arrays
 
 
+def claimed_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of arrays of real numbers that their headers claim; raises DataRejected as `read_arrays`."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    name = ""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for name in (one for one in archive.namelist() if one.endswith(_SUFFIX)):
+                with archive.open(name) as stream:
+                    version = np.lib.format.read_magic(stream)
+                    if version not in _HEADERS:
+                        continue
+                    shape, _, dtype = _HEADERS[version](stream)
+                if dtype.kind in "fiub":
+                    shapes[name.removesuffix(_SUFFIX)] = shape
+    except Exception as error:  # as above
+        raise _damaged(path, name, error) from error
+    return shapes
+
+
 def _damaged(path: Path, name: str, error: Exception) -> DataRejected:
     place = f", member {name}" if name else ""
     return DataRejected(
@@ -105,6 +124,11 @@ class NpzRecords:
     def describe(path: Path) -> list[str]:
         """Return one line for each array."""
         return [f"{name}: {values.shape}" for name, values in read_arrays(path).items()]
+
+    @staticmethod
+    def shapes(path: Path) -> dict[str, tuple[int, ...]]:
+        """Return the shapes that the members' headers claim, by name; their numbers are not read."""
+        return claimed_shapes(path)
 
     @staticmethod
     def read(path: Path) -> dict[str, FloatArray]:

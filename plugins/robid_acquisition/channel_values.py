@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -126,25 +127,44 @@ def _same_length(table: FloatArray, other: FloatArray, name: str, what: str) -> 
         raise DataRejected(f"A06: channel {name}: {len(table)} samples and {len(other)} of its {what}")
 
 
-def _table(parts: list[FloatArray], name: str, n_axis: int) -> FloatArray:
-    """Stack columns, or turn one table, into (n_sample, n_axis)."""
+def rows_of(parts: list[FloatArray], name: str, n_axis: int) -> int:
+    """Return how many rows columns have, or one table; DataRejected where they do not make one of `n_axis` axes."""
     if len(parts) == 1 and parts[0].ndim == 2:
-        rows, columns = parts[0].shape
-        table = parts[0] if columns < rows else parts[0].T
+        n_column, n_row = min(parts[0].shape), max(parts[0].shape)
     elif all(part.ndim == 1 for part in parts):
         lengths = {len(part) for part in parts}
         if len(lengths) > 1:
             raise DataRejected(f"A06: channel {name}: its columns have different lengths, {sorted(lengths)}")
-        table = np.stack(parts, axis=1)
+        n_column, n_row = len(parts), len(parts[0])
     else:
         shapes = ", ".join(str(part.shape) for part in parts)
         raise DataRejected(
             f"A06: channel {name}: expected one table or columns of one dimension, got {shapes}"
         )
-    if table.shape[1] != n_axis:
+    refuse_other_count(name, n_column, n_axis)
+    return int(n_row)
+
+
+def refuse_other_count(name: str, n_column: int, n_axis: int) -> None:
+    """Raise DataRejected where a channel has more or fewer columns than axes that it covers."""
+    if n_column != n_axis:
         raise DataRejected(
-            f"A06: channel {name} has {table.shape[1]} columns for {n_axis} axes; list one column for each axis, or "
-            "name the axes it covers (axes: [...])"
+            f"A06: channel {name} has {n_column} column{'s' * (n_column != 1)} for {n_axis} axes; list one column for "
+            "each axis, or name the axes it covers (axes: [...])"
         )
-    result: FloatArray = table
+
+
+def refuse_other_lengths(lengths: Mapping[str, int]) -> None:
+    """Raise DataRejected where channels have different numbers of rows."""
+    if len(set(lengths.values())) > 1:
+        raise DataRejected(f"A06: the channels have different lengths: {dict(lengths)}")
+
+
+def _table(parts: list[FloatArray], name: str, n_axis: int) -> FloatArray:
+    """Stack columns, or turn one table, into (n_sample, n_axis)."""
+    rows_of(parts, name, n_axis)
+    if parts[0].ndim == 1:
+        return np.stack(parts, axis=1)
+    rows, columns = parts[0].shape
+    result: FloatArray = parts[0] if columns < rows else parts[0].T
     return result

@@ -8,6 +8,8 @@ known; a line must then stand above the median of its neighbours. References hav
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from robid_core import DataRejected, FloatArray, IntArray
@@ -65,13 +67,7 @@ def doubts_of_lines(signals: FloatArray, lines: IntArray) -> list[str]:
 
     `signals` as in `find_lines`.
     """
-    n_sample = signals.shape[2]
-    beyond = [int(line) for line in lines if line > n_sample // 2]
-    if beyond:
-        raise DataRejected(
-            f"lines: {beyond[0]} lies above the Nyquist frequency, a period has {n_sample} samples; lines are counted "
-            "in periods of it, not in Hz"
-        )
+    refuse_beyond_nyquist(lines, signals.shape[2])
     _, stands = _standing(signals)
     silent = [int(line) for line in lines if not stands[:, line].any()]
     if not silent:
@@ -79,6 +75,16 @@ def doubts_of_lines(signals: FloatArray, lines: IntArray) -> list[str]:
     shown = ", ".join(map(str, silent[:SHOWN])) + (", ..." if len(silent) > SHOWN else "")
     what = "the noise" if signals.shape[1] > 1 else "their neighbours"
     return [f"lines: {len(silent)} of {len(lines)} do not stand out from {what} at any axis: {shown}"]
+
+
+def refuse_beyond_nyquist(lines: Iterable[int], n_sample: int) -> None:
+    """Raise DataRejected for a line that a period of so many samples cannot have."""
+    for line in lines:
+        if line > n_sample // 2:
+            raise DataRejected(
+                f"lines: {line} lies above the Nyquist frequency, a period has {n_sample} samples; lines are counted "
+                "in periods of it, not in Hz"
+            )
 
 
 def _standing(signals: FloatArray) -> tuple[FloatArray, np.ndarray]:

@@ -10,11 +10,19 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from robid_acquisition.channel_map import ChannelMap, check_quantity
-from robid_acquisition.channel_values import channel_table, channel_values, covered_axes, enabled_rows, select
+from robid_acquisition.channel_values import (
+    channel_table,
+    channel_values,
+    covered_axes,
+    enabled_rows,
+    refuse_other_lengths,
+    select,
+)
 from robid_acquisition.data_file import find_file, reader_name, reader_of
+from robid_acquisition.recording import Recording
 from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.samples import Hole, Samples
-from robid_acquisition.signals import to_side
+from robid_acquisition.signals import refuse_beyond, to_side, window
 from robid_acquisition.sources import Sources
 from robid_acquisition.time_stamps import SECONDS, TimeStamps, likely_unit
 from robid_core import BoolArray, Context, DataRejected, FloatArray, Robot, Settings
@@ -79,15 +87,16 @@ class ReadFiles(Sources):
 
     def external_files(self, data_root: Path) -> list[Path]:
         """Return the files read, those of single channels too, so that a changed file is a changed input."""
-        files = [*super().external_files(data_root), *(data_root / file for file in self._channel_files())]
+        files = [*super().external_files(data_root), *(data_root / file for file in self.channel_files())]
         return list(dict.fromkeys(files))
 
     def uses(self) -> list[tuple[str, str]]:
         """Return the readers that will be loaded, so that an edited reader is a changed input."""
-        names = {reader_name(file, self.format) for file in self._channel_files()}
+        names = {reader_name(file, self.format) for file in self.channel_files()}
         return sorted({*super().uses(), *(("robid.records", name) for name in names if name)})
 
-    def _channel_files(self) -> list[str]:
+    def channel_files(self) -> list[str]:
+        """Return the files of channels that lie elsewhere."""
         return [channel.file for channel in self.channels.values() if channel.file]
 
     def read(self, file: str, robot: Robot, context: Context) -> Samples:
@@ -101,7 +110,7 @@ class ReadFiles(Sources):
         """
         columns = {
             name: reader_of(name, self.format).read(find_file(context.data_root, name, self.origin))
-            for name in dict.fromkeys([file, *self._channel_files()])
+            for name in dict.fromkeys([file, *self.channel_files()])
         }
         own = {name: columns[channel.file or file] for name, channel in self.channels.items()}
         tables = {
@@ -114,11 +123,9 @@ class ReadFiles(Sources):
                     f"channel {name} is {table[tuple(far[0])]:.3g} at sample {far[0][0]}, which no sensor measures; is "
                     "the file damaged?"
                 )
-        lengths = {name: len(table) for name, table in tables.items()}
-        if len(set(lengths.values())) > 1:
-            raise DataRejected(f"A06: the channels have different lengths: {lengths}")
-        n_row = next(iter(lengths.values()))
-        stamps = self._time_stamps(columns[file], n_row, robot)
+        refuse_other_lengths({name: len(table) for name, table in tables.items()})
+        n_row = len(next(iter(tables.values())))
+        stamps = self.time_stamps(columns[file], n_row, robot)
         instant = np.arange(n_row, dtype=np.float64)
         if stamps is not None:
             instant = (stamps.time - stamps.time[0]) / stamps.sample_time_s
@@ -142,6 +149,14 @@ class ReadFiles(Sources):
             samples if self.filter is None else samples.filtered(self.filter.low_pass_hz, self.filter.order)
         )
 
+    def stretch(self, recording: Recording, n_sample: int, step: float) -> slice:
+        """Return the samples of an experiment, of those that its file has; DataRejected where it has not as many."""
+        start_s = self.start_s if recording.start_s is None else recording.start_s
+        stop_s = self.stop_s if recording.stop_s is None else recording.stop_s
+        if not self.starts_s:  # else its duration ends it
+            refuse_beyond(n_sample, step, stop_s)
+        return window(n_sample, step, start_s, stop_s, self.drop_first_s, self.drop_last_s)
+
     def _scalars(self, columns: dict[str, FloatArray]) -> dict[str, float]:
         found = {}
         for name in self.scalars:
@@ -157,7 +172,7 @@ class ReadFiles(Sources):
         side = "motor" if self.channels[name].voltage is not None else self.channels[name].side
         return to_side(values, name, side, side_of(name), robot.drives.gear)
 
-    def _time_stamps(self, columns: dict[str, FloatArray], n_row: int, robot: Robot) -> TimeStamps | None:
+    def time_stamps(self, columns: dict[str, FloatArray], n_row: int, robot: Robot) -> TimeStamps | None:
         """Return the time stamps; None where they are not read."""
         if not self.time_column:
             return None

@@ -19,7 +19,10 @@ from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
+from robid_acquisition.before_run import channel_problems, period_problems
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
+from robid_acquisition.first_file import file_problems
+from robid_acquisition.own_record import read_own_record
 from robid_acquisition.periodicity import (
     clock_of_period,
     doubts_of_claimed_lines,
@@ -34,7 +37,7 @@ from robid_acquisition.reading import ReadFiles, side_of
 from robid_acquisition.record_checks import check_record
 from robid_acquisition.recording import Recording
 from robid_acquisition.samples import Samples
-from robid_acquisition.signals import refuse_beyond, samples_per_period, split_periods, window
+from robid_acquisition.signals import samples_per_period, split_periods
 from robid_core import (
     BoolArray,
     Channel,
@@ -109,6 +112,21 @@ class RecordedAcquisition(ReadFiles):
             )
         return self
 
+    @property
+    def gives_lines(self) -> bool:
+        """Whether the settings say, or a record of robid's own may."""
+        return bool(self.lines) or not self.channels
+
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """Say which channels cannot be the robot's, and which lines the period cannot have."""
+        found = channel_problems(self.channels, robot.axis_names)
+        step = self.sample_time_s
+        return found if step is None else found | period_problems(self.period_s, self.lines, step)
+
+    def problems_with_files(self, robot: Robot, data_root: Path) -> dict[tuple[str | int, ...], str]:
+        """Say which columns the first file lacks, and which settings it is too short for."""
+        return file_problems(self, self.period_s, self.lines, robot, data_root)
+
     def run(self, robot: Robot, context: Context) -> Record:
         """Find, read, convert and cut, one file after the other."""
         root, name = context.data_root, self.source_name
@@ -119,7 +137,7 @@ class RecordedAcquisition(ReadFiles):
         refuse_others(super().external_files(root), self.sha256, name, self.origin)
         names: dict[Index, str] = {}
         if not self.channels:
-            record = _own_record(reader_of(name, self.format), root / name, robot)
+            record = read_own_record(reader_of(name, self.format), root / name, robot)
             if self.variant:
                 record = record.replace(variants=(self.variant,) * len(record.angle))
         else:
@@ -281,12 +299,8 @@ class RecordedAcquisition(ReadFiles):
         self, recording: Recording, samples: Samples, robot: Robot, period_s: float | None
     ) -> tuple[Experiment, int]:
         """Return channels and marks of measured samples, and how many samples are left over."""
-        start_s = self.start_s if recording.start_s is None else recording.start_s
-        stop_s = self.stop_s if recording.stop_s is None else recording.stop_s
         step = samples.sample_time_s
-        if not self.starts_s:  # else its duration ends it
-            refuse_beyond(len(samples), step, stop_s)
-        kept = window(len(samples), step, start_s, stop_s, self.drop_first_s, self.drop_last_s)
+        kept = self.stretch(recording, len(samples), step)
         if self.gaps == "refuse" and (hole := samples.first_hole(kept)):
             raise DataRejected(hole)
         n_recorded = kept.stop - kept.start
@@ -371,19 +385,3 @@ def _of_role(record: Record, role: str) -> Record:
     return record.replace(
         runs=tuple(run.replace(test=test) for run, test in zip(record.runs, tests, strict=True))
     )
-
-
-def _own_record(reader: Any, full: Path, robot: Robot) -> Record:
-    """Take the record that a reader of robid's own recordings makes."""
-    if not hasattr(reader, "read_record"):
-        described = "\n  ".join(reader.describe(full))
-        raise ConfigurationError(
-            f"{full.name} needs channels: a map from names to columns; it holds\n  {described}"
-        )
-    record: Record = reader.read_record(full)
-    if record.axis_names != robot.axis_names:
-        raise DataRejected(
-            f"A06: {full.name} was recorded with the axes {', '.join(record.axis_names)}, the robot has "
-            f"{', '.join(robot.axis_names)}"
-        )
-    return record

@@ -59,7 +59,8 @@ def samples_per_period(n_sample: int, sample_time: float, period_s: float | None
         )
     if n_sample < whole:
         raise DataRejected(
-            f"A11: {n_sample * sample_time:g} s were recorded, less than a period of {period_s:g} s"
+            f"A11: {n_sample * sample_time:g} s were recorded, less than a period of {period_s:g} s; "
+            "correct period_s, or leave it out where nothing repeats"
         )
     return whole
 

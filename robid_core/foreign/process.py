@@ -118,7 +118,9 @@ def _worker() -> Worker:
     return _kept[0]
 
 
-def read_apart(path: Path, target: str, method: str, what: str, limits: Limits | None = None) -> Any:
+def read_apart(
+    path: Path, target: str, method: str, what: str, limits: Limits | None = None, tell: bool = True
+) -> Any:
     """Return what a function makes of a file, called in the reading process.
 
     Parameters
@@ -131,6 +133,8 @@ def read_apart(path: Path, target: str, method: str, what: str, limits: Limits |
         As what the file is read, for messages: "MATLAB file".
     limits
         By default those of the file's size.
+    tell
+        Whether what the library logs is logged here.
 
     Raises
     ------
@@ -154,7 +158,7 @@ def read_apart(path: Path, target: str, method: str, what: str, limits: Limits |
         answer = worker.ask(request)
     if not isinstance(answer, Answer):
         raise DataRejected(f"{path}: {_death(answer, what, limits)}; {REMEDY}")
-    for name, level, message in answer.told or ():
+    for name, level, message in (answer.told or ()) if tell else ():
         logging.getLogger(name).log(level, "%s", message)
     if answer.state == "done":
         return answer.result

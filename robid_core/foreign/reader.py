@@ -12,25 +12,29 @@ from robid_core.errors import PluginError
 from robid_core.foreign.process import read_apart
 from robid_core.registry import RECORDS, Plugin, registry
 
-READING = ("describe", "read", "read_record", "units")
+READING = ("describe", "read", "read_record", "shapes", "units")
 
 
 class GuardedReader:
-    """What a reader can, under guard: `describe`, `read` and, where it has them, `read_record` and `units`.
+    """What a reader can, under guard: `describe`, `read` and, where it has them, `read_record`, `shapes` and `units`.
 
     A damaged file is DataRejected whatever the library does with it; what the reader logs is logged here.
     """
 
-    def __init__(self, plugin: Plugin) -> None:
-        self._plugin = plugin
+    def __init__(self, plugin: Plugin, tell: bool = True) -> None:
+        self._plugin, self._tell = plugin, tell
         self._reader = plugin.load()  # says what is not installed
+
+    def quiet(self) -> GuardedReader:
+        """Return a reader of the same files whose logs are not passed on: who reads twice is told once."""
+        return GuardedReader(self._plugin, tell=False)
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._reader, name)
         return functools.partial(self._call, name) if name in READING else found
 
     def _call(self, method: str, path: Path) -> Any:
-        result = read_apart(path, self._plugin.target, method, self._plugin.name)
+        result = read_apart(path, self._plugin.target, method, self._plugin.name, tell=self._tell)
         if method == "read":
             _check_columns(result, self._plugin)
         return result

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from robid_core.artifacts import Excitation, Record
 from robid_core.pipeline.resolving import Declared
 from robid_core.pipeline.wiring import Wires, each
-from robid_core.stage import ExcitationDesign
+from robid_core.stage import Acquisition, ExcitationDesign, Stage
 from robid_core.yaml_file.problems import ProblemList
 
 
@@ -27,22 +27,31 @@ def check_lines(declared: Mapping[str, Declared], wires: Wires, problems: Proble
         if stage.stage is None or not stage.stage.needs_lines:
             continue
         lacking = [
-            source
-            for source in excitations_behind(name, declared, wires)
-            if isinstance(made := declared[source].stage, ExcitationDesign) and not made.excites_lines
+            (declared[source], advice)
+            for source in sources_behind(name, declared, wires)
+            if (advice := _advice(declared[source].stage))
         ]
         if lacking:
-            first = declared[lacking[0]]
+            first, advice = lacking[0]
             problems.add(
                 stage.node.keys["use"],
                 ("stages", name, "use"),
                 f"{stage.plugin} reads the lines of a periodic record, and {first.plugin} of stage '{first.name}' has "
-                "none; take a periodic excitation such as excitation.multisine, or frf.spectral",
+                f"none; {advice}, or frf.spectral",
             )
 
 
-def excitations_behind(name: str, declared: Mapping[str, Declared], wires: Wires) -> Sequence[str]:
-    """Return the stages whose excitation is in the records that a stage takes, each once."""
+def _advice(made: Stage | None) -> str:
+    """What to do about an excitation or recordings without lines; empty where they have some."""
+    if isinstance(made, ExcitationDesign) and not made.excites_lines:
+        return "take a periodic excitation such as excitation.multisine"
+    if isinstance(made, Acquisition) and not made.gives_lines:
+        return "give it period_s and lines (auto finds either), where the motion repeats"
+    return ""
+
+
+def sources_behind(name: str, declared: Mapping[str, Declared], wires: Wires) -> Sequence[str]:
+    """Return the stages whose excitation or recordings are in the records that a stage takes, each once."""
 
     def walk(consumer: str) -> Iterator[str]:
         for source in (one for named in wires.get(consumer, {}).values() for one in each(named)):
@@ -50,6 +59,7 @@ def excitations_behind(name: str, declared: Mapping[str, Declared], wires: Wires
             if output is not None and issubclass(output, Excitation):
                 yield source
             elif output is not None and issubclass(output, Record):
+                yield source
                 yield from walk(source)
 
     return list(dict.fromkeys(walk(name)))

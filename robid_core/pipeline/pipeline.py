@@ -285,7 +285,7 @@ def _stages(
     if robot is not None and load is not None:
         moves = drives is not None and drives.value is not None
         mark, file = root.keys["robot"], find_robot(robot.source)
-        check_against_robot(declared.values(), load, mark, problems, file, moves)
+        check_against_robot(declared.values(), load, mark, problems, file, moves, resolver.places.data_root)
     for stage in declared.values():
         check_given(stage, declared, problems)
         if stage.known and Drives in stage.lends.values() and (drives is None or drives.value is None):

@@ -28,6 +28,7 @@ def check_against_robot(
     problems: ProblemList,
     file: Path | None = None,
     moves: bool = False,
+    data_root: Path | None = None,
 ) -> None:
     """Ask each stage that looks at the robot what is wrong, and tell it where the setting stands.
 
@@ -47,6 +48,8 @@ def check_against_robot(
         The robot's, for the places of numbers that cannot be; None where it was made in memory.
     moves
         Whether the pipeline has drives, which must then hold the robot.
+    data_root
+        Where measured data are; None: they are not looked at.
     """
     asking = [d for d in declared if d.stage and _asks(d.stage)]
     if not asking:
@@ -65,7 +68,7 @@ def check_against_robot(
         place = "" if file is None else f"{line_of(file, remark.key)}: "
         problems.add(mark, ("robot",), f"{place}{remark.where}: {remark.what}")
     for entry in asking if not wrong else ():
-        _check(entry, robot, problems)
+        _check(entry, robot, problems, data_root)
 
 
 def check_drives_against_robot(
@@ -96,14 +99,19 @@ def check_drives_against_robot(
 def _asks(stage: Stage) -> bool:
     """Whether a stage looks at the robot at all before it runs: a robot that cannot be is refused for it then."""
     kind = type(stage)
-    return kind.problems_with is not Stage.problems_with or kind.needs_of_axes is not Stage.needs_of_axes
+    return any(
+        getattr(kind, name) is not getattr(Stage, name)
+        for name in ("problems_with", "problems_with_files", "needs_of_axes")
+    )
 
 
-def _check(entry: Declared, robot: Robot, problems: ProblemList) -> None:
+def _check(entry: Declared, robot: Robot, problems: ProblemList, data_root: Path | None) -> None:
     assert entry.stage is not None
     path = ("stages", entry.name)
     try:
         wrong = dict(entry.stage.problems_with(robot))
+        if not wrong and data_root is not None:
+            wrong = dict(entry.stage.problems_with_files(robot, data_root))
         missing = robot.left_out(entry.stage.needs_of_axes())
     except Exception as error:  # a stranger's code: no reason to say nothing about the other stages
         what = str(error) if isinstance(error, RobidError) else f"{type(error).__name__}: {error}"

@@ -73,7 +73,7 @@ def make_what_pages_speak_of(folder: Path) -> None:
     (folder / "arm.urdf").write_text(URDF)
     (folder / "two_axes.yaml").write_text(TWO_AXES)
     (folder / "lab").mkdir()
-    angle = 0.3 * np.arange(40)[:, None] + np.array([0.0, 1.0])
+    angle = 0.3 * np.arange(8000)[:, None] + np.array([0.0, 1.0])
     q, current = np.sin(angle), np.cos(angle)
     for block in (1, 2):
         for experiment in (1, 2):
@@ -84,10 +84,8 @@ def make_what_pages_speak_of(folder: Path) -> None:
         (folder / "lab" / f"run_{run}.csv").write_text(header + rows)
     listed = "".join(f"run_{run}.csv,{'test' if run == 4 else 'train'}\n" for run in range(1, 5))
     (folder / "lab" / "runs.csv").write_text(f"file,role\n{listed}")
-    (folder / "lab" / "raw.csv").write_text(
-        "t,counts[1],counts[2],current[1],current[2],state\n"
-        + "".join(f"{0.001 * i},{i},{i},0.1,0.2,5\n" for i in range(40))
-    )
+    time, state = 0.001 * np.arange(4000), np.full(4000, 5)
+    np.savez(folder / "lab" / "raw.npz", t=time, counts=1000 * q[:4000], current=current[:4000], state=state)
     (folder / "pipeline.yaml").write_text((ROOT / "pipeline.yaml").read_text(encoding="utf-8"))
 
 

@@ -95,3 +95,14 @@ def test_a_page_must_fit_its_checksum(tmp_path: Path) -> None:
     path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
     with pytest.raises(DataRejected, match=r"run\.parquet: cannot be read as Parquet"):
         ParquetRecords.read(path)
+
+
+def test_shapes_are_told_by_the_footer(tmp_path: Path) -> None:
+    path = written(tmp_path, pyarrow.table({"q": [1.0, None, 3.0], "n": [1, 2, 3]}))
+    assert ParquetRecords.shapes(path) == {
+        name: values.shape for name, values in ParquetRecords.read(path).items()
+    }
+    assert ParquetRecords.shapes(written(tmp_path, pyarrow.table({"q": [[1.0, 2.0], [3.0, 4.0]]}))) == {}
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(DataRejected, match="cannot be read as Parquet"):
+        ParquetRecords.shapes(path)

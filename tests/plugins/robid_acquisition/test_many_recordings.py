@@ -137,7 +137,11 @@ def test_the_ten_lines_of_the_documentation_are_ten_and_are_understood(lab: Path
     (block,) = [part for part in page.split("```") if part.startswith("yaml") and "pattern:" in part]
     text = block.removeprefix("yaml\n")
     assert len(text.splitlines()) == 10
-    (lab / "pipeline.yaml").write_text(text.replace("lab_robot.yaml", "six_axis"))
+    ours = {"lab_robot.yaml": "six_axis", "column: current": "column: i", "0.0005": "0.0002"}
+    for theirs, our in {**ours, "period_s: 4.0": "period_s: 0.004", "[17, 19, 23, 27, 29]": "[1, 3]"}.items():
+        assert theirs in text
+        text = text.replace(theirs, our)
+    (lab / "pipeline.yaml").write_text(text)
     stage = Pipeline.load(lab / "pipeline.yaml", data_root=lab / "data").stage("acquire").stage
     assert isinstance(stage, RecordedAcquisition)
     assert len(stage.recordings(lab / "data")) == 192
@@ -597,7 +601,7 @@ def test_a_file_is_read_once_however_many_experiments_it_holds(
     opened: list[str] = []
     real = reader.read_apart
     monkeypatch.setattr(
-        reader, "read_apart", lambda path, *rest: opened.append(path.name) or real(path, *rest)
+        reader, "read_apart", lambda path, *rest, **how: opened.append(path.name) or real(path, *rest, **how)
     )
     read(index="lab/index.csv")
     assert opened == ["long.npz", "other.npz"]

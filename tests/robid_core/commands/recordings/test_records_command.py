@@ -28,7 +28,7 @@ from robid_core.stage import map_in_process
 
 REPOSITORY = Path(__file__).parents[4]
 DATA = Path(os.environ.get("ROBID_DATA", REPOSITORY.parent / "shared" / "data")).resolve()
-HEAD = "robid: 1\nname: pasted\nseed: 1\nrobot: six_axis\n"
+HEAD = "robid: 1\nname: pasted\nseed: 1\nrobot: {}\n"
 
 
 def real(name: str) -> Path:
@@ -37,10 +37,10 @@ def real(name: str) -> Path:
     return DATA / name
 
 
-def pasted(folder: Path, recordings: list[Inspected], root: Path) -> Pipeline:
+def pasted(folder: Path, recordings: list[Inspected], root: Path, robot: str = "six_axis") -> Pipeline:
     """Load what is printed as a pipeline; a wrong one raises."""
     file = folder / "pipeline.yaml"
-    file.write_text(HEAD + "\n".join(stage_lines(recordings, root)) + "\n")
+    file.write_text(HEAD.format(robot) + "\n".join(stage_lines(recordings, root)) + "\n")
     return Pipeline.load(file, data_root=root)
 
 
@@ -63,7 +63,7 @@ def test_emps(tmp_path: Path) -> None:
     assert one.guesses.clock.even
     assert 1 / one.guesses.clock.step_s == pytest.approx(1000, rel=1e-4)
     assert one.guesses.constants["gtau"] == pytest.approx(35.15, abs=0.01)
-    assert settings(pasted(tmp_path, [one], DATA))["time_column"] == "t"
+    assert settings(pasted(tmp_path, [one], DATA, "one_axis"))["time_column"] == "t"
 
 
 def test_kuka(tmp_path: Path) -> None:
@@ -102,7 +102,8 @@ def test_kinova_counts_samples(tmp_path: Path) -> None:
     assert any(
         line.strip().startswith("sample_time_s:") and "# guess: Time only counts" in line for line in lines
     )
-    read = [stage.stage.path for stage in pasted(tmp_path, both, DATA).stages]  # of different length
+    pipeline = pasted(tmp_path, both, DATA, "seven_axis")
+    read = [stage.stage.path for stage in pipeline.stages]  # of different length
     assert read == ["kinova_gen3/joint_2_trapez.csv", "kinova_gen3/joint_4_trapez.csv"]
 
 
@@ -137,7 +138,7 @@ def test_bam_is_uneven_and_has_constants(tmp_path: Path) -> None:
     assert one.guesses.clock is not None
     assert not one.guesses.clock.even
     assert any("uneven" in line for line in stage_lines([one], DATA))
-    assert settings(pasted(tmp_path, [one], DATA))["time_column"] == "timestamp"
+    assert settings(pasted(tmp_path, [one], DATA, "one_axis"))["time_column"] == "timestamp"
 
 
 def saved(folder: Path, name: str = "run_1.csv", units: bool = False) -> tuple[Path, np.ndarray]:
