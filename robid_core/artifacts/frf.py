@@ -152,6 +152,7 @@ class Frf(Artifact):
         angle: npt.ArrayLike,
         sample_time_s: float,
         torque_hold: Literal["zero_order_hold", "continuous"],
+        axes: str = "",
         unit: str = arrays.ACCELERATION,
         deviation: npt.ArrayLike | None = None,
         degrees_of_freedom: float | None = None,
@@ -165,7 +166,7 @@ class Frf(Artifact):
         ----------
         response
             From motor torque to motor acceleration, (n_config, n_freq, n_out, n_in); one configuration may lack the
-            first axis, one motor the last two. NaN where a line has none.
+            first axis, one motor the last two, or in the order that `axes` says. NaN where a line has none.
         frequency_hz
             Shape (n_freq,).
         angle
@@ -175,6 +176,9 @@ class Frf(Artifact):
         torque_hold
             "zero_order_hold" where the response is that to a torque held between samples, "continuous" to one that is
             not: half a sample of phase lies between the two.
+        axes
+            Names of the axes of `response`, and of a `deviation` that is an array, in their order, out of
+            `n_config n_freq n_out n_in`; one that is not named has length one.
         unit
             "(rad/s^2)/(N m)", or "(rad/s)/(N m)" or "rad/(N m)", which are multiplied by i w or its square.
         deviation
@@ -204,13 +208,21 @@ class Frf(Artifact):
         ...     torque_hold="continuous")
         >>> frf.response[0, :, 0, 0].real.round(6).tolist()
         [1000.0, 1000.0, 1000.0]
+
+        With frequencies last, as other programs keep them:
+
+        >>> frf = robid.Frf.from_arrays(
+        ...     np.ones((2, 2, 3)), frequency, axes="n_out n_in n_freq", angle=[[0.0, 0.0]], sample_time_s=1e-3,
+        ...     torque_hold="continuous")
+        >>> frf.response.shape
+        (1, 3, 2, 2)
         """
         frequency: FloatArray = np.asarray(frequency_hz, dtype=np.float64)
-        full = arrays.response(response, frequency, unit)
+        full = arrays.response(response, frequency, unit, axes)
         n_config, n_axis = len(full), full.shape[-1]
         inputs = outputs = None
         if deviation is not None:
-            inputs, outputs = arrays.factored_variance(deviation, frequency, unit, full.shape)
+            inputs, outputs = arrays.factored_variance(deviation, frequency, unit, full.shape, axes)
         known = degrees_of_freedom is not None
         valid: BoolArray = np.all(np.isfinite(full), axis=(2, 3))
         return cls(

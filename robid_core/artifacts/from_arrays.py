@@ -14,6 +14,7 @@ from robid_core.artifacts.units import QUANTITIES, UNITS, symbols_of
 from robid_core.errors import DataRejected
 
 AXES = ("n_config", "n_block", "n_exp", "n_period", "n_sample", "n_axis")
+RESPONSE_AXES = ("n_config", "n_freq", "n_out", "n_in")
 ACCELERATION = "(rad/s^2)/(N m)"
 # Unit of a response -> power of i w that makes an acceleration of it.
 RESPONSE_UNITS = {ACCELERATION: 0, "(rad/s)/(N m)": 1, "rad/(N m)": 2}
@@ -47,16 +48,7 @@ def dense(name: str, values: npt.ArrayLike, axes: str, period: int | None) -> Fl
     """
     array = np.asarray(values, dtype=np.float64)
     by_size = {1: "n_sample", 2: "n_sample n_axis", 6: " ".join(AXES)}
-    words = (axes or by_size.get(array.ndim, "")).split()
-    if len(words) != array.ndim or len(set(words)) != len(words) or not set(words) <= set(AXES):
-        told = f"axes='{axes}'" if axes else "no axes named"
-        raise DataRejected(
-            f"{name}: shape {array.shape} with {told}; name each of its {array.ndim} axes, "
-            f'as axes="n_exp n_sample n_axis", out of {", ".join(AXES)}'
-        )
-    order = [word for word in AXES if word in words]
-    array = array.transpose([words.index(word) for word in order])
-    array = np.expand_dims(array, [k for k, word in enumerate(AXES) if word not in words])
+    array = _in_order(name, array, axes, axes or by_size.get(array.ndim, ""), AXES, "n_exp n_sample n_axis")
     if period is None:
         return array
     n_sample = array.shape[4]
@@ -66,6 +58,25 @@ def dense(name: str, values: npt.ArrayLike, axes: str, period: int | None) -> Fl
             "the arrays to whole periods, or leave period_s out"
         )
     return array.reshape(*array.shape[:3], n_sample // period, period, array.shape[5])
+
+
+def _in_order(
+    name: str, array: npt.NDArray[Any], axes: str, named: str, known: Sequence[str], example: str
+) -> npt.NDArray[Any]:
+    """Return an array with all `known` axes in their order, those that are not `named` of length one.
+
+    `axes` is what was said of them, `example` what might be, for messages.
+    """
+    words = named.split()
+    if len(words) != array.ndim or len(set(words)) != len(words) or not set(words) <= set(known):
+        told = f"axes='{axes}'" if axes else "no axes named"
+        raise DataRejected(
+            f"{name}: shape {array.shape} with {told}; name each of its {array.ndim} axes, "
+            f'as axes="{example}", out of {", ".join(known)}'
+        )
+    order = [word for word in known if word in words]
+    array = array.transpose([words.index(word) for word in order])
+    return np.expand_dims(array, [k for k, word in enumerate(known) if word not in words])
 
 
 def channel(name: str, values: FloatArray, unit: str | None) -> Channel:
@@ -125,25 +136,27 @@ def common_shape(channels: Mapping[str, FloatArray]) -> tuple[int, ...]:
     return next(iter(shapes.values()))
 
 
-def response(values: npt.ArrayLike, frequency_hz: FloatArray, unit: str) -> ComplexArray:
-    """Return a response (n_config, n_freq, n_out, n_in) from torque to acceleration."""
+def response(values: npt.ArrayLike, frequency_hz: FloatArray, unit: str, axes: str = "") -> ComplexArray:
+    """Return a response (n_config, n_freq, n_out, n_in) from torque to acceleration; `axes` as in `_full`."""
     if unit not in RESPONSE_UNITS:
         raise DataRejected(f"unit '{unit}' is not known; there are: {', '.join(RESPONSE_UNITS)}")
-    array = _full(np.asarray(values, dtype=np.complex128), len(frequency_hz), "response")
+    array = _full(np.asarray(values, dtype=np.complex128), len(frequency_hz), "response", axes)
     factor = (2j * np.pi * frequency_hz) ** RESPONSE_UNITS[unit]
     return np.asarray(array * factor[:, None, None], dtype=np.complex128)
 
 
 def factored_variance(
-    deviation: npt.ArrayLike, frequency_hz: FloatArray, unit: str, shape: tuple[int, ...]
+    deviation: npt.ArrayLike, frequency_hz: FloatArray, unit: str, shape: tuple[int, ...], axes: str = ""
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return the factors (inputs, outputs) of a covariance whose standard deviations of entries are given.
 
     Entries are taken as uncorrelated: `conj(inputs) (x) outputs` is diagonal. DataRejected where the variances at a
-    line are no product of one number for each output and one for each input.
+    line are no product of one number for each output and one for each input. `axes` as in `_full`.
     """
     given = np.asarray(deviation, dtype=np.float64)
-    spread = np.broadcast_to(_full(given, len(frequency_hz), "deviation") if given.ndim else given, shape)
+    spread = np.broadcast_to(
+        _full(given, len(frequency_hz), "deviation", axes) if given.ndim else given, shape
+    )
     size: FloatArray = spread * (2 * np.pi * frequency_hz[:, None, None]) ** RESPONSE_UNITS[unit]
     if not (np.isfinite(size).all() and (size > 0).all()):
         raise DataRejected("deviation: standard deviations must be finite and positive")
@@ -159,16 +172,19 @@ def factored_variance(
     return _diagonal(inputs), _diagonal(outputs)
 
 
-def _full(array: npt.NDArray[Any], n_freq: int, name: str) -> npt.NDArray[Any]:
-    """Return an array with the axes (n_config, n_freq, n_out, n_in) out of one that lacks the first or the last two."""
-    if array.ndim == 1:
-        array = array[:, None, None]
-    if array.ndim == 3:
-        array = array[None]
+def _full(array: npt.NDArray[Any], n_freq: int, name: str, axes: str) -> npt.NDArray[Any]:
+    """Return an array with all of `RESPONSE_AXES`; without words on its axes it may lack the first or the last two."""
+    if axes:
+        array = _in_order(name, array, axes, axes, RESPONSE_AXES, "n_out n_in n_freq")
+        wanted = f"as ({', '.join(RESPONSE_AXES)}), by axes='{axes}', has not"
+    else:
+        array = array[:, None, None] if array.ndim == 1 else array
+        array = array[None] if array.ndim == 3 else array
+        wanted = "is none of (n_freq,), (n_freq, n_axis, n_axis) and (n_config, n_freq, n_axis, n_axis) with"
     if array.ndim != 4 or array.shape[1] != n_freq or array.shape[2] != array.shape[3]:
         raise DataRejected(
-            f"{name}: shape {array.shape} is none of (n_freq,), (n_freq, n_axis, n_axis) and "
-            f"(n_config, n_freq, n_axis, n_axis) with {n_freq} frequencies"
+            f"{name}: shape {array.shape} {wanted} {n_freq} frequencies and as many outputs as inputs; name its axes "
+            'in their order, as axes="n_out n_in n_freq"'
         )
     return array
 

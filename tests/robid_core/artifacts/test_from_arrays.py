@@ -135,6 +135,45 @@ def test_deviations_by_output_and_input_are_kept_and_others_refused() -> None:
         Frf.from_arrays(response, [1.0, 2.0, 3.0], unit="dB", **given)
 
 
+@pytest.mark.parametrize("order", ["n_out n_in n_freq", "n_in n_freq n_config n_out", "n_freq n_in n_out"])
+def test_a_response_may_have_its_axes_in_any_order(order: str) -> None:
+    """Turned back by its names it is the response of the usual order, and so are its deviations."""
+    generator, words = np.random.default_rng(1), order.split()
+    usual = generator.normal(size=(1, 5, 2, 2)) + 1j * generator.normal(size=(1, 5, 2, 2))
+    size = np.einsum("fi,fj->fij", *generator.uniform(1.0, 2.0, (2, 5, 2)))[None]
+    given: dict[str, Any] = {"angle": [[0.0, 0.0]], "sample_time_s": STEP, "torque_hold": "continuous"}
+    frequency = np.arange(1.0, 6.0)
+
+    def turned(values: np.ndarray) -> np.ndarray:
+        known = ["n_config", "n_freq", "n_out", "n_in"]
+        dropped = values if "n_config" in words else values[0]
+        names = known if "n_config" in words else known[1:]
+        return dropped.transpose([names.index(word) for word in words])
+
+    expected = Frf.from_arrays(usual, frequency, deviation=size, **given)
+    frf = Frf.from_arrays(turned(usual), frequency, axes=order, deviation=turned(size), **given)
+    np.testing.assert_array_equal(frf.response, expected.response)
+    np.testing.assert_allclose(frf.variance(), expected.variance(), rtol=1e-12)
+    one = Frf.from_arrays(turned(usual), frequency, axes=order, deviation=0.1, **given)
+    np.testing.assert_allclose(one.variance(), 0.01, rtol=1e-12)
+
+
+def test_axes_that_are_not_those_of_a_response_are_refused() -> None:
+    given: dict[str, Any] = {"angle": [[0.0, 0.0]], "sample_time_s": STEP, "torque_hold": "continuous"}
+    response, frequency = np.ones((2, 2, 5)), np.arange(1.0, 6.0)
+    for axes in ("n_out n_in", "n_out n_out n_freq", "n_out n_in n_sample"):
+        with pytest.raises(DataRejected, match='name each of its 3 axes, as axes="n_out n_in n_freq"'):
+            Frf.from_arrays(response, frequency, axes=axes, **given)
+    with pytest.raises(
+        DataRejected, match=r"shape \(1, 2, 2, 5\) as .*, by axes='n_freq n_out n_in', has not 5 freq"
+    ):
+        Frf.from_arrays(response, frequency, axes="n_freq n_out n_in", **given)
+    with pytest.raises(
+        DataRejected, match="is none of .* with 5 frequencies .*; name its axes in their order"
+    ):
+        Frf.from_arrays(response, frequency, **given)
+
+
 def test_lines_without_a_value_are_masked() -> None:
     frf = Frf.from_arrays(
         [1.0, np.nan, 1.0], [1.0, 2.0, 3.0], angle=[[0.0]], sample_time_s=STEP, torque_hold="continuous"
