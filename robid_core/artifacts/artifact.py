@@ -126,7 +126,12 @@ class Artifact:
 
     @classmethod
     def place(cls, name: str) -> str:
-        """Name a field for messages: `Frf.response`."""
+        """Name a field for messages.
+
+        >>> import robid_core as robid
+        >>> robid.Frf.place("response")
+        'Frf.response'
+        """
         return f"{cls.__name__}.{name}"
 
     @classmethod

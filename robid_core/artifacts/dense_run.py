@@ -87,7 +87,13 @@ class DenseRun(Artifact):
         return values.reshape(-1, values.shape[3] * values.shape[4], values.shape[5])
 
     def constant(self, name: str) -> FloatArray:
-        """Return a constant of every experiment, shape (n_config, n_block, n_exp); DataRejected names what there is."""
+        """Return a constant of every experiment, shape (n_config, n_block, n_exp); DataRejected names what there is.
+
+        >>> import numpy as np, robid_core as robid
+        >>> run = robid.Record.from_arrays(motor_position=np.zeros((3, 2)), sample_time_s=0.5, angle=[[0.0, 0.0]]).run
+        >>> run.replace(constant_names=("payload",), constants=np.full((1, 1, 1, 1), 2.5)).constant("payload").item()
+        2.5
+        """
         if self.constants is None or name not in self.constant_names:
             known = ", ".join(self.constant_names) or "none"
             raise DataRejected(f"the record has no constant {name}; it has {known}")
@@ -95,7 +101,15 @@ class DenseRun(Artifact):
         return result
 
     def experiments(self, index: tuple[IntArray, IntArray, IntArray]) -> DenseRun:
-        """Return the run of some experiments, by the index that `packing.packed` makes."""
+        """Return the run of some experiments, by the index that `packing.packed` makes.
+
+        >>> import robid_core as robid
+        >>> from robid_core.artifacts.packing import packed
+        >>> from robid_core.testing import example_record
+        >>> run = example_record(robid.Robot.load("one_axis")).run  # two configurations, two blocks
+        >>> run.experiments(packed(run.valid.all(axis=(3, 4)) & [[[True], [False]]])).valid.shape[:3]
+        (2, 1, 1)
+        """
         return self.replace(
             channels={
                 name: channel.replace(values=channel.values[index]) for name, channel in self.channels.items()

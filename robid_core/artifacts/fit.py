@@ -100,7 +100,13 @@ class ResponseComparison(Artifact):
 
     @staticmethod
     def frequencies_of_curves(frequency_hz: FloatArray) -> FloatArray:
-        """Return the lines and N_CURVE frequencies in equal ratios between them, each once, shape (n_curve,)."""
+        """Return the lines and N_CURVE frequencies in equal ratios between them, each once, shape (n_curve,).
+
+        >>> import numpy as np, robid_core as robid
+        >>> curve = robid.ResponseComparison.frequencies_of_curves(np.array([5.0, 10.0, 20.0]))
+        >>> len(curve), curve[[0, -1]].tolist(), 10.0 in curve
+        (301, [5.0, 20.0], True)
+        """
         between = np.geomspace(frequency_hz[0], frequency_hz[-1], N_CURVE)
         apart = np.abs(between[:, None] / frequency_hz - 1).min(axis=1) > NEAR
         return np.sort(np.concatenate((frequency_hz, between[apart])))

@@ -21,6 +21,10 @@ def frozen(values: AnyArray) -> AnyArray:
 
     For whoever makes a big array and gives it away: an artifact takes a frozen array as it is, and copies any other. A
     writeable view that was made before stays writeable; who freezes an array has none.
+
+    >>> import numpy as np, robid_core as robid
+    >>> robid.frozen(np.zeros(3)).flags.writeable
+    False
     """
     owner: Any = values
     while isinstance(owner, np.ndarray):

@@ -228,7 +228,14 @@ class Record(Artifact):
         )
 
     def damping_deviation_at(self, frequency_hz: FloatArray) -> FloatArray | None:
-        """`damping_deviation` at other frequencies, (n_config, n_freq, n_axis), constant beyond the lines."""
+        """`damping_deviation` at other frequencies, (n_config, n_freq, n_axis), constant beyond the lines.
+
+        >>> import numpy as np, robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> record = example_record(robid.Robot.load("one_axis"))  # two configurations, 19 lines
+        >>> record.replace(damping_deviation=np.full((2, 19, 1), 0.01)).damping_deviation_at(np.array([20.5])).shape
+        (2, 1, 1)
+        """
         if self.damping_deviation is None:
             return None
         own = np.log(self.frequency_hz)
@@ -277,6 +284,12 @@ class Record(Artifact):
         """Spectra as `spectra` gives them, before the average over periods.
 
         Returns (u, y), each (n_config, n_block, n_freq, n_axis, n_exp, n_period - discard).
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> u, y = example_record(robid.Robot.load("one_axis")).spectra_by_period(discard=1)
+        >>> u.shape
+        (2, 2, 19, 1, 1, 2)
         """
         omega = 2 * np.pi * self.frequency_hz
         u = self.period_spectra(MOTOR_TORQUE, discard)
@@ -289,6 +302,11 @@ class Record(Artifact):
 
         The speed reference where the record has one, else the position reference; returns shape (n_config, n_block,
         n_freq, n_axis, n_exp), in rad/s or rad. Raises as `spectra`, and where there is no reference.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> example_record(robid.Robot.load("one_axis")).reference_spectra().shape
+        (2, 2, 19, 1, 1)
         """
         present = self.run.channels
         if SPEED_REFERENCE not in present and POSITION_REFERENCE not in present:
@@ -303,6 +321,12 @@ class Record(Artifact):
         """Root mean square of the motors' speed without the slow sine, and the slow sine's amplitude.
 
         Returns (rms, amplitude), each (n_config, n_axis), in rad/s; see `estimation.distortion.speed`.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> rms, amplitude = example_record(robid.Robot.load("one_axis")).speed_levels()
+        >>> rms.round(2).ravel().tolist(), amplitude.round(2).ravel().tolist()
+        ([0.22, 0.24], [0.53, 0.54])
         """
         from robid_core.estimation.distortion.speed import speed_levels
 
@@ -314,6 +338,11 @@ class Record(Artifact):
         """Covariance of the motors' angles about their mean in each experiment, (n_config, n_axis, n_axis), rad^2.
 
         Mean over the experiments of a configuration; most of it is the slow sine's.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> (1e3 * example_record(robid.Robot.load("one_axis")).travel_covariance()).round(2).tolist()
+        [[[0.22]], [[0.23]]]
         """
         position = self.run.values(MOTOR_POSITION)[:, :, :, discard:].mean(axis=3)
         about = position - position.mean(axis=3, keepdims=True)

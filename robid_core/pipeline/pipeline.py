@@ -108,7 +108,13 @@ class Pipeline:
         return self.places.data_root
 
     def stage(self, name: str) -> StageNode:
-        """Return a stage by name; ConfigurationError names the ones that exist."""
+        """Return a stage by name; ConfigurationError names the ones that exist.
+
+        >>> import robid_core as robid
+        >>> where = {"use": "design.candidates", "with": {"count": 2}}
+        >>> robid.Pipeline.from_dict({"robot": "one_axis", "stages": {"where": where}}).stage("where").stage.count
+        2
+        """
         for node in self.stages:
             if node.name == name:
                 return node
@@ -144,6 +150,16 @@ class Pipeline:
             With every mistake of the file, in line order.
         ConfigurationError
             Where there is no such file.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib, robid_core as robid
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "pipeline.yaml"
+        >>> stages = "stages: {where: {use: design.candidates, with: {count: 2}}}"
+        >>> _ = file.write_text("\\n".join(["robid: 1", "name: lab", "seed: 1", "robot: one_axis", stages]))
+        >>> pipeline = robid.Pipeline.load(file, ["stages.where.with.count=3"])
+        >>> pipeline.name, pipeline.stage("where").stage.count
+        ('lab', 3)
         """
         file = Path(path)
         hint = "name a pipeline file, or make one with `robid init`"
@@ -205,7 +221,14 @@ class Pipeline:
         data_root: Path | None = None,
         plugins: Registry | None = None,
     ) -> Pipeline:
-        """Read a pipeline from bytes, as if they stood in `file`; see `load`."""
+        """Read a pipeline from bytes, as if they stood in `file`; see `load`.
+
+        >>> import pathlib, robid_core as robid
+        >>> where = b"{use: design.candidates, with: {count: 2}}"
+        >>> text = b"{robid: 1, name: lab, seed: 1, robot: one_axis, stages: {where: " + where + b"}}"
+        >>> robid.Pipeline.parse(text, pathlib.Path("pipeline.yaml")).name
+        'lab'
+        """
         overrides = tuple(overrides)
         problems = ProblemList(str(file))
         text = decode(data, PIPELINE_FILE, problems)

@@ -58,6 +58,13 @@ class Identified:
         ------
         ConfigurationError
             For a name that this robot does not have, or a value it cannot have.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> model = robid.Robot.load("one_axis").model({"gear_stiffness.axis_1": 9e4})
+        >>> dict(zip(model.names, model.value.tolist()))
+        {'gear_stiffness.axis_1': 90000.0}
         """
         robot = cast("Robot", self)
         found = robot.with_parameters(values).description
@@ -102,6 +109,16 @@ class Identified:
         ------
         ConfigurationError
             Where the fit is of another robot, or where this robot has another number or effect from another fit.
+
+        Examples
+        --------
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> robot = robid.Robot.load("one_axis")
+        >>> fit = example_fit(robot)
+        >>> found = robot.fitted(fit)
+        >>> found.parameter("gear_stiffness.axis_1") == fit.parameters.as_mapping()["gear_stiffness.axis_1"]
+        True
         """
         robot = cast("Robot", self)
         if fit.model is None:

@@ -82,6 +82,16 @@ class Motions:
             At the start, rad/s at the motors, shape (n_lane, n_axis), the arm moving along; rest if left out.
         options
             Of `mechanics.simulate`.
+
+        Examples
+        --------
+        A pendulum that is let go, for 0.2 s:
+
+        >>> import numpy as np, robid_core as robid
+        >>> robot = robid.Robot.load("one_axis")
+        >>> let_go = robot.drive(np.zeros((1, 200, 1)), [[0.3]])
+        >>> let_go.position.shape, bool(np.ptp(let_go.position) > 0)
+        ((1, 200, 1), True)
         """
         from robid_core.robot.plant import drive_open_loop, standing
 
@@ -91,7 +101,14 @@ class Motions:
         return drive_open_loop(self._robot, torque, state, **options)
 
     def standing(self, angle: npt.ArrayLike) -> SimulationState:
-        """State of robots that stand still at joint-side motor angles (n_lane, n_axis), gravity held by springs."""
+        """State of robots that stand still at joint-side motor angles (n_lane, n_axis), gravity held by springs.
+
+        >>> import robid_core as robid
+        >>> robot = robid.Robot.load("one_axis")
+        >>> state = robot.standing([[0.3]])
+        >>> robot.joint_angle(state.position[:, :1]).round(3).tolist(), state.speed.tolist()
+        ([[0.3]], [[0.0, 0.0]])
+        """
         from robid_core.robot.plant import standing
 
         return standing(self._robot, self._robot.motor_angle(angle))
@@ -116,7 +133,12 @@ class Motions:
         return run
 
     def plant(self) -> RobotPlant:
-        """Return this robot as the plant behind simulated drives."""
+        """Return this robot as the plant behind simulated drives.
+
+        >>> import robid_core as robid
+        >>> robid.Robot.load("one_axis").plant().n_axis
+        1
+        """
         from robid_core.robot.plant import RobotPlant
 
         return RobotPlant(self._robot)

@@ -107,6 +107,19 @@ def simulate_records(
 
     Eight experiments fill a register, of whichever record, and many cost hardly more than one; each comes out as it
     would alone, bit by bit.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> robot = robid.Robot.load("one_axis")
+    >>> records = [
+    ...     robid.Record.from_arrays(
+    ...         speed_reference=np.zeros((300, 1)), motor_position=robot.motor_angle([[angle]]) + np.zeros((300, 1)),
+    ...         sample_time_s=robot.sample_time_s, robot=robot)
+    ...     for angle in (0.2, 0.4)
+    ... ]
+    >>> [one.source for one in robid.simulate_records(robot, records)]
+    ['arrays, simulated with one_axis', 'arrays, simulated with one_axis']
     """
     runs = [(run, record.line is not None) for record in records for run in record.runs]
     courses = [_course(robot, *run, start, horizon_s, half_window) for run in runs]

@@ -66,15 +66,30 @@ class NamedUnknowns:
         return number_at(self.description, self.layout[name])
 
     def parameter_unit(self, name: str) -> str:
-        """Return the unit of a named parameter."""
+        """Return the unit of a named parameter.
+
+        >>> import robid_core as robid
+        >>> robid.Robot.load("one_axis").parameter_unit("gear_stiffness.axis_1")
+        'N m/rad'
+        """
         return self.layout[name].unit
 
     def parameter_kind(self, name: str) -> str:
-        """Return what a named parameter is of: stiffness, damping, inertia, friction, drive, effect..."""
+        """Return what a named parameter is of: stiffness, damping, inertia, friction, drive, effect...
+
+        >>> import robid_core as robid
+        >>> robid.Robot.load("one_axis").parameter_kind("gear_stiffness.axis_1")
+        'stiffness'
+        """
         return self.layout[name].kind
 
     def parameter_group(self, name: str) -> str:
-        """Return the group of the thesis that a named parameter belongs to: static, separate or dynamic."""
+        """Return the group of the thesis that a named parameter belongs to: static, separate or dynamic.
+
+        >>> import robid_core as robid
+        >>> robid.Robot.load("one_axis").parameter_group("mass.axis_1")
+        'static'
+        """
         return self.layout[name].group
 
     @functools.cached_property
@@ -102,7 +117,13 @@ class NamedUnknowns:
         )
 
     def spring_arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Return (stiffness, damping), each (n_spring,), in the order of `spring_names`."""
+        """Return (stiffness, damping), each (n_spring,), in the order of `spring_names`.
+
+        >>> import robid_core as robid
+        >>> stiffness, damping = robid.Robot.load("one_axis").spring_arrays()
+        >>> stiffness.tolist(), damping.tolist()
+        ([80000.0], [60.0])
+        """
         structure = self.structure
         rows = [
             (number_at(structure, spring), number_at(structure, damper))

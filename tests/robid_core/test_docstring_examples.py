@@ -57,20 +57,9 @@ PLUGINS = {
 }
 """Homes of the names that plugins are written with: their authors read docs/plugins.md."""
 WITHOUT = {
-    "Artifact": {"place"},
-    "DenseRun": {"constant", "experiments"},
-    "Pipeline": {"load", "parse", "stage"},
-    "Record": {
-        "damping_deviation_at", "reference_spectra", "spectra_by_period", "speed_levels", "travel_covariance",
-    },
-    "ResponseComparison": {"frequencies_of_curves"},
-    "Robot": {
-        "drive", "equivalent_motor_damping", "fitted", "left_out", "model", "parameter_group", "parameter_kind",
-        "parameter_unit", "plant", "spring_arrays", "standing",
-    },
-    "robid_core": {"frozen", "simulate_records"},
-}  # fmt: skip
-"""What stages call rather than people, or what is said with one word more than its neighbour: needs no example."""
+    "Robot": {"equivalent_motor_damping", "left_out"},
+}
+"""What stages call rather than people: needs no example."""
 
 
 @pytest.mark.parametrize("name", MODULES)
