@@ -43,7 +43,7 @@ def check_urdf(text: str, file: str, locked: Collection[str] = ()) -> Element:
         raise ConfigurationError(
             f"{file}: the file describes a <{root.tag}>, not a <robot>; give a URDF file"
         )
-    mistakes = [*_names(root), *_joints(root, locked), *_tree(root), *_inertias(root)]
+    mistakes = [*_names(root), *_joints(root, locked), *_tree(root), *_origins(root), *_inertias(root)]
     if not mistakes:
         mistakes = [*_masses(root, locked)]
     if mistakes:
@@ -167,6 +167,23 @@ def _tree(root: Element) -> Iterator[Mistake]:
             yield before[at], f"joints {told} lead round in a closed loop with no link to stand on; {_OPEN}"
 
 
+def _origins(root: Element) -> Iterator[Mistake]:
+    """Refuse places and directions of joints and bodies that are not three numbers: readers leave out what has them."""
+    found = [(joint, f"joint '{joint.get('name')}'", joint.find("origin")) for joint in root.findall("joint")]
+    for link in root.findall("link"):
+        found.append((link, f"link '{link.get('name')}': <inertial>", link.find("inertial/origin")))
+    for owner, of, origin in found:
+        for key, unit in (("xyz", "m"), ("rpy", "rad")):
+            written = "0 0 0" if origin is None else origin.get(key, "0 0 0")
+            if vector_of(written) is not None:
+                continue
+            comma = "; decimal comma? Write a point, and blanks between numbers" if "," in written else ""
+            yield (
+                owner if origin is None else origin,
+                f"{of} has the origin {key}='{written}'; give three numbers in {unit}, such as '0 0 0.3'{comma}",
+            )
+
+
 def _inertias(root: Element) -> Iterator[Mistake]:
     for link in root.findall("link"):
         name, inertial = link.get("name"), link.find("inertial")
@@ -181,6 +198,9 @@ def _inertias(root: Element) -> Iterator[Mistake]:
             yield link, f"link '{name}': mass {value:g} kg is negative"
         tensor = inertial.find("inertia")
         keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        if tensor is not None and (lacking := [key for key in keys if key not in tensor.attrib]):
+            yield tensor, f"link '{name}': <inertia> lacks {', '.join(lacking)}; give all six in kg m^2"
+            continue
         moments = [number_of(tensor.get(key, "0") if tensor is not None else "0") for key in keys]
         if None in moments:
             key = keys[moments.index(None)]

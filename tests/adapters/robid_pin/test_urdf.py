@@ -98,6 +98,22 @@ _AB, _BC = _joint("i", "revolute", "a", "b"), _joint("j", "revolute", "b", "c")
             ["3: link 'b': ixy 'x' is not a number; give kg m^2"],
         ),
         (
+            (_link("a", 1.0), _link("b", 1.0).replace('ixy="0.004"', ""), _AB),
+            ["3: link 'b': <inertia> lacks ixy; give all six in kg m^2"],
+        ),
+        (
+            (_link("a", 1.0), _link("b", 1.0).replace("<inertial>", '<inertial><origin xyz="0 0 0,2"/>'), _AB),
+            ["3: link 'b': <inertial> has the origin xyz='0 0 0,2'; give three numbers in m", "decimal comma?"],
+        ),
+        (
+            (*_SQUARE[:2], _AB.replace("0.3 0.1 0.4", "0 0.3")),
+            ["4: joint 'i' has the origin xyz='0 0.3'; give three numbers in m, such as '0 0 0.3'"],
+        ),
+        (
+            (*_SQUARE[:2], _AB.replace("0.2 -0.5 0.7", "0 0 90deg")),
+            ["4: joint 'i' has the origin rpy='0 0 90deg'; give three numbers in rad"],
+        ),
+        (
             (*_SQUARE, _AB, _BC, _joint("k", "revolute", "a", "c")),
             ["7: link 'c' hangs on joints 'j' and 'k': a closed loop; robid models chains and trees"],
         ),
