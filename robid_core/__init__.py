@@ -31,7 +31,8 @@ _HOME = {
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.parameters.tangents": ("mechanism_change",),
     "robid_core.foreign": ("guarded_reader",),
-    "robid_core.registry": ("Plugin", "load_plugin", "record_readers"),
+    "robid_core.registered": ("load_plugin",),
+    "robid_core.registry": ("Plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
     "robid_core.robot.file.left_out": ("AxisKey",),
     "robid_core.robot.sampling": ("other_sampling",),
@@ -172,7 +173,6 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
     )
     from robid_core.registry import (
         Plugin as Plugin,
-        load_plugin as load_plugin,
         record_readers as record_readers,
     )
     from robid_core.robot import (

@@ -198,8 +198,3 @@ def record_readers() -> dict[str, str]:
     """Return the readers of recordings by the suffixes of their files, without the dot."""
     names = registry().names(RECORDS)
     return {name: name for name in names} | {s: name for s, name in READERS.items() if name in names}
-
-
-def load_plugin(group: str, name: str) -> Any:
-    """Import what is registered as `name` in a group such as "robid.records"; the facade's way to the registry."""
-    return registry().load(group, name)

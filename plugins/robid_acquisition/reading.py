@@ -29,6 +29,7 @@ from robid_core import BoolArray, Context, DataRejected, FloatArray, Robot, Sett
 
 CUT = "cut the recording before it or repair it"
 LARGEST = 1e30  # beyond, squares and their sums overflow, and no unit makes a measurement of it
+SHORTEST = 10  # samples; fewer tell of no motion
 ON_LINK = "link_"  # begins the names of channels of inertial units
 
 
@@ -125,6 +126,12 @@ class ReadFiles(Sources):
                 )
         refuse_other_lengths({name: len(table) for name, table in tables.items()})
         n_row = len(next(iter(tables.values())))
+        if n_row < SHORTEST:
+            count = "1 sample" if n_row == 1 else f"{n_row} samples"
+            raise DataRejected(
+                f"{count} only, where a motion needs {SHORTEST} and more; was "
+                "the file cut, or its recording stopped? Record it again, or leave it out"
+            )
         stamps = self.time_stamps(columns[file], n_row, robot)
         instant = np.arange(n_row, dtype=np.float64)
         if stamps is not None:

@@ -94,9 +94,9 @@ def plugins() -> list[Finding]:
 
     So are names that stand twice.
     """
-    from robid_core.commands.registered import check_registered
     from robid_core.commands.trial import loaded_apart
-    from robid_core.registry import GROUPS, registry
+    from robid_core.registered import check_registered
+    from robid_core.registry import GROUPS, NOUNS, registry
 
     findings: list[Finding] = []
     count = 0
@@ -109,7 +109,8 @@ def plugins() -> list[Finding]:
             except ExtraMissing as error:
                 findings.append((0, f"optional {group} {error}"))
             except RobidError as error:
-                findings.append((error.exit_code, f"plugin {group} {' '.join(str(error).split())}"))
+                said = " ".join(str(error).split())
+                findings.append((error.exit_code, f"plugin {group} {said.removeprefix(NOUNS[group] + ' ')}"))
     return [(0, f"{count} plugins can be imported"), *findings]
 
 

@@ -57,9 +57,9 @@ def table(rows: list[Row]) -> list[str]:
 
 def row(plugin: Plugin) -> Row:
     """Return one line of the list; a plugin that cannot be imported, or used, says why."""
-    from robid_core.commands.registered import check_registered
     from robid_core.commands.trial import loaded_apart
     from robid_core.errors import ExtraMissing, PluginError
+    from robid_core.registered import check_registered
 
     def checked(loaded: Any) -> str:
         check_registered(plugin, loaded)

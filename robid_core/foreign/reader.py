@@ -10,6 +10,7 @@ import numpy as np
 
 from robid_core.errors import PluginError
 from robid_core.foreign.process import read_apart
+from robid_core.registered import check_registered
 from robid_core.registry import RECORDS, Plugin, registry
 
 READING = ("describe", "read", "read_record", "shapes", "units")
@@ -24,6 +25,7 @@ class GuardedReader:
     def __init__(self, plugin: Plugin, tell: bool = True) -> None:
         self._plugin, self._tell = plugin, tell
         self._reader = plugin.load()  # says what is not installed
+        check_registered(plugin, self._reader)
 
     def quiet(self) -> GuardedReader:
         """Return a reader of the same files whose logs are not passed on: who reads twice is told once."""
@@ -52,6 +54,6 @@ def _check_columns(result: Any, plugin: Plugin) -> None:
 def guarded_reader(name: str) -> GuardedReader:
     """Return the reader of recordings of this name, or pinned as `distribution:name`, under guard.
 
-    Raises ConfigurationError where there is none, PluginError where it cannot be imported.
+    Raises ConfigurationError where there is none, PluginError where it cannot be imported or is no reader.
     """
     return GuardedReader(registry().find(RECORDS, name))

@@ -23,6 +23,7 @@ from robid_core.pipeline.places import find_places
 from robid_core.pipeline.resolving import Declared, Resolver, drives_or_executor
 from robid_core.pipeline.robot_check import check_against_robot, check_drives_against_robot
 from robid_core.pipeline.wiring import Source, feeding
+from robid_core.registered import check_registered
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, Plugin, Registry, registry
 from robid_core.robot import Robot
 from robid_core.robot.file.reading import find_robot, read_description
@@ -289,7 +290,8 @@ def _robot(root: Node, resolver: Resolver) -> RobotChoice | None:
             hint = suggestion(use.dynamics, names, "there are")
             raise ConfigurationError(f"no dynamics '{use.dynamics}'; {hint}")
         if use.dynamics != "kernel":
-            resolver.plugins.load(DYNAMICS, use.dynamics)
+            dynamics = resolver.plugins.find(DYNAMICS, use.dynamics)
+            check_registered(dynamics, dynamics.load())
     except RobidError as error:
         problems.add(node.keys["dynamics"], ("robot", "dynamics"), str(error))
         return None

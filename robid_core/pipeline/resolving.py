@@ -16,6 +16,7 @@ from robid_core.artifacts import Artifact
 from robid_core.errors import ConfigurationError, PluginError, RobidError
 from robid_core.pipeline.checking import check, settings_model
 from robid_core.pipeline.wiring import Source
+from robid_core.registered import check_registered
 from robid_core.registry import EFFECTS, NOUNS, STAGES, Plugin, Registry
 from robid_core.settings_types import Places, SettingFile, StageRef
 from robid_core.stage import Input, Stage, stage_fault
@@ -56,7 +57,10 @@ class Resolver:
             return None
         try:
             plugin = self.plugins.find(group, use.value)
-            return plugin, plugin.load()
+            loaded = plugin.load()
+            if group != STAGES:  # told in words of its own
+                check_registered(plugin, loaded)
+            return plugin, loaded
         except (ConfigurationError, PluginError) as error:
             text = " ".join(str(error).split())
             if group != EFFECTS and use.value in self.plugins.names(EFFECTS):
@@ -92,7 +96,10 @@ class Resolver:
         uses = getattr(settings, "uses", None)
         for group, name in uses() if callable(uses) else ():
             try:
-                self.plugins.load(group, name)
+                plugin = self.plugins.find(group, name)
+                loaded = plugin.load()
+                if group != EFFECTS:  # a diagnosis tries the others, and names those that cannot be used
+                    check_registered(plugin, loaded)
             except (ConfigurationError, PluginError) as error:
                 self.problems.add(node.keys["use"], (*path, "use"), " ".join(str(error).split()))
 

@@ -87,6 +87,8 @@ def check_drives_against_robot(
     problems
         Takes the mistakes.
     """
+    if type(drives).problems_with is Drives.problems_with:
+        return
     try:
         wrong = dict(drives.problems_with(load()))
     except RobidError as error:

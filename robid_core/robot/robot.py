@@ -19,7 +19,8 @@ from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import ConfigurationError, MotionRefused, PluginError
 from robid_core.gate import MotionLimits
 from robid_core.mechanics.terms import CHANNELS, ForceTerm, SignalTerm
-from robid_core.registry import DYNAMICS, load_plugin
+from robid_core.registered import load_plugin
+from robid_core.registry import DYNAMICS
 from robid_core.robot import effects as laws
 from robid_core.robot.arrays import DriveArrays, chain_of, drive_arrays, mechanism_of
 from robid_core.robot.batched_dynamics import BatchedDynamics

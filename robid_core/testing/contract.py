@@ -175,6 +175,11 @@ def _measured_by(artifacts: Examples | None) -> Data | None:
 
 def check_settings(cls: type[Stage], **settings: Any) -> Stage:
     """Check a stage's declaration and that its settings survive YAML; return the stage."""
+    if not (isinstance(cls, type) and issubclass(cls, Stage)):
+        of = cls.__name__ if isinstance(cls, type) else f"an object of {type(cls).__name__}"
+        raise ContractBroken(
+            f"{of} is no stage; give a class that is derived from a kind such as robid_core.FrfEstimator"
+        )
     name = cls.__name__
     if cls.kind not in {kind.kind for kind in KINDS} or not issubclass(cls, KINDS):
         raise ContractBroken(f"{name} is of no kind; derive it from one such as robid_core.FrfEstimator")

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robid_core.arrays import FloatArray
-from robid_core.errors import ConfigurationError
-from robid_core.registry import MODELS, load_plugin
+from robid_core.calling import call_fault
+from robid_core.errors import ConfigurationError, PluginError
+from robid_core.registry import MODELS, registry
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain
@@ -80,13 +81,21 @@ def read_model(path: Path, locked: Mapping[str, float]) -> RobotModel:
     ConfigurationError
         Where there is no such file, or it describes no chain of rigid bodies; one line for each mistake.
     PluginError
-        Where no reader for its suffix can be imported.
+        Where no reader for its suffix can be imported, or what is registered is none.
     """
     if not path.is_file():
         raise ConfigurationError(
             f"{path} is no file; in a robot file the path of a model is relative to that file"
         )
-    model: RobotModel = load_plugin(MODELS, path.suffix.lstrip(".").lower())(path, locked)
+    plugin = registry().find(MODELS, path.suffix.lstrip(".").lower())
+    reader = plugin.load()
+    if fault := call_fault(reader, "file", "locked joints"):
+        raise PluginError(f"{plugin} {fault}")
+    model = reader(path, locked)
+    if not isinstance(model, RobotModel):
+        raise PluginError(
+            f"{plugin} gave a {type(model).__name__} for {path.name}, not a robid_core.RobotModel"
+        )
     chain = model.chain
     modal = [name for name, kind in zip(chain.names, chain.joint_type, strict=True) if kind >= len(_KINDS)]
     if modal:

@@ -11,10 +11,10 @@ from pydantic import Field
 
 from robid_core import FrfEstimator, Robot, Settings, registry as registry_module
 from robid_core.commands import doctor
-from robid_core.commands.registered import FAULTS
 from robid_core.commands.stages import command, kind_of, paste, row, setting_rows
 from robid_core.errors import PluginError
 from robid_core.interruption import signals_as_interrupt
+from robid_core.registered import FAULTS
 from robid_core.registry import (
     DRIVES,
     DYNAMICS,

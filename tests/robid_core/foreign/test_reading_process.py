@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,8 @@ import pytest
 from faults.fault import fault
 from fuzz.samples import SAMPLES
 
-from robid_core import guarded_reader
-from robid_core.errors import DataRejected, StoreError
+from robid_core import guarded_reader, registry as plugins
+from robid_core.errors import DataRejected, PluginError, StoreError
 from robid_core.foreign import process
 from robid_core.foreign.limits import LEAST_BYTES, Limits, limits_of
 from robid_core.foreign.process import read_apart
@@ -276,3 +277,14 @@ def test_limits_grow_with_the_file(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_bytes(b"")
     assert limits_of(tmp_path / "metadata.yaml").processor_s == 12.0  # of the folder
     assert limits_of(tmp_path / "none").memory_bytes == LEAST_BYTES
+
+
+def test_what_is_registered_as_a_reader_and_is_none_is_told_by_its_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plain = EntryPoint("csv", "builtins:dict", plugins.RECORDS)
+    monkeypatch.setattr("robid_core.foreign.reader.registry", lambda: plugins.Registry([plain]))
+    with pytest.raises(
+        PluginError, match=r"'csv' \(unknown 0\) is no reader of recordings: it lacks describe and"
+    ):
+        guarded_reader("csv")

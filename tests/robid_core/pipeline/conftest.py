@@ -50,6 +50,10 @@ def fake_registry() -> Registry:
         EntryPoint("can", f"{FAKES}:NoDrives", "robid.drives"),
         EntryPoint("simulated", f"{FAKES}:NoDrives", "robid.drives"),
         EntryPoint("pool", f"{FAKES}:pool", "robid.executors"),
+        *(
+            EntryPoint("plain", "builtins:dict", f"robid.{group}")
+            for group in ("drives", "executors", "dynamics")
+        ),
     ]
     return Registry(points)
 

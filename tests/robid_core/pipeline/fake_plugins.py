@@ -24,12 +24,14 @@ from robid_core import (
     Fit,
     Frf,
     FrfEstimator,
+    OpenDrives,
     Preprocessing,
     ProjectPath,
     Record,
     Report,
     ReportStage,
     Robot,
+    Session,
     Settings,
     StageRef,
 )
@@ -188,11 +190,14 @@ class Explain(DiagnosisStage):
         raise NotImplementedError
 
 
-class NoDrives(Settings):
+class NoDrives(Drives):
     """Stands in for drives."""
 
     plant: str = "six_axis_true"
     bitrate: PositiveInt = 1_000_000
+
+    def open(self, session: Session) -> OpenDrives:
+        raise NotImplementedError
 
 
 def pool(workers: int = 2, *, address: str | None = None) -> None:

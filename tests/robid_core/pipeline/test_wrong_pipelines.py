@@ -270,6 +270,20 @@ ONE_MISTAKE = {
         changed("use: can", "use: cann"),
         ["bad.yaml:5:10: drives.use: no drives 'cann'; did you mean 'can'?"],
     ),
+    "drives that are none": (
+        changed("drives: {use: can, with: {plant: one_axis_true}}", "drives: {use: plain}"),
+        ["bad.yaml:5:10: drives.use: 'plain' (unknown 0) is no subclass of robid_core.Drives"],
+    ),
+    "an executor that is none": (
+        changed("stages:\n", "executor: {use: plain}\nstages:\n"),
+        ["bad.yaml:6:12: executor.use: 'plain' (unknown 0) is no executor: it must return a context manager"],
+    ),
+    "dynamics that are none": (
+        changed("robot: one_axis\n", "robot: {model: one_axis, dynamics: plain}\n"),
+        [
+            "bad.yaml:4:26: robot.dynamics: 'plain' (unknown 0) computes no dynamics: it lacks solve_equilibrium"
+        ],
+    ),
     "unknown executor": (
         changed("stages:\n", "executor: {use: pol}\nstages:\n"),
         ["bad.yaml:6:12: executor.use: no executor 'pol'; did you mean 'pool'?"],

@@ -95,7 +95,7 @@ class World:
         )
         lines = ["[robid.stages]", *(f"{name} = {PACKAGE}:{cls}" for name, cls in STAGES.items())]
         lines += ["[robid.drives]", *(f"{name} = {PACKAGE}:{cls}" for name, cls in DRIVES.items())]
-        lines += ["[robid.records]", f"strange = {PACKAGE}:square"]
+        lines += ["[robid.tasks]", f"strange = {PACKAGE}:square"]
         (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
         url = info / "direct_url.json"
         url.unlink(missing_ok=True)

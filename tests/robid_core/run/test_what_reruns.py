@@ -151,7 +151,7 @@ def test_plugins_that_a_stage_says_it_uses_count_like_its_own(
         """    path: DataPath
 
     def uses(self) -> list[tuple[str, str]]:
-        return [("robid.records", "strange")]
+        return [("robid.tasks", "strange")]
 
 """,
     )

@@ -273,6 +273,19 @@ def test_a_broken_clause_is_named(cls: type[CandidateDesign], clause: str) -> No
         check_stage(cls, for_axes=(1,))
 
 
+class Plain:
+    """Derived from nothing."""
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [(Plain, "Plain is no stage"), (Candidates(), "an object of Candidates is no stage; give a class")],
+)
+def test_what_is_no_stage_is_told(given: Any, told: str) -> None:
+    with pytest.raises(ContractBroken, match=told):
+        check_stage(given)
+
+
 class Misplaced(Estimator):
     """A fit whose model is of a robot of its own."""
 

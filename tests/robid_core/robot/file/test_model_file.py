@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from robid_core import ConfigurationError, Robot
+from robid_core import ConfigurationError, PluginError, Robot, registry as plugins
 from robid_core.mechanics import dynamics
 from robid_core.robot.file.model_file import read_model
 
@@ -47,6 +49,23 @@ def written(folder: Path, parts: tuple[str, ...], text: str) -> Path:
     (folder / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
     (folder / "robot.yaml").write_text(f"robid_robot: 1\nname: arm\nmodel: arm.urdf\n{text}")
     return folder / "robot.yaml"
+
+
+@pytest.mark.parametrize(
+    ("target", "told"),
+    [
+        ("builtins:object", "'urdf' (unknown 0) cannot be called with (file, locked joints)"),
+        ("operator:is_", "'urdf' (unknown 0) gave a bool for arm.urdf, not a robid_core.RobotModel"),
+    ],
+)
+def test_what_is_registered_as_a_reader_and_is_none_is_told_by_its_name(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, target: str, told: str
+) -> None:
+    written(tmp_path, ARM, AXES)
+    plain = EntryPoint("urdf", target, plugins.MODELS)
+    monkeypatch.setattr("robid_core.robot.file.model_file.registry", lambda: plugins.Registry([plain]))
+    with pytest.raises(PluginError, match=re.escape(told)):
+        read_model(tmp_path / "arm.urdf", {})
 
 
 def test_limits_come_through_the_gear_and_the_robot_file_wins(tmp_path: Path) -> None:

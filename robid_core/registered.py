@@ -1,4 +1,4 @@
-"""Whether what a package registers is what its group asks for."""
+"""Whether what a package registers is what its group asks for, asked where it is loaded."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+from robid_core import registry
+from robid_core.calling import call_fault
 from robid_core.errors import PluginError
 from robid_core.registry import (
     DRIVES,
@@ -21,6 +23,22 @@ from robid_core.registry import (
 )
 
 READS = ("describe", "read")  # what a reader of recordings has
+
+
+def load_plugin(group: str, name: str) -> Any:
+    """Import what is registered as `name` in a group such as "robid.records"; the facade's way to the registry.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none, with what comes near.
+    PluginError
+        Where it cannot be imported, or is not what its group asks for.
+    """
+    plugin = registry.registry().find(group, name)
+    loaded = plugin.load()
+    check_registered(plugin, loaded)
+    return loaded
 
 
 def check_registered(plugin: Plugin, loaded: Any) -> None:
@@ -68,30 +86,13 @@ def _executor(loaded: Any) -> str:
     return "is no executor: it must return a context manager (a generator under contextlib.contextmanager)"
 
 
-def _called_with(*arguments: str) -> Callable[[Any], str]:
-    """Return a check that an object can be called with so many arguments."""
-
-    def fault(loaded: Any) -> str:
-        if not callable(loaded):
-            return "is no function"
-        try:
-            inspect.signature(loaded).bind(*arguments)
-        except TypeError:
-            return f"cannot be called with ({', '.join(arguments)})"
-        except ValueError:  # a function of C that does not say what it takes
-            return ""
-        return ""
-
-    return fault
-
-
 FAULTS: dict[str, Callable[[Any], str]] = {
     STAGES: _stage,
     EFFECTS: _effect,
     DRIVES: _drives,
     DYNAMICS: _dynamics,
-    MODELS: _called_with("file", "locked joints"),
-    MESHES: _called_with("file"),
+    MODELS: lambda loaded: call_fault(loaded, "file", "locked joints"),
+    MESHES: lambda loaded: call_fault(loaded, "file"),
     RECORDS: _records,
     EXECUTORS: _executor,
     TASKS: lambda loaded: "" if callable(loaded) else "is no function",
