@@ -16,6 +16,7 @@ import numpy as np
 from robid_core import ConfigurationError
 
 MOVING = ("revolute", "continuous", "prismatic")
+_TURN = 6.4  # rad; beyond, an angle of an origin is in degrees
 _TOLERANCE = 1e-6  # relative, of the largest principal moment of inertia
 
 _OPEN = (
@@ -175,7 +176,14 @@ def _origins(root: Element) -> Iterator[Mistake]:
     for owner, of, origin in found:
         for key, unit in (("xyz", "m"), ("rpy", "rad")):
             written = "0 0 0" if origin is None else origin.get(key, "0 0 0")
-            if vector_of(written) is not None:
+            numbers = vector_of(written)
+            if numbers is not None and key == "rpy" and max(map(abs, numbers)) > _TURN:
+                radians = " ".join(f"{np.radians(number):.6g}" for number in numbers)
+                yield (
+                    owner if origin is None else origin,
+                    f"{of} has the origin rpy='{written}' rad, more than a turn; degrees? Write rpy=\"{radians}\"",
+                )
+            if numbers is not None:
                 continue
             comma = "; decimal comma? Write a point, and blanks between numbers" if "," in written else ""
             yield (

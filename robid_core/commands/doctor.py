@@ -54,12 +54,16 @@ def command(
 def look_at(name: str) -> None:
     """Tell what is implausible about a robot; leaves with exit code 2 where something is impossible."""
     from robid_core.robot import Robot
-    from robid_core.robot.file.document import line_of
+    from robid_core.robot.file.document import line_of, read_document
+    from robid_core.robot.file.factors import unusual_factors
     from robid_core.robot.file.reading import find_robot
     from robid_core.robot.plausibility import remarks_on
+    from robid_core.robot.remark import Remark
 
     robot, file = Robot.load(name), find_robot(name)
-    remarks = list(remarks_on(robot))
+    factors = unusual_factors(read_document(file).data)
+    remarks = [Remark(f"factors.{pattern}", what, path=("factors", pattern)) for pattern, what in factors]
+    remarks += remarks_on(robot)
     for remark in remarks:
         degree = "FAIL" if remark.impossible else "note"
         typer.echo(f"{degree} {line_of(file, remark.key)}: {remark.sentence}")

@@ -7,9 +7,7 @@ What is only unusual is a remark; with what no robot can have (`impossibilities`
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +17,9 @@ from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.robot.file.coaxial import coaxial_springs
 from robid_core.robot.file.meeting import meeting_springs
+from robid_core.robot.remark import Remark
 from robid_core.robot.stability import refuse_unstable
-from robid_core.yaml_file.problems import KeyPath
+from robid_core.robot.suspect_units import in_other_units, sagging
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
@@ -42,29 +41,6 @@ _ANGLE_NOISE = 0.1  # rad at the motor
 _INDEPENDENT = 1e-12  # smallest eigenvalue of a mass matrix with ones on its diagonal
 
 
-@dataclass(frozen=True)
-class Remark:
-    """An implausible number of a robot."""
-
-    where: str
-    """Key of the robot file, dotted."""
-    what: str
-    """What is there, how large, and what to do."""
-    impossible: bool = False
-    """Whether no robot can be so."""
-
-    @property
-    def sentence(self) -> str:
-        """The place once, and what is there."""
-        return self.what if self.what.startswith(self.where) else f"{self.where}: {self.what}"
-
-    @property
-    def key(self) -> KeyPath:
-        """The key as a path: `bodies[0] (axis_1).inertia` is bodies, 0, inertia."""
-        parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", re.sub(r" \([^)]*\)", "", self.where))
-        return tuple(int(number) if number else name for number, name in parts)
-
-
 def impossibilities(robot: Robot, moves: bool) -> Iterator[Remark]:
     """Yield what no robot can have; what drives cannot do, and no rest, only of one that `moves`."""
     yield from (
@@ -79,6 +55,7 @@ def _as_written(robot: Robot) -> Iterator[Remark]:
     yield from _limits(robot)
     yield from _gears(robot)
     yield from _motors(robot)
+    yield from in_other_units(robot)
 
 
 def remarks_on(robot: Robot) -> Iterator[Remark]:
@@ -107,6 +84,7 @@ def remarks_on(robot: Robot) -> Iterator[Remark]:
             f"in {np.sum(~stands)} of {POSES} poses drawn the arm has no stable rest; raise stiffnesses",
         )
     yield from _gravity(robot, rest.torque[stands])
+    yield from sagging(robot, rest.joint[stands], poses[stands])
     yield from _inertias(robot, poses[stands])
     weightless = list(_weightless(robot, poses[stands]))
     yield from weightless
@@ -261,6 +239,12 @@ def _motors(robot: Robot) -> Iterator[Remark]:
 
 
 def _gravity(robot: Robot, torque: FloatArray) -> Iterator[Remark]:
+    loads = [
+        f"{label} ({entry.with_['mass']:g} kg)"
+        for label, entry in robot.description.effects.items()
+        if entry.use == "load.payload" and "mass" in entry.with_
+    ]
+    counted = f", the payload {' and '.join(loads)} among what it bears" if loads else ""
     share = np.abs(torque) / robot.drives.torque_limit_or(np.full(robot.n_axis, np.inf))
     for name, column, torques in zip(robot.axis_names, share.T, torque.T, strict=True):
         worst = int(np.argmax(column))
@@ -270,7 +254,7 @@ def _gravity(robot: Robot, torque: FloatArray) -> Iterator[Remark]:
         yield Remark(
             f"axes.{name}.torque_limit",
             f"gravity asks for {abs(torques[worst]):.4g} N m of the motor, {column[worst]:.3g} times the limit, and "
-            f"for more than it in {over:.0%} of the poses; torque and ratio at the motor?",
+            f"for more than it in {over:.0%} of the poses{counted}; torque and ratio at the motor?",
             impossible=over > 0.5,
         )
 

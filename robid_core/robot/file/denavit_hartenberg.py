@@ -37,6 +37,7 @@ from robid_core.robot.file.rotation import IDENTITY, Rotation
 from robid_core.robot.file.wording import checked
 from robid_core.yaml_file.problems import KeyPath
 
+_TURN = 6.4  # rad; beyond, an angle of a table is in degrees
 _ROUNDING = 1e-15  # cosines and sines below it are those of quarter turns
 
 
@@ -79,6 +80,13 @@ class LinkRow(Part):
 
     @model_validator(mode="after")
     def _each_once(self) -> LinkRow:
+        for key in ("alpha", "offset"):
+            value = getattr(self, key)
+            if value is not None and abs(value) > _TURN:
+                raise refusal(
+                    f"{key} {value:g} rad is {abs(value) / math.tau:.3g} turns; degrees? Write {key}_deg: {value:g}, "
+                    f"or {key}: {math.radians(value):.6g}"
+                )
         for key, other in (
             ("alpha", "alpha_deg"),
             ("offset", "offset_deg"),

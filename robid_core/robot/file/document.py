@@ -60,6 +60,15 @@ class Document:
 def line_of(path: Path, key: KeyPath) -> str:
     """Return where a key of a robot file stands, as `robot.yaml:17:5`; or what it comes from, a model or a base."""
     document = read_document(path)
+    if "dh" in document.root.entries() and key[:1] == ("bodies",):
+        key = next(
+            (
+                found
+                for found in (("dh", "links", *key[1:]), ("dh", "links", *key[1:2]))
+                if document.root.at(found)[0]
+            ),
+            key,
+        )
     if not document.root.at(key)[0]:
         key = next(((name,) for name in ("base", "model", "dh") if name in document.root.entries()), key)
     mark = document.root.at(key)[1]

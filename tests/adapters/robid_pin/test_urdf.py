@@ -114,6 +114,10 @@ _AB, _BC = _joint("i", "revolute", "a", "b"), _joint("j", "revolute", "b", "c")
             ["4: joint 'i' has the origin rpy='0 0 90deg'; give three numbers in rad"],
         ),
         (
+            (*_SQUARE[:2], _AB.replace("0.2 -0.5 0.7", "90 0 0")),
+            ["4: joint 'i' has the origin rpy='90 0 0' rad, more than a turn; degrees? Write rpy=\"1.5708 0 0\""],
+        ),
+        (
             (*_SQUARE, _AB, _BC, _joint("k", "revolute", "a", "c")),
             ["7: link 'c' hangs on joints 'j' and 'k': a closed loop; robid models chains and trees"],
         ),

@@ -229,8 +229,8 @@ COLUMNS = {
 def test_a_file_of_two_rows(lab: Lab, sound: dict[str, FloatArray]) -> None:
     short = {name: values[:2] for name, values in settled(sound).items()}
     (lab.folder / "run.csv").write_text(table(short, ",", comma=False))
-    told = str(_refusal(lab, "run.csv", COLUMNS))
-    assert told.startswith("run.csv: 2 samples only, where a motion needs 10 and more; was the file cut")
+    told = str(_refusal(lab, "run.csv", channels=COLUMNS))
+    assert told.startswith("2 samples only, where a motion needs 10 and more; was the file cut")
 
 
 def test_decimal_commas_and_another_encoding(lab: Lab, sound: dict[str, FloatArray]) -> None:

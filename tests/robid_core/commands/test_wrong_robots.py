@@ -297,7 +297,7 @@ BROKEN_URDF: dict[str, tuple[Files, tuple[str, ...]]] = {
     "UTF-16 of a body": ({"robot.yaml": SIX, "robot.urdf": URDF.encode("utf-16")[:-1]}, ("robot.urdf",)),
     "mass that is no number": (urdf(r'mass value="[^"]+"', 'mass value="nan"'), ("mass",)),
     "decimal comma": (urdf(r'mass value="([0-9]+)[^"]*"', r'mass value="\1,5"'), ("mass",)),
-    "two coordinates": (urdf(r'xyz="[^"]+"', 'xyz="0 1"'), ("robot.urdf", "cannot read the file")),
+    "two coordinates": (urdf(r'xyz="[^"]+"', 'xyz="0 1"'), ("robot.urdf", "three numbers in m")),
     "negative moments": (urdf(r'ixx="', 'ixx="-'), ("robot.urdf:13", "none may be negative")),
     "bombs of entities": (
         {"robot.yaml": SIX, "robot.urdf": BOMB},

@@ -40,6 +40,10 @@ def test_a_bearing_on_the_line_of_the_next_gear_is_remarked() -> None:
         ({"speed_limit": 6000.0}, "speed_limit", "6000 rad/s are 60 rad/s at the joint", False),
         ({"gear": SOFT, "position_limits": [-0.5, 0.5]}, "axes", "gravity bends the springs over", True),
         ({"gear": {"stiffness": 8e8, "damping": 60.0}}, "axes", "lies at 1.22e.03 to .* too stiff", False),
+        ({"gear": {"stiffness": 1400.0, "damping": 1.0}}, "gear.stiffness", "bends the gear .* per degree", False),
+        ({"torque_constant": 350.0}, "torque_constant", "350 N m/A, .* mN m/A. That would be 0.35", False),
+        ({"sensors": {"torque_noise": 8.0}}, "sensors.torque_noise", "8 N m in every sample are 40 %", False),
+        ({"sensors": {"encoder_counts": 20}}, "sensors.encoder_counts", "20 bits are 1048576", False),
         ({"gear": None}, "axes", "nothing is elastic", False),
         ({"controller": {"speed_gain": 50.0}}, "axes", "axis_1: the controller is unstable", True),
         ({"controller": None, "speed_limit": None}, "axes", "lacks speed_limit of axis_1 .* and controller of", False),
@@ -70,6 +74,79 @@ def test_millimetres_and_points_are_told() -> None:
     assert any("86.6 m; kg mm^2?" in r.what and r.impossible for r in remarks_on(heavy))
     point = changed(robot, bodies=[{**body, "inertia": [[0.0] * 3] * 3}])
     assert any("40 kg in one point" in r.what and not r.impossible for r in remarks_on(point))
+
+
+@pytest.mark.parametrize(
+    ("whole", "place", "told"),
+    [
+        ({"gravity": [0.0, 0.0, -1.0]}, "gravity", "1 m/s.2, and 9.81 on earth; in multiples of g"),
+        ({"gravity": [0.0, 0.0, -1.62]}, "gravity", "1.62 m/s.2, where the earth has 9.81; is it meant"),
+        ({"gravity": [0.0, 0.0, 9.81]}, "gravity", "it hangs from a ceiling; where it stands on a floor"),
+        (
+            {"sample_time_s": 1.0, "step_s": 0.00025},
+            "sample_time_s",
+            "1 s from sample to sample; ms\\? 1 ms",
+        ),
+        (
+            {"effects": {"more": {"use": "load.payload", "on": "axis_1", "with": {"mass": 8000.0}}}},
+            "effects.more.with.mass",
+            "a payload of 8000 kg on an arm of 40 kg; grams\\? 8000 g are 8 kg",
+        ),
+        (
+            {
+                "effects": {
+                    "more": {"use": "load.payload", "on": "axis_1", "with": {"mass": 8000.0, "z": 0.5}}
+                }
+            },
+            "axes.axis_1.torque_limit",
+            r"gravity asks for .* of the poses, the payload more \(8000 kg\) among what it bears; torque",
+        ),
+        (
+            {
+                "effects": {
+                    "wave": {"use": "drive.torque_ripple", "on": "axis_1", "with": {"amplitude": 15.0}}
+                }
+            },
+            "effects.wave.with.amplitude",
+            "15 N m are 75 % of the torque limit 20 N m of the motor",
+        ),
+        (
+            {"effects": {"more": {"use": "friction.coulomb_tanh", "on": "axis_1", "with": {"coulomb": 0.5}}}},
+            "effects.more",
+            "Coulomb friction of axis_1 is stated twice .* by friction.coulomb_tanh, and by axes.axis_1.friction",
+        ),
+    ],
+)
+def test_a_number_that_another_unit_explains_is_remarked(
+    whole: dict[str, Any], place: str, told: str
+) -> None:
+    found = [r for r in remarks_on(changed(Robot.load("one_axis"), **whole)) if r.where == place]
+    assert any(_matches(told, r.what) for r in found), found
+
+
+@pytest.mark.parametrize(
+    "whole",
+    [
+        {"gravity": [0.0, 0.0, 0.0]},
+        {"gravity": [9.81, 0.0, 0.0]},
+        {"effects": {"more": {"use": "load.payload", "on": "axis_1", "with": {"mass": 20.0}}}},
+        {"effects": {"wave": {"use": "drive.torque_ripple", "on": "axis_1", "with": {"amplitude": 0.5}}}},
+        {
+            "effects": {
+                "more": {"use": "friction.coulomb", "on": "axis_1", "side": "arm", "with": {"coulomb": 5.0}}
+            }
+        },
+    ],
+)
+def test_what_is_usual_is_not(whole: dict[str, Any]) -> None:
+    assert list(remarks_on(changed(Robot.load("one_axis"), **whole))) == []
+
+
+def test_an_inertia_in_kg_cm2_is_told() -> None:
+    robot = Robot.load("one_axis")
+    body = robot.description.bodies[0].model_dump(mode="json")
+    heavy = changed(robot, bodies=[{**body, "inertia": [[15000.0, 0, 0], [0, 15000.0, 0], [0, 0, 1000.0]]}])
+    assert any("radius of gyration of 19.4 m" in r.what and "kg cm^2?" in r.what for r in remarks_on(heavy))
 
 
 def _matches(pattern: str, text: str) -> bool:

@@ -271,6 +271,16 @@ def test_an_inertia_about_the_origin_takes_no_inertia_about_the_centre_of_mass(t
         ("a: 0.6", "a: far", "8:7: dh.links[1].a: joint 'elbow': 'far' is written here, it must be a number; a:"),
         ("a: 0.6", "length: 0.6", "8:7: dh.links[1].length: joint 'elbow': unknown key 'length'"),
         ("alpha_deg: 90", "alpha_deg: 90, alpha: 1.5", "6:7: dh.links[0]: joint 'shoulder': alpha and alpha_deg are"),
+        (
+            "alpha_deg: 90",
+            "alpha: 90",
+            "6:7: dh.links[0]: joint 'shoulder': alpha 90 rad is 14.3 turns; degrees? Write alpha_deg: 90, or",
+        ),
+        (
+            "alpha_deg: 90",
+            "alpha: 1.5707963, offset: -90",
+            "6:7: dh.links[0]: joint 'shoulder': offset -90 rad is 14.3 turns; degrees? Write offset_deg: -90",
+        ),
         ("[0, 0.3, 0]", "[0, 0.4, 0]", "11:7: dh.links[1].inertia: joint 'elbow': principal moments 0.02, 0.3, 0.4"),
         ("    - joint: elbow", "    - joint: shoulder", "7:7: dh.links[1].joint: joint 'shoulder': stands twice"),
         ("  elbow: {", "  wrist: {", "14:3: axes.wrist.joint: there is no joint 'wrist' to move; there are"),
