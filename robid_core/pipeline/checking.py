@@ -120,6 +120,8 @@ def _tell(
             )
             if isinstance(value, str) and items[0]["type"] == "model_type" and "use" in _keys(model, place):
                 message += f"; write `{{use: {_short(value)}}}`"
+            if place == ("stages",) and isinstance(value, list):
+                message += "; write a name before each stage, no dash: `acquire: {use: acquisition.recorded}`"
             problems.add(node.at(place)[1], (*path, *place), message)
 
 

@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from robid_core.errors import RobidError
 from robid_core.pipeline.checking import settings_model
 from robid_core.pipeline.grammar import VERSION, PipelineFile, RobotUse
+from robid_core.registered import check_registered
 from robid_core.registry import DRIVES, DYNAMICS, EXECUTORS, STAGES, Plugin, Registry
 from robid_core.robot import Robot
 from robid_core.stage import Input, Stage
@@ -70,7 +71,9 @@ def _choice(plugins: Registry, group: str, definitions: Schema, description: str
     for plugin in plugins.plugins(group):
         written = [plugin.name, f"{plugin.distribution}:{plugin.name}"]
         try:
-            model = settings_model(plugin.load())
+            loaded = plugin.load()
+            check_registered(plugin, loaded)
+            model = settings_model(loaded)
             branch = _branch(plugin, model, definitions)
         except (RobidError, TypeError, NameError) as error:
             names |= dict.fromkeys(written, " ".join(str(error).split()))

@@ -55,7 +55,21 @@ def rigid_inertia(rows: Matrix) -> Matrix:
 
 
 Direction = Annotated[Vector, AfterValidator(_of_unit_length)]
-Inertia = Annotated[Matrix, AfterValidator(rigid_inertia)]
+
+
+def _no_list_of_moments(value: Any) -> Any:
+    if isinstance(value, tuple) and value and not any(isinstance(row, tuple) for row in value):
+        moments = [entry for entry in value if isinstance(entry, int | float)]
+        if len(value) == 3 == len(moments):
+            x, y, z = (f"{moment:g}" for moment in moments)
+            wanted = f"[[{x}, 0, 0], [0, {y}, 0], [0, 0, {z}]], where these are the moments about x, y and z"
+        else:
+            wanted = "[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]"
+        raise refusal(f"{len(value)} entries, and three rows of a matrix are wanted: {wanted}")
+    return value
+
+
+Inertia = Annotated[Matrix, AfterValidator(rigid_inertia), BeforeValidator(_no_list_of_moments)]
 
 
 class LinkMode(Part):

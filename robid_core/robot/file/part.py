@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from robid_core.yaml_file.problems import KeyPath
@@ -21,8 +21,26 @@ def _not_tiny(value: float) -> float:
     return value
 
 
+def _three_numbers(value: Any) -> Any:
+    """Refuse one number, and more than three, in words that say what is wanted; the rest is pydantic's."""
+    if _is_number(value):
+        raise refusal(
+            f"{value:g} is written here, three numbers are wanted, along x, y and z: [0, 0, {value:g}]"
+        )
+    if isinstance(value, tuple) and len(value) > 3 and all(map(_is_number, value)):
+        told = f"{len(value)} entries, there must be 3"
+        if any(isinstance(number, int) and number >= 0 for number in value[1:]):
+            told += "; decimal commas? A comma parts the entries: write points, as in [0, 0, 0.3]"
+        raise refusal(told)
+    return value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Vector = tuple[Number, Number, Number]
+Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three_numbers)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_not_tiny)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator
+from pydantic import AfterValidator, BeforeValidator
 
 from robid_core.robot.file.part import Vector, refusal
 
 Matrix = tuple[Vector, Vector, Vector]
+_QUARTER_TURN = "[[0, 0, 1], [0, 1, 0], [-1, 0, 0]]"
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 UNIT_TOLERANCE = (
     1e-6  # as in mechanics.chain_check: what a text with seven digits leaves of lengths and rotations
@@ -26,4 +27,13 @@ def _a_rotation(rows: Matrix) -> Matrix:
     return rows
 
 
-Rotation = Annotated[Matrix, AfterValidator(_a_rotation)]
+def _no_angles(value: Any) -> Any:
+    if isinstance(value, tuple) and value and not any(isinstance(row, tuple) for row in value):
+        raise refusal(
+            f"{len(value)} entries, and three rows of a matrix are wanted, no angles: a turn by 90 degrees about y is "
+            f"{_QUARTER_TURN}"
+        )
+    return value
+
+
+Rotation = Annotated[Matrix, AfterValidator(_a_rotation), BeforeValidator(_no_angles)]

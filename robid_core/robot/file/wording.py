@@ -6,6 +6,7 @@ is also a missing key is one problem.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -32,6 +33,7 @@ _KINDS = {
     "model_attributes_type": "a mapping",
     "finite_number": "a finite number",
 }
+_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 PLACEHOLDER = "fill_in"  # what robid init writes where only a person knows the value
 _BOUNDS = {
     "greater_than": ("gt", "greater than"),
@@ -67,6 +69,8 @@ def tell(error: ValidationError, model: type[Part], document: Document, prefix: 
     unknown: dict[KeyPath, list[str]] = defaultdict(list)
     missing: dict[KeyPath, list[str]] = defaultdict(list)
     for item in error.errors(include_url=False):
+        if item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]:
+            continue  # pydantic counts what is right; the wrong ones are told
         location: KeyPath = tuple(part for part in item["loc"] if part != "[key]")
         if item["type"] == "extra_forbidden":
             unknown[location[:-1]].append(str(location[-1]))
@@ -89,6 +93,8 @@ def _tell_keys(
         if meant is not None:
             waiting.remove(meant)
         hint = suggestion(key, [meant] if meant else list(fields), "the keys here are")
+        if key.isdecimal():  # {mass: 12,5}
+            hint = f"decimal comma? A comma parts the entries: write a point, as in 12.{key}"
         document.add((*place, key), f"unknown key '{key}'; {hint}")
     for key in waiting:
         document.add((*place, key), f"the key '{key}' is missing: {first_line(fields.get(key))}".rstrip(": "))
@@ -117,6 +123,8 @@ def reason(item: Mapping[str, Any]) -> str:
     if value == PLACEHOLDER:
         return f"still to fill in: {_KINDS.get(kind, 'a value')}"
     written = "nothing is written here" if value is None else f"{_short(value)} is written here"
+    if kind == "float_type" and isinstance(value, str) and _COMMA.fullmatch(value.strip()):
+        return f"{written}, it must be a number; decimal comma? Write {value.strip().replace(',', '.')}"
     return f"{written}, it must be {_KINDS[kind]}" if kind in _KINDS else f"{written}: {item['msg']}"
 
 

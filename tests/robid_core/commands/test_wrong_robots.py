@@ -144,10 +144,13 @@ REFUSED: dict[str, tuple[Files, tuple[str, ...]]] = {
         ("4:1", "1e+11 steps in a sample"),
     ),
     "inertia as six numbers": (one((INERTIA, "[3.5, 3.5, 0.2, 0, 0, 0]")), ("10:5", "6 entries")),
-    "inertia as three numbers": (one((INERTIA, "[3.5, 3.5, 0.2]")), ("10:15", "it must be a list")),
+    "inertia as three numbers": (
+        one((INERTIA, "[3.5, 3.5, 0.2]")),
+        ("10:5", "[[3.5, 0, 0], [0, 3.5, 0], [0"),
+    ),
     "rotation as angles": (
         one(("    mass:", "    rotation: [0, 1.57, 0]\n    mass:")),
-        ("8:16", "it must be a list"),
+        ("8:5", "three rows of a matrix are wanted, no angles"),
     ),
     "axis as a letter": (one(("axis: [0, 1, 0]", "axis: y")), ("7:5", "it must be a list")),
     "limits as one number": (one(("[-2.0, 2.0]", "2.0")), ("13:5", "it must be a list")),

@@ -377,6 +377,12 @@ ONE_MISTAKE = {
         changed("name: example", 'name: "example'),
         ["bad.yaml:2:7: not YAML: found unexpected end of stream, while scanning a quoted scalar; check "],
     ),
+    "a list of stages": (
+        GOOD[: GOOD.index("stages:")] + "stages:\n  - {use: frf.log}\n",
+        [
+            "bad.yaml:6:1: stages: this list must be a mapping; write a name before each stage, no dash: `acquire: {"
+        ],
+    ),
     "no stages": (
         GOOD[: GOOD.index("stages:")] + "stages: {}\n",
         ["bad.yaml:6:1: stages: This mapping should have at least 1 item, not 0"],

@@ -104,6 +104,26 @@ CASES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
             "18:5: axes.shoulder.position_limits: 3 entries, there must be at most 2; position_limits: Joint-side",
         ),
     ),
+    "decimal comma in a list": (
+        ("centre_of_mass: [0, 0, 0.2]", "centre_of_mass: [0, 0, 0,2]"),
+        (
+            "10:5: bodies[1].centre_of_mass: joint 'elbow': 4 entries, there must be 3; decimal commas? A comma parts",
+        ),
+    ),
+    "decimal comma in a mapping": (
+        ("mass: 30,", "mass: 30,5,"),
+        ("4:49: bodies[0].5: joint 'shoulder': unknown key '5'; decimal comma? A comma parts the entries",),
+    ),
+    "decimal comma": (
+        ("    mass: 12", "    mass: 12,5"),
+        (
+            "9:5: bodies[1].mass: joint 'elbow': '12,5' is written here, it must be a number; decimal comma? Write",
+        ),
+    ),
+    "gravity as one number": (
+        ("name: two\n", "name: two\ngravity: -9.81\n"),
+        ("3:1: gravity: -9.81 is written here, three numbers are wanted, along x, y and z: [0, 0, -9.81]",),
+    ),
     "triangle inequality": (
         ("[0, 0.5, 0]", "[0, 0.7, 0]"),
         (
