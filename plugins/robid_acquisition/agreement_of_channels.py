@@ -50,6 +50,7 @@ def empty_channels(record: Record) -> Iterator[str]:
                 f"motor_position of {of} {_has(angle)} while its torque changes: the channel is dead, or the axis was "
                 "held; nothing can be said of this axis"
             )
+    yield from _still_in_each(record)
     yield from _doubled(record)
 
 
@@ -72,6 +73,20 @@ def _levels(record: Record) -> Iterator[tuple[str, int, int]]:
     for axis, of in enumerate(record.axis_names if all(lanes) else ()):
         angle, torque = (len(np.unique(np.concatenate([lane[:, axis] for lane in own]))) for own in lanes)
         yield of, angle, torque
+
+
+def _still_in_each(record: Record) -> Iterator[str]:
+    """Angles that stand in each experiment, elsewhere in another one, where other axes move and torques change."""
+    angles = [[len(np.unique(one)) for one in lane.T] for lane in _lanes(record, POSITION)]
+    most = np.max(angles, axis=0) if angles else np.empty(0)
+    if not (most > LEVELS).any():  # nothing moves: poses
+        return
+    for axis, (of, angle, torque) in enumerate(_levels(record)):
+        if most[axis] <= LEVELS < min(angle, torque):
+            yield (
+                f"motor_position of {of} {_has(int(most[axis]))} in each experiment while its torque changes: the "
+                "channel is dead, or the axis was held; look at its column"
+            )
 
 
 def _has(levels: int) -> str:

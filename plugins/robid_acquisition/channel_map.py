@@ -8,12 +8,12 @@ is refused, and so is a torque that a controller computed.
 
 from __future__ import annotations
 
-import difflib
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, FiniteFloat, PositiveFloat, model_validator
 
+from robid_acquisition.unit_advice import unit_advice
 from robid_core import QUANTITIES, UNITS, DataPath, DataRejected, FloatArray, Settings
 
 # What a controller may compute, but a fit must not take for measured.
@@ -21,12 +21,32 @@ MEASURED = ("motor_position", "motor_torque")
 
 
 def _one_or_many(value: Any) -> Any:
-    """Let one column be written without brackets."""
+    """Let one column be written without brackets; numbers are no names."""
+    entries = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(entry, int | float) and not isinstance(entry, bool) for entry in entries):
+        raise ValueError(
+            "columns have names, no numbers: write those of the file's first line (`robid records FILE` shows them), "
+            "or name[2] for column 2, counted from 0, of a table called name"
+        )
     return (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 
 
 Columns = Annotated[tuple[str, ...], BeforeValidator(_one_or_many, json_schema_input_type=str | list[str])]
 PerAxis = FiniteFloat | tuple[FiniteFloat, ...]
+
+
+def _no_sign(value: Any) -> Any:
+    """Refuse torque constants with a sign: it has a setting of its own."""
+    numbers = [
+        one for one in (value if isinstance(value, list | tuple) else [value]) if isinstance(one, int | float)
+    ]
+    if any(number < 0 for number in numbers):
+        signs = [-1 if number < 0 else 1 for number in numbers]
+        written = signs if isinstance(value, list | tuple) else signs[0]
+        raise ValueError(f"a torque constant has no sign; leave it positive and give sign: {written}")
+    return tuple(value) if isinstance(value, list) else value
+
+
 PositivePerAxis = PositiveFloat | tuple[PositiveFloat, ...]
 
 
@@ -83,7 +103,7 @@ class ChannelMap(Settings):
     """Unit after multiplication by `scale`, where the factor changes the quantity (V to N, counts to rad)."""
     scale: PerAxis = 1.0
     """Factor on every value, or a list with one for each axis."""
-    torque_constant: PositivePerAxis | None = None
+    torque_constant: Annotated[PositivePerAxis | None, BeforeValidator(_no_sign)] = None
     """N m/A: makes a torque of a current; one for all axes, or a list."""
     sign: Literal[1, -1] | tuple[Literal[1, -1], ...] = 1
     """-1 where the file counts against the axis of the robot's model; one for all axes, or a list."""
@@ -127,9 +147,7 @@ class ChannelMap(Settings):
         if self.unit_to and self.unit_to not in {symbol for symbol, _ in UNITS.values()}:
             raise ValueError(f"unit_to '{self.unit_to}' is not one of {', '.join(_symbols())}")
         if not self.unit_to and self.unit not in UNITS:
-            near = difflib.get_close_matches(self.unit, UNITS, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else "give scale and unit_to"
-            raise ValueError(f"unit '{self.unit}' is not known; {hint}")
+            raise ValueError(f"unit '{self.unit}' is not known; {unit_advice(self.unit)}")
         if self.torque_constant is not None and self._stated != "A":
             raise ValueError(f"torque_constant goes with a current in A, not with {self._stated}")
         return self
@@ -190,7 +208,11 @@ def check_quantity(name: str, channel: ChannelMap) -> None:
             current = word == "torque" and channel.symbol == "A"
             raise ValueError(
                 f"channels.{name}: {channel.symbol} is no unit of {word}; give "
-                + ("torque_constant, or " if current else "")
+                + (
+                    "torque_constant here (N m/A; that of the robot file is not taken), or "
+                    if current
+                    else ""
+                )
                 + f"scale and unit_to: {symbols[0]}"
             )
     if channel.computed and name in MEASURED:

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from robid_core import ConfigurationError, DataPath, DataRejected, guarded_reader, record_readers
 
+SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 _BELOW_ROOT: TypeAdapter[str] = TypeAdapter(DataPath)
 
 
@@ -48,7 +49,8 @@ def reader_of(path: str, format_name: str) -> Any:
     name = reader_name(path, format_name)
     if not name:
         known = ", ".join(sorted(set(record_readers().values())))
-        raise ConfigurationError(f"{path}: no reader for '{Path(path).suffix}'; give format: {known}")
+        table = "save its table as CSV, or " if Path(path).suffix.lower() in SPREADSHEETS else ""
+        raise ConfigurationError(f"{path}: no reader for '{Path(path).suffix}'; {table}give format: {known}")
     return guarded_reader(name)
 
 

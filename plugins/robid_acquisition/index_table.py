@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import glob
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -58,10 +59,26 @@ def read_index(root: Path, index: str) -> list[Recording]:
     missing = sorted({recording.file for recording in recordings if not (root / recording.file).is_file()})
     if missing:
         shown = ", ".join(missing[:SHOWN]) + (", ..." if len(missing) > SHOWN else "")
+        count = "1 file that is" if len(missing) == 1 else f"{len(missing)} files that are"
         raise ConfigurationError(
-            f"{index} lists {len(missing)} files that are not in {root}: {shown}; files are named relative to the table"
+            f"{index} lists {count} not in {root}: {shown}; {_instead(root, missing[0])}"
         )
     return recordings
+
+
+def _instead(root: Path, missing: str) -> str:
+    """Say what lies where a file was to be."""
+    path = root / missing
+    if path.is_dir():
+        return f"{missing} is a folder"
+    there = (
+        sorted(one.name for one in path.parent.glob(f"{glob.escape(path.name)}.*"))
+        if path.parent.is_dir()
+        else []
+    )
+    if there:
+        return f"{there[0]} is there: write names with their suffix"
+    return "files are named relative to the table"
 
 
 def _numbered(recordings: Iterable[Recording]) -> list[Recording]:

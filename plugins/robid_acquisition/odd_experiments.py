@@ -9,7 +9,7 @@ import numpy as np
 
 from robid_acquisition.plausible import left_of_experiments, sentence, slips_of
 from robid_core import FloatArray, Record, Robot
-from robid_core.estimation.copies import fingerprints
+from robid_core.estimation.copies import fingerprints, overlaps
 
 Place = tuple[int, int, int]
 
@@ -39,6 +39,15 @@ def copies_in(record: Record, names: Mapping[Place, str]) -> list[str]:
             found.append(f"{names[place]} holds the samples of {first[mark]} to the last digit")
         first.setdefault(mark, names[place])
     return found
+
+
+def parts_in(record: Record, names: Mapping[Place, str]) -> list[str]:
+    """Say which of the named experiments hold a part of another file: what overlaps counts twice, and tests nothing."""
+    return [
+        f"{names[other]} holds a part of {names[place]} to the last digit, moved by {abs(move)} samples"
+        for place, other, move in (overlaps(record.run) if names else ())
+        if names[place] != names[other]
+    ]
 
 
 def odd_experiments(record: Record, robot: Robot, names: Mapping[Place, str]) -> Iterator[Odd]:

@@ -24,7 +24,7 @@ from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.samples import Hole, Samples
 from robid_acquisition.signals import refuse_beyond, to_side, window
 from robid_acquisition.sources import Sources
-from robid_acquisition.time_stamps import SECONDS, TimeStamps, likely_unit
+from robid_acquisition.time_stamps import ALIKE, SECONDS, TimeStamps, likely_unit
 from robid_core import BoolArray, Context, DataRejected, FloatArray, Robot, Settings
 
 CUT = "cut the recording before it or repair it"
@@ -182,6 +182,7 @@ class ReadFiles(Sources):
     def time_stamps(self, columns: dict[str, FloatArray], n_row: int, robot: Robot) -> TimeStamps | None:
         """Return the time stamps; None where they are not read."""
         if not self.time_column:
+            self._refuse_other_unit(robot)
             return None
         stamps = TimeStamps.of(select(columns, self.time_column) * SECONDS[self.time_unit])
         if len(stamps.time) != n_row:
@@ -194,6 +195,20 @@ class ReadFiles(Sources):
         if stamps.number is None and self.resample == "none":
             raise DataRejected(stamps.refusal())
         return stamps
+
+    def _refuse_other_unit(self, robot: Robot) -> None:
+        """Refuse a sampling time that is a rate, or in another unit, where that is the robot's."""
+        given, expected = self.sample_time_s or 0.0, robot.sample_time_s
+        unit = (
+            "a rate in Hz"
+            if given > 1 and abs(given * expected - 1) < ALIKE
+            else likely_unit(given, expected, "s")
+        )
+        if unit:
+            raise DataRejected(
+                f"sample_time_s: {given:g} in the channel map, where the drives of {robot.name} are sampled every "
+                f"{expected:g} s: it looks like {unit}; write sample_time_s: {expected:g}"
+            )
 
     def _missing(self, tables: dict[str, FloatArray], axis_names: tuple[str, ...]) -> list[Hole]:
         """Rows without a value, by channel and axis."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robid_acquisition.agreement_of_channels import dead_torques, doubts_of_channels, empty_channels
+from robid_acquisition.coarse_angles import rounded_angles
 from robid_acquisition.lags import doubts_of_timing
-from robid_acquisition.odd_experiments import copies_in, odd_experiments
+from robid_acquisition.odd_experiments import copies_in, odd_experiments, parts_in
 from robid_acquisition.plausible import (
     doubts_of_angle,
     doubts_of_offset,
@@ -81,6 +82,10 @@ def check_record(
         refuse_jumps(record)
     if copies := copies_in(record, names):
         tell.object(f"{_listed(copies)}; leave copies out, they would count as measurements of their own")
+    if parts := parts_in(record, names):
+        tell.object(
+            f"{_listed(parts)}; cut one (start_s, stop_s), or leave it out: what both have counts twice"
+        )
     if dead := list(dead_torques(record)):
         tell.object(f"{_listed(dead)}; look at its column and its unit, or leave the recording out")
         return
@@ -91,7 +96,7 @@ def check_record(
         tell.warn(
             f"{other} (0.001 where it states none): torque fits, diagnoses and predictions refuse it else"
         )
-    tell.warn(*doubts_of_limits(record), *doubts_of_channels(record, robot))
+    tell.warn(*doubts_of_limits(record), *rounded_angles(record, robot), *doubts_of_channels(record, robot))
     if slips := slips_of(record, robot):
         tell.object(f"{sentence(slips)}; {MEND}")
         return

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import NonNegativeInt, PositiveFloat, model_validator
+from pydantic import PositiveFloat, model_validator
 
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.before_run import channel_problems, period_problems
 from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
 from robid_acquisition.first_file import file_problems
+from robid_acquisition.lines_setting import Lines
 from robid_acquisition.own_record import read_own_record
 from robid_acquisition.periodicity import (
     clock_of_period,
@@ -89,7 +90,7 @@ class RecordedAcquisition(ReadFiles):
     period_s: PositiveFloat | Literal["auto"] | None = None
     """Period of the excitation: whole periods are separated; auto: found in the first experiment; null: no period, and
     a recording that repeats is not reported."""
-    lines: tuple[NonNegativeInt, ...] | Literal["auto"] = ()
+    lines: Lines = ()
     """Excited bins of one period, which frequency responses are made of; without them fits and diagnoses take the
     motion for one that does not repeat. auto: found in the spectra of the references, or torques."""
     torque_hold: Literal["zero_order_hold", "continuous"] | None = None

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.errors import PluginError
+from robid_core.errors import DataRejected, PluginError
+from robid_core.foreign.disguise import disguise
 from robid_core.foreign.process import read_apart
 from robid_core.registered import check_registered
 from robid_core.registry import RECORDS, Plugin, registry
@@ -36,7 +37,12 @@ class GuardedReader:
         return functools.partial(self._call, name) if name in READING else found
 
     def _call(self, method: str, path: Path) -> Any:
-        result = read_apart(path, self._plugin.target, method, self._plugin.name, tell=self._tell)
+        try:
+            result = read_apart(path, self._plugin.target, method, self._plugin.name, tell=self._tell)
+        except DataRejected as error:
+            if other := disguise(path, self._plugin.name):
+                raise DataRejected(f"{path}: this is {other}") from error
+            raise
         if method == "read":
             _check_columns(result, self._plugin)
         return result

@@ -53,7 +53,12 @@ def reader_name(file: Path, form: str) -> str:
     name = known_reader(file)
     if not name:
         known = ", ".join(registry().names(RECORDS))
-        raise ConfigurationError(f"{file}: no reader for '{file.suffix}'; give --format, one of {known}")
+        table = (
+            "save its table as CSV, or " if file.suffix.lower() in (".xlsx", ".xls", ".xlsm", ".ods") else ""
+        )
+        raise ConfigurationError(
+            f"{file}: no reader for '{file.suffix}'; {table}give --format, one of {known}"
+        )
     return name
 
 

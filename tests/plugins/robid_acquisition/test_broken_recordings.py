@@ -161,6 +161,43 @@ def test_a_file_that_was_copied(lab: Lab, sound: dict[str, FloatArray]) -> None:
     assert lab.read(None, pattern="e{exp}.npz", plausibility="warn").run.valid.shape[2] == 4  # type: ignore[arg-type]
 
 
+def test_a_file_that_holds_a_part_of_another_one(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    for name, kept in (("e1", slice(0, 3000)), ("e2", slice(700, 3700))):
+        np.savez(lab.folder / f"{name}.npz", **{key: values[kept] for key, values in run.items()})
+    told = lab.told(None, pattern="e{exp}.npz")  # type: ignore[arg-type]
+    assert "e2.npz holds a part of e1.npz to the last digit, moved by 700 samples; cut one" in told
+
+
+def test_an_angle_that_was_rounded(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    """0.1 degrees at joints are 0.17 rad and more at motors whose gears turn a hundredfold."""
+    run = settled(sound)
+    step = np.radians(0.1) / np.abs(np.diag(ROBOT.drives.gear))
+    np.savez(lab.folder / "run.npz", q=np.round(run["q"] / step) * step, tau=run["tau"])
+    told = lab.told("run.npz", torque_hold="zero_order_hold")
+    assert "motor_position of axis_1 comes in steps of" in told
+    assert "0.1 degrees at the joint: was it rounded when it was saved?" in told
+
+
+def test_an_angle_that_stands_in_each_file(lab: Lab, sound: dict[str, FloatArray]) -> None:
+    run = settled(sound)
+    for k in range(4):
+        own = {key: values[700 * k : 700 * k + 650].copy() for key, values in run.items()}
+        own["q"][:, 2] = own["q"][0, 2]
+        np.savez(lab.folder / f"e{k + 1}.npz", **own)
+    told = lab.told(None, pattern="e{exp}.npz")  # type: ignore[arg-type]
+    assert "motor_position of axis_3 has one value only in each experiment while its torque changes" in told
+
+
+@pytest.mark.parametrize(("given", "unit"), [(1000.0, "a rate in Hz"), (1.0, "ms")])
+def test_a_sampling_time_in_another_unit(
+    lab: Lab, sound: dict[str, FloatArray], given: float, unit: str
+) -> None:
+    np.savez(lab.folder / "run.npz", **settled(sound))
+    told = str(_refusal(lab, "run.npz", sample_time_s=given))
+    assert f"it looks like {unit}; write sample_time_s: 0.001" in told
+
+
 TURNED = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
 
 

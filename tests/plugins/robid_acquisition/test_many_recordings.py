@@ -658,8 +658,19 @@ def test_a_wrong_table_is_told_by_its_line(table: Path, read: Read, old: str, ne
 def test_files_that_a_table_lists_and_that_are_not_there_are_named(table: Path, read: Read) -> None:
     (table.parent / "other.npz").unlink()
     with pytest.raises(
-        ConfigurationError, match=r"lists 1 files that are not in .*: lab/other\.npz; files are named"
+        ConfigurationError, match=r"lists 1 file that is not in .*: lab/other\.npz; files are named"
     ):
+        read(index="lab/index.csv")
+
+
+def test_a_file_without_its_suffix_and_a_folder_in_place_of_one_are_told(table: Path, read: Read) -> None:
+    table.write_text(TABLE.replace("other.npz", "other"))
+    with pytest.raises(
+        ConfigurationError, match=r"lab/other; other\.npz is there: write names with their suffix"
+    ):
+        read(index="lab/index.csv")
+    (table.parent / "other").mkdir()
+    with pytest.raises(ConfigurationError, match=r"lab/other; lab/other is a folder"):
         read(index="lab/index.csv")
 
 

@@ -181,6 +181,14 @@ def test_claims_are_checked_where_a_record_is_made(read: Read, caplog: pytest.Lo
         read(False, period_s=0.8, lines=[3], torque_hold="zero_order_hold")
 
 
+def test_lines_in_hz_are_refused() -> None:
+    words = {"path": "run.npz", "sample_time_s": 1e-3, "period_s": 4.0, "lines": [4.125, 5.5], "channels": {}}
+    with pytest.raises(
+        ValidationError, match="4.125 is no whole number: lines count the periods of a sine in"
+    ):
+        RecordedAcquisition.model_validate_json(json.dumps(words), strict=True)
+
+
 def test_the_hold_of_the_torque_must_be_said_with_lines() -> None:
     words = {"path": "a.npz", "sample_time_s": STEP, "period_s": 1.0, "lines": [3], "channels": {
         "motor_position": {"column": "q", "unit": "rad"}}}  # fmt: skip

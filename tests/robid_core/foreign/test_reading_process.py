@@ -288,3 +288,43 @@ def test_what_is_registered_as_a_reader_and_is_none_is_told_by_its_name(
         PluginError, match=r"'csv' \(unknown 0\) is no reader of recordings: it lacks describe and"
     ):
         guarded_reader("csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        (
+            "run.csv",
+            b"<!DOCTYPE html>\n<html><body><p>Sign in, please, 1,2,3</p></body></html>\n",
+            "an HTML page, and",
+        ),
+        (
+            "run.csv",
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
+            "git LFS, and not",
+        ),
+        (
+            "run.csv",
+            b"PK\x03\x04\x14\x00\x00\x00\x08\x00" + bytes(range(200)),
+            "a ZIP archive, as Excel workbooks",
+        ),
+        (
+            "run.mat",
+            b"time,q,tau\n0,1,2\n1,2,3\n",
+            "a text; is it a table? Call it .csv, or give its format: csv",
+        ),
+        (
+            "run.mcap",
+            b"PK\x03\x04\x14\x00\x00\x00\x08\x00",
+            "a ZIP archive, as Excel workbooks and .npz files are",
+        ),
+    ],
+)
+def test_a_file_of_another_kind_is_told_by_what_it_is(
+    tmp_path: Path, name: str, content: bytes, told: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DataRejected) as refused:
+        guarded_reader(name.partition(".")[2]).read(tmp_path / name)
+    assert str(refused.value).startswith(f"{tmp_path / name}: this is ")
+    assert told in str(refused.value)
