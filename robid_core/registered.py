@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 from robid_core import registry
-from robid_core.calling import call_fault
 from robid_core.errors import PluginError
 from robid_core.registry import (
     DRIVES,
@@ -20,6 +19,7 @@ from robid_core.registry import (
     STAGES,
     TASKS,
     Plugin,
+    call_fault,
 )
 
 READS = ("describe", "read")  # what a reader of recordings has

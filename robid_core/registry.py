@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import metadata
@@ -198,3 +199,16 @@ def record_readers() -> dict[str, str]:
     """Return the readers of recordings by the suffixes of their files, without the dot."""
     names = registry().names(RECORDS)
     return {name: name for name in names} | {s: name for s, name in READERS.items() if name in names}
+
+
+def call_fault(loaded: Any, *arguments: str) -> str:
+    """Say why an object cannot be called with so many arguments; empty where it can."""
+    if not callable(loaded):
+        return "is no function"
+    try:
+        inspect.signature(loaded).bind(*arguments)
+    except TypeError:
+        return f"cannot be called with ({', '.join(arguments)})"
+    except ValueError:  # a function of C that does not say what it takes
+        return ""
+    return ""

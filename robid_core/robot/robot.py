@@ -95,8 +95,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     def batches(self) -> BatchedDynamics:
         """The functions that `dynamics` names.
 
-        Raises ConfigurationError where no plugin has that name, PluginError where it cannot be imported; the
-        message names the extra to install.
+        Raises ConfigurationError where no plugin has that name, PluginError where it cannot be imported, or is none.
         """
         if self.dynamics == KERNEL:
             from robid_core import mechanics

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robid_core.arrays import FloatArray
-from robid_core.calling import call_fault
 from robid_core.errors import ConfigurationError, PluginError
-from robid_core.registry import MODELS, registry
+from robid_core.registry import MODELS, call_fault, registry
 
 if TYPE_CHECKING:
     from robid_core.mechanics import Chain

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from robid_core import ConfigurationError, Robot, chosen_names
+from robid_core import ConfigurationError, Plugin, Robot, chosen_names
 from robid_core.mechanics.flexible import craig_bampton, hollow_square
 from robid_core.mechanics.flexible.closed_form import bending_frequencies_hz, cantilever_roots
 from robid_core.mechanics.tool import pose_of
@@ -284,7 +284,7 @@ def test_a_flexible_link_goes_into_no_urdf_and_comes_from_none(
     with pytest.raises(ConfigurationError, match="URDF has no flexible links, joint 'shoulder' carries one"):
         robot.to_urdf()
     read = model_file.RobotModel(robot.chain)
-    monkeypatch.setattr(model_file, "load_plugin", lambda group, name: lambda path, locked: read)
+    monkeypatch.setattr(Plugin, "load", lambda plugin: lambda path, locked: read)
     (folder / "arm.urdf").touch()
     with pytest.raises(ConfigurationError, match="'shoulder_mode_1' is a mode of a flexible link"):
         model_file.read_model(folder / "arm.urdf", {})
