@@ -22,6 +22,19 @@ DataRoot = Annotated[
 DEFAULT_PIPELINE = Path("pipeline.yaml")
 
 
+def truth_as_robot(pipeline: Pipeline) -> str:
+    """Say that a pipeline begins at the truth behind simulated drives; empty where it does not."""
+    from robid_core.robot.file.reading import PACKAGED_FILES
+
+    nominal = pipeline.robot.source.removesuffix("_true")
+    if pipeline.robot.source not in PACKAGED_FILES or nominal == pipeline.robot.source:
+        return ""
+    return (
+        f"{pipeline.robot.source} is the truth behind simulated drives, where fits begin at what they are to find; the "
+        f"robot file of a real one is not as right: robot: {nominal}"
+    )
+
+
 def load_pipeline(file: Path, overrides: list[str] | None, data: Path | None) -> Pipeline:
     """Read a pipeline as a command asks for it; where plugins of third parties are named, in a copy first."""
     from robid_core.commands.trial import foreign_plugins, in_a_copy

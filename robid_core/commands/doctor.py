@@ -7,11 +7,15 @@ import os
 import sys
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robid_core.errors import ConfigurationError, ExtraMissing, RobidError, StoreError
+
+if TYPE_CHECKING:
+    from robid_core.robot import Robot
+    from robid_core.robot.remark import Remark
 
 LIBRARIES = (
     "numpy",
@@ -54,16 +58,11 @@ def command(
 def look_at(name: str) -> None:
     """Tell what is implausible about a robot; leaves with exit code 2 where something is impossible."""
     from robid_core.robot import Robot
-    from robid_core.robot.file.document import line_of, read_document
-    from robid_core.robot.file.factors import unusual_factors
+    from robid_core.robot.file.document import line_of
     from robid_core.robot.file.reading import find_robot
-    from robid_core.robot.plausibility import remarks_on
-    from robid_core.robot.remark import Remark
 
     robot, file = Robot.load(name), find_robot(name)
-    factors = unusual_factors(read_document(file).data)
-    remarks = [Remark(f"factors.{pattern}", what, path=("factors", pattern)) for pattern, what in factors]
-    remarks += remarks_on(robot)
+    remarks = remarks_on_file(robot, file)
     for remark in remarks:
         degree = "FAIL" if remark.impossible else "note"
         typer.echo(f"{degree} {line_of(file, remark.key)}: {remark.sentence}")
@@ -74,6 +73,18 @@ def look_at(name: str) -> None:
     count = "1 remark" if len(remarks) == 1 else f"{len(remarks)} remarks"
     axes = "1 axis" if robot.n_axis == 1 else f"{robot.n_axis} axes"
     typer.echo(f"{robot.name}: {axes}, {count if remarks else 'nothing implausible'}")
+
+
+def remarks_on_file(robot: Robot, file: Path) -> list[Remark]:
+    """Return what is implausible about a robot, and about the factors by which its file changes its base."""
+    from robid_core.robot.file.document import read_document
+    from robid_core.robot.file.factors import unusual_factors
+    from robid_core.robot.plausibility import remarks_on
+    from robid_core.robot.remark import Remark
+
+    factors = unusual_factors(read_document(file).data)
+    found = [Remark(f"factors.{pattern}", what, path=("factors", pattern)) for pattern, what in factors]
+    return [*found, *remarks_on(robot)]
 
 
 def versions() -> list[Finding]:

@@ -15,6 +15,7 @@ from robid_core.commands.arguments import (
     Overrides,
     PipelineArgument,
     load_pipeline,
+    truth_as_robot,
 )
 from robid_core.errors import ConfigurationError, RobidError
 from robid_core.interruption import interrupted_told
@@ -109,6 +110,8 @@ def command(
 
         typer.echo("\n".join(preview_lines(preview_run(pipeline, options))))
         return
+    if told := truth_as_robot(pipeline):
+        typer.echo(f"! {file}: robot: {told}", err=True)
     run_and_tell(pipeline, options, command_words(file, overrides, data, last), quiet, verbose)
 
 

@@ -10,7 +10,9 @@ from robid_core.commands.arguments import (
     Overrides,
     PipelineArgument,
     load_pipeline,
+    truth_as_robot,
 )
+from robid_core.commands.doctor import remarks_on_file
 
 
 def command(
@@ -24,7 +26,7 @@ def command(
     """
     from robid_core.robot.file.coaxial import coaxial_springs
     from robid_core.robot.file.meeting import meeting_springs
-    from robid_core.robot.plausibility import remarks_on
+    from robid_core.robot.file.reading import find_robot
 
     pipeline = load_pipeline(file, overrides, data)
     robot = pipeline.robot.load()
@@ -32,7 +34,9 @@ def command(
         found = [pair.sentence for pair in coaxial_springs(robot.description)]
         found += [group.sentence for group in meeting_springs(robot.description)]
     else:
-        found = [remark.sentence for remark in remarks_on(robot)]
+        found = [remark.sentence for remark in remarks_on_file(robot, find_robot(pipeline.robot.source))]
+    if told := truth_as_robot(pipeline):
+        found.append(told)
     for sentence in found:
         typer.echo(f"{file}: robot: remark: {sentence}")
     noun = "stage" if len(pipeline.stages) == 1 else "stages"

@@ -122,6 +122,14 @@ def test_what_is_registered_and_cannot_be_used_is_a_line_and_a_failure_of_doctor
     assert told in said
 
 
+def test_two_packages_with_one_name_are_told_once_by_their_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [EntryPoint("mine", target, STAGES) for target in ("builtins:dict", "builtins:list")]
+    monkeypatch.setattr(registry_module, "registry", lambda: Registry(points))
+    (_, (code, said)) = doctor.plugins()
+    assert code
+    assert said.startswith("plugin robid.stages 'mine' is claimed by")
+
+
 def test_every_group_is_asked() -> None:
     assert set(FAULTS) == set(GROUPS)
 

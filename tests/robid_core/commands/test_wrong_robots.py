@@ -366,6 +366,37 @@ def test_what_is_hard_to_believe_is_remarked(name: str, tmp_path: Path, robid: R
         assert re.search(pattern, done.said), done.said
 
 
+def test_a_factor_in_per_cent_is_remarked_at_its_line(tmp_path: Path, robid: Robid) -> None:
+    files = derived("base: one_axis\nfactors: {gear_stiffness.*: 75, gear_damping.*: 2}")
+    write(tmp_path, files)
+    told = "factors.gear_stiffness.*: 75 times what the base has; per cent? 75 % are 0.75"
+    assert told in robid("validate").said
+    said = robid("doctor", "robot.yaml").said
+    assert f"note robot.yaml:3:11: {told}" in said
+    assert "2 times" not in said
+
+
+def test_a_truth_in_place_of_the_robot_is_remarked(tmp_path: Path, robid: Robid) -> None:
+    write(tmp_path, {})
+    pipeline = tmp_path / "pipeline.yaml"
+    pipeline.write_text(re.sub("robot: .*", "robot: one_axis_true", pipeline.read_text(), count=1))
+    assert "one_axis_true is the truth behind simulated drives" in robid("validate").said
+
+
+def test_what_is_said_of_a_table_points_to_its_row(tmp_path: Path, robid: Robid) -> None:
+    table = """robid_robot: 1
+name: lab
+dh:
+  convention: classic
+  links:
+    - {joint: axis_1, d: 400, mass: 20, inertia: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+axes:
+  axis_1: {gear_ratio: 121, rotor_inertia: 2.5e-3}
+"""
+    write(tmp_path, {"robot.yaml": table})
+    assert "robot.yaml:6:7: bodies[0] (axis_1).translation: 400 m long" in robid("doctor", "robot.yaml").said
+
+
 def test_recordings_and_robots_are_no_results(tmp_path: Path, robid: Robid) -> None:
     write(tmp_path, {"robot.yaml": ONE, "log.csv": "t,q\n0,1\n"})
     assert "a robot file, where a pipeline file is wanted; `robid doctor`" in robid("show", "robot.yaml").said

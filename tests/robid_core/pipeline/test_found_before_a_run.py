@@ -310,12 +310,23 @@ def test_a_fit_takes_several_records_only_where_they_are_named(tmp_path: Path) -
         assert read(plugin).stage("fit").inputs == {"record": ("acquire",)}
 
 
-@pytest.mark.parametrize("constant", ["-0.48", "[-0.48]"])
-def test_a_number_out_of_bounds_is_that_where_a_list_would_do(tmp_path: Path, constant: str) -> None:
-    channels = f"{{motor_torque: {{column: [i], unit: A, torque_constant: {constant}}}}}"
+@pytest.mark.parametrize("resistance", ["-0.48", "[-0.48]"])
+def test_a_number_out_of_bounds_is_that_where_a_list_would_do(tmp_path: Path, resistance: str) -> None:
+    law = f"{{column: v, torque_constant: 0.1, resistance: {resistance}}}"
+    channels = f"{{motor_torque: {{voltage: {law}}}}}"
     read = f"{{use: acquisition.recorded, with: {{path: a.csv, channels: {channels}}}}}"
     found = problems(tmp_path, text_of(acquire=read))
-    assert [told for path, told in found if "torque_constant" in path] == ["-0.48 must be greater than 0"]
+    assert [told for path, told in found if "resistance" in path] == ["-0.48 must be greater than 0"]
+
+
+@pytest.mark.parametrize(("constant", "sign"), [("-0.48", "-1"), ("[-0.48]", "[-1]")])
+def test_a_torque_constant_with_a_sign_is_told_where_the_sign_goes(
+    tmp_path: Path, constant: str, sign: str
+) -> None:
+    channels = f"{{motor_torque: {{column: [i], unit: A, torque_constant: {constant}}}}}"
+    read = f"{{use: acquisition.recorded, with: {{path: a.csv, channels: {channels}}}}}"
+    (told,) = [told for path, told in problems(tmp_path, text_of(acquire=read)) if "torque_constant" in path]
+    assert told == f"a torque constant has no sign; leave it positive and give sign: {sign}"
 
 
 def test_an_optional_input_that_several_stages_could_feed_may_stay_away(tmp_path: Path) -> None:
