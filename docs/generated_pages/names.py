@@ -27,6 +27,7 @@ TITLES = {
     "robid_core.notebook": "Stages and runs from Python",
     "robid_core.parameters": "Free parameters",
     "robid_core.pipeline": "Pipelines",
+    "robid_core.registered": "Loading plugins",
     "robid_core.registry": "Registry",
     "robid_core.robot": "Robots",
     "robid_core.settings_types": "Types of settings",

@@ -42,6 +42,7 @@ PLUGINS = {
     "robid_core.interruption",
     "robid_core.parameters",
     "robid_core.parameters.tangents",
+    "robid_core.registered",
     "robid_core.registry",
     "robid_core.robot.batch",
     "robid_core.robot.effect_columns",
