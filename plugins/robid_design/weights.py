@@ -5,13 +5,16 @@ Sources: Kiefer and Wolfowitz 1960 (equivalence theorem), Pukelsheim and Rieder 
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from robid_core import FloatArray, IntArray, NotTrustworthy
 
 Criterion = Literal["D", "A"]
+UNDETERMINED = (
+    "are some springs determined by no candidate? take them out of the robot file, or more candidates"
+)
 
 
 def optimal_weights(information: FloatArray, criterion: Criterion) -> FloatArray:
@@ -29,29 +32,62 @@ def optimal_weights(information: FloatArray, criterion: Criterion) -> FloatArray
     Raises
     ------
     NotTrustworthy
-        If the solver finds no optimum.
+        If the solver finds no optimum, or their sum is singular.
     """
     import cvxpy  # a second and a half of import: only where it is used
 
     n_candidate, n, _ = information.shape
-    # D is invariant to scaling, A is not: whiten for D, scale by a number for A.
-    scaled, shape = information / np.trace(information.mean(axis=0)) * n, np.eye(n)
-    if criterion == "D":
+    # Whitened, so that the mean is the identity: D is invariant to it, A takes it into the trace.
+    try:
         inverse_root = np.linalg.inv(np.linalg.cholesky(information.mean(axis=0)))
-        scaled = inverse_root @ information @ inverse_root.T
+    except np.linalg.LinAlgError as error:
+        raise NotTrustworthy(f"no optimal weights: {UNDETERMINED}") from error
+    scaled = inverse_root @ information @ inverse_root.T
     weight = cvxpy.Variable(n_candidate, nonneg=True)
     total = cvxpy.reshape(scaled.reshape(n_candidate, -1).T @ weight, (n, n), order="C")
-    goal = -cvxpy.log_det(total) if criterion == "D" else cvxpy.matrix_frac(shape, total)
-    problem = cvxpy.Problem(cvxpy.Minimize(goal), [cvxpy.sum(weight) == 1])
-    problem.solve(solver=cvxpy.CLARABEL)
-    if weight.value is None or problem.status not in ("optimal", "optimal_inaccurate"):
+    constraints = [cvxpy.sum(weight) == 1]
+    if criterion == "D":
+        goal, within = _negative_root_of_determinant(total)
+        constraints += within
+    else:
+        goal = cvxpy.matrix_frac(inverse_root / np.linalg.norm(inverse_root), total)
+    problem = cvxpy.Problem(cvxpy.Minimize(goal), constraints)
+    try:
+        problem.solve(solver=cvxpy.CLARABEL)
+        status = str(problem.status)
+    except cvxpy.SolverError as error:
+        status = str(error).partition(".")[0]
+    if weight.value is None or status not in ("optimal", "optimal_inaccurate"):
         raise NotTrustworthy(
-            f"no optimal weights: the solver says '{problem.status}'; are two candidates alike?"
+            f"no optimal weights: the solver says '{status}'; {UNDETERMINED}, or take the other criterion"
         )
     found = np.maximum(weight.value, 0.0)
     found[found < 1e-6 * found.max()] = 0.0
     result: FloatArray = found / found.sum()
     return result
+
+
+def _negative_root_of_determinant(total: Any) -> tuple[Any, list[Any]]:
+    """Return -det(total)^(1/n) and the constraints under which it holds (Boyd and Vandenberghe 2004, section 7.5.2).
+
+    With symmetric cones only, the mean of n numbers as one of pairs, filled up with the mean itself: the exponential
+    cone of log det is where Clarabel stopped when candidates were nearly alike, as all poses of one axis are.
+    """
+    import cvxpy
+
+    n = total.shape[0]
+    lower = cvxpy.Variable((n, n))
+    diagonal = cvxpy.diag(lower)
+    constraints = [cvxpy.bmat([[total, lower], [lower.T, cvxpy.diag(diagonal)]]) >> 0]
+    if n > 1:
+        constraints.append(cvxpy.upper_tri(lower) == 0)
+    root = cvxpy.Variable()
+    means = [*diagonal, *(root for _ in range((1 << (n - 1).bit_length()) - n))]
+    while len(means) > 1:
+        pairs = zip(means[::2], means[1::2], strict=True)
+        means = [cvxpy.geo_mean(cvxpy.hstack(pair)) for pair in pairs]
+    constraints.append(root <= means[0])
+    return -root, constraints
 
 
 def certificate_gap(information: FloatArray, weight: FloatArray, criterion: Criterion) -> float:

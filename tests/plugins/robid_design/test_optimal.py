@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robid_core import Design, Excitation, Fit, Frf, Robot
-from robid_core.testing import example_artifacts, example_context, example_fit
+from robid_core.testing import check_stage, example_artifacts, example_context, example_fit
 from robid_design.optimal import OptimalDesign
 
 SETTINGS = OptimalDesign(candidates=12, experiments=2, lines=5)
@@ -28,6 +28,10 @@ def excitation(robot: Robot) -> Excitation:
 
 def chosen(robot: Robot, excitation: Excitation, fit: Fit | None = None, frf: Frf | None = None) -> Design:
     return SETTINGS.run(excitation, robot, example_context(), fit, frf)
+
+
+def test_one_axis_of_which_all_poses_are_nearly_alike_has_a_design() -> None:
+    check_stage(OptimalDesign, for_axes=(1,), candidates=50, experiments=4)
 
 
 def test_candidates_are_weighed_at_the_robot_of_the_fit(robot: Robot, excitation: Excitation) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from robid_core import NotTrustworthy
 from robid_design.weights import certificate_gap, criterion_value, optimal_weights, whole_experiments
 
 
@@ -39,6 +40,43 @@ def test_the_certificate_bounds_what_any_other_weights_gain(criterion: str) -> N
     rng = np.random.default_rng(2)
     for other in rng.dirichlet(np.full(60, 0.1), 200):
         assert criterion_value(information, other, criterion) <= best * (1 + gap)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+@pytest.mark.parametrize("spread", [1e-2, 1e-3, 1e-4, 1e-6, 0.0])
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_candidates_that_are_nearly_alike_have_optimal_weights(n: int, spread: float, criterion: str) -> None:
+    """All poses of one axis are: the solver stopped at spreads of 1e-2 to 1e-4."""
+    base = random_information(1, n, n + 1, 4)
+    information = base + spread * np.trace(base[0]) / n**2 * random_information(50, n, n, 5)
+    weight = optimal_weights(information, criterion)  # type: ignore[arg-type]
+    assert weight.sum() == pytest.approx(1.0)
+    assert certificate_gap(information, weight, criterion) < 1e-4  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+def test_springs_of_very_different_stiffness_have_optimal_weights(criterion: str) -> None:
+    """Parameters in units a million apart; A then counts one of them only."""
+    scale = np.array([1e-3, 1.0, 1e3])
+    information = random_information(40, 3, 2, 6) * scale[:, None] * scale
+    weight = optimal_weights(information, criterion)  # type: ignore[arg-type]
+    assert certificate_gap(information, weight, criterion) < 1e-3  # type: ignore[arg-type]
+
+
+def test_a_solver_that_stops_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    import cvxpy
+
+    def stop(*_: object, **__: object) -> None:
+        raise cvxpy.SolverError("Solver 'CLARABEL' failed. Try another solver.")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", stop)
+    with pytest.raises(NotTrustworthy, match="the solver says 'Solver 'CLARABEL' failed'; are some springs"):
+        optimal_weights(random_information(5, 2, 2, 1), "D")
+
+
+def test_a_spring_that_no_candidate_determines_is_refused_in_a_sentence() -> None:
+    with pytest.raises(NotTrustworthy, match="are some springs determined by no candidate"):
+        optimal_weights(np.tile(np.diag([1.0, 0.0]), (3, 1, 1)), "A")
 
 
 def test_weights_that_are_not_optimal_have_a_gap() -> None:
