@@ -37,7 +37,7 @@ class ComparedRow:
 def compared_rows(fits: Mapping[str, Fit]) -> list[ComparedRow]:
     """Return the parameters that at least one fit reports, in the order in which they come.
 
-    The distance to the first run that has a parameter is told over the standard error of the difference, the two errors
+    The distance to the first run that has a parameter is over the standard error of the difference, the two errors
     taken as independent.
     """
     places = [{name: i for i, name in enumerate(fit.parameters.names)} for fit in fits.values()]
