@@ -100,10 +100,13 @@ class CanDrives(Drives):
         n_axis = robot.n_axis
         n_plant = n_axis if self.plant is None else Robot.load(self.plant).n_axis
         if n_plant != n_axis:
-            found["plant",] = f"plant '{self.plant}' has {n_plant} motors, robot '{robot.name}' has {n_axis}"
+            motors = f"{n_plant} motor{'' if n_plant == 1 else 's'}"
+            found["plant",] = f"plant '{self.plant}' has {motors}, robot '{robot.name}' has {n_axis}"
         for what, values in {"node_ids": self.node_ids, "serial_numbers": self.serial_numbers}.items():
             if values is not None and len(values) != n_axis:
-                found[what,] = f"{what} has {len(values)} entries, the robot has {n_axis} motors"
+                found[what,] = (
+                    f"{what} has {len(values)} entries, the robot {n_axis} motor{'' if n_axis == 1 else 's'}"
+                )
         return found
 
     def truth(self, robot: Robot) -> Truth | None:

@@ -123,7 +123,8 @@ class SimulatedAcquisition(Acquisition):
         """Another number of motors, and what the plant's file lacks for a simulation."""
         plant = robot if self.plant is None else Robot.load(self.plant)
         if plant.n_axis != robot.n_axis:
-            wrong = f"plant '{self.plant}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
+            motors = f"{plant.n_axis} motor{'' if plant.n_axis == 1 else 's'}"
+            wrong = f"plant '{self.plant}' has {motors}, robot '{robot.name}' has {robot.n_axis}"
             return {("plant",): wrong}
         missing = plant.left_out(("torque_limit", "controller"))
         if missing:
@@ -150,8 +151,9 @@ class SimulatedAcquisition(Acquisition):
         check_axes(configurations, excitation, robot)
         plant = robot if self.plant is None else Robot.load(self.plant)
         if plant.n_axis != robot.n_axis:
+            motors = f"{plant.n_axis} motor{'' if plant.n_axis == 1 else 's'}"
             raise ConfigurationError(
-                f"plant '{plant.name}' has {plant.n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
+                f"plant '{plant.name}' has {motors}, robot '{robot.name}' has {robot.n_axis}"
             )
         if reason := why_not(plant, self.arm_side):
             raise ConfigurationError(f"arm_side: {reason}")

@@ -52,9 +52,8 @@ class SimulatedDrives(Drives):
         n_axis = Robot.load(self.plant).n_axis
         if n_axis == robot.n_axis:
             return {}
-        return {
-            ("plant",): f"plant '{self.plant}' has {n_axis} motors, robot '{robot.name}' has {robot.n_axis}"
-        }
+        motors = f"{n_axis} motor{'' if n_axis == 1 else 's'}"
+        return {("plant",): f"plant '{self.plant}' has {motors}, robot '{robot.name}' has {robot.n_axis}"}
 
     def truth(self, robot: Robot) -> Truth | None:
         """Return the parameters of the plant."""

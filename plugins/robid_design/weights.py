@@ -15,6 +15,10 @@ Criterion = Literal["D", "A"]
 UNDETERMINED = (
     "are some springs determined by no candidate? take them out of the robot file, or more candidates"
 )
+LEAST_SHARE = 0.05
+"""Of an experiment: a candidate with less is measured only beside others that have hardly more..."""
+LEAST_OF_LARGEST = 0.1
+"""...this of the largest weight."""
 
 
 def optimal_weights(information: FloatArray, criterion: Criterion) -> FloatArray:
@@ -106,9 +110,11 @@ def certificate_gap(information: FloatArray, weight: FloatArray, criterion: Crit
 def whole_experiments(weight: FloatArray, experiments: int) -> IntArray:
     """Round weights to whole experiments (Pukelsheim and Rieder): shape of `weight`, sum `experiments`.
 
-    With more supported candidates than experiments, the heaviest ones are kept.
+    With more supported candidates than experiments, the heaviest ones are kept. Candidates with next to no share of
+    an experiment get none: what they add to the information is as little.
     """
-    support = np.argsort(-weight, kind="stable")[: min(experiments, int((weight > 0).sum()))]
+    worth = (experiments * weight >= LEAST_SHARE) | (weight >= LEAST_OF_LARGEST * weight.max())
+    support = np.argsort(-weight, kind="stable")[: min(experiments, int((worth & (weight > 0)).sum()))]
     share = weight[support] / weight[support].sum()
     count = np.maximum(np.ceil((experiments - len(support) / 2) * share), 1).astype(np.int64)
     with np.errstate(over="ignore"):  # a share that is next to nothing: infinity says what it should

@@ -15,7 +15,7 @@ from robid_core.plot import compact
 from robid_report.meshes import UNITS, DrawnMeshes, drawn_meshes
 from robid_report.mode_shapes import ElasticMode, elastic_modes, energy_in_words
 from robid_report.numbers import significant
-from robid_report.stick_figure import frames, tips
+from robid_report.stick_figure import Skeleton, frames, is_worth_drawing, tips
 
 DENSITY = 2700.0  # kg/m^3, aluminium
 THICKNESS = (0.018, 0.07)  # of the robot's size: no thinner and no thicker is drawn
@@ -52,7 +52,7 @@ def body_data(
     parent = [*(int(p) for p in chain.parent), *tips(chain)]
     points = _points(robot, joint, 0.0)
     size = float(np.ptp(np.concatenate([points.reshape(-1, 3), np.zeros((1, 3))]), axis=0).max())
-    if size == 0 or len(parent) <= 2:
+    if not is_worth_drawing(Skeleton(points, tuple(parent))):
         return None
     radius = _radii(robot, points[0], parent, size)
     modes = elastic_modes(robot, angle, highest_hz, MOST_MODES)

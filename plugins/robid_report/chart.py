@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup, escape
 
 from robid_core import FloatArray
@@ -34,7 +35,7 @@ def chart(
     x, dots
         Shape (n_point,) each; dots of several colours by their class in the style sheet, NaN where there is none.
     lines
-        By their class in the style sheet, (n_point,) each.
+        By their class in the style sheet, (n_point,) each, with gaps where NaN.
     spoken
         What a screen reader says.
     logarithmic
@@ -64,8 +65,12 @@ def chart(
         for name, values in groups.items()
     )
     paths = "".join(
-        f'<path class="{escape(name)}" d="M'
-        + "L".join(f"{across(a):.1f} {up(b):.1f}" for a, b in zip(x, values, strict=True))
+        f'<path class="{escape(name)}" d="'
+        + "".join(
+            f"{'L' if known[1] else 'M'}{across(a):.1f} {up(b):.1f}"
+            for a, b, known in zip(x, values, _with_one_before(np.isfinite(values)), strict=True)
+            if known[0]
+        )
         + '"/>'
         for name, values in lines.items()
     )
@@ -85,6 +90,11 @@ def chart(
         f'<text x="12" y="{HEIGHT / 2:g}" transform="rotate(-90 12 {HEIGHT / 2:g})" text-anchor="middle">'
         f"{escape(ordinate or ('force' if unit == 'N' else 'torque'))}, {escape(unit)}</text></svg>"
     )
+
+
+def _with_one_before(known: npt.NDArray[np.bool_]) -> list[tuple[bool, bool]]:
+    """Return of each point whether it is known, and whether the one before is, too."""
+    return list(zip(known.tolist(), [False, *known.tolist()], strict=False))
 
 
 def _logarithm(values: FloatArray, most: float) -> FloatArray:

@@ -9,8 +9,8 @@ import numpy as np
 
 from robid_core import Design, Diagnosis, Excitation, Fit, Frf, Record, Truth
 from robid_core.plot import noun
-from robid_report.numbers import percent, significant
-from robid_report.parameters import deviations
+from robid_report.numbers import counted, percent, significant
+from robid_report.parameters import deviations, relative_error
 
 MASKED_LIMIT = 0.1  # of a configuration's lines; more is rejected data
 GAP_LIMIT = 1e-3  # a design further than this from its optimum carries no certificate worth the name
@@ -84,7 +84,7 @@ def _of_frf(frf: Frf | None) -> list[Finding]:
         )
     few = int(masked[share <= MASKED_LIMIT].sum())
     if few:
-        result.append(Finding(False, f"{few} lines could not be estimated and are left out."))
+        result.append(Finding(False, f"{counted(few, 'line')} could not be estimated and left out."))
     return result
 
 
@@ -177,7 +177,7 @@ def _fit_facts(fit: Fit, truth: Truth | None) -> list[Fact]:
         table.standard_error[shown] / np.where(table.estimate[shown] == 0, np.nan, table.estimate[shown])
     )
     if np.isfinite(errors).any():
-        result.append(Fact(percent(float(np.nanmedian(errors))), "median standard error"))
+        result.append(Fact(relative_error(float(np.nanmedian(errors)), 1.0), "median standard error"))
     for comparison in fit.time:
         result.append(Fact(percent(comparison.relative_error), f"relative error of {noun(comparison)}"))
     if fit.n_starts > 1:
@@ -211,8 +211,9 @@ def steps(
         result.append(
             (
                 "Excitation",
-                f"{len(excitation.line)} lines, {band}, period {excitation.period_s:g} s, {n_block} blocks of {n_exp} "
-                f"experiments, {n_realization} realisations",
+                f"{counted(len(excitation.line), 'line')}, {band}, period {excitation.period_s:g} s, "
+                f"{counted(n_block, 'block')} of {counted(n_exp, 'experiment')}, "
+                f"{counted(n_realization, 'realisation')}",
             )
         )
     if record is not None:

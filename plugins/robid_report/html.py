@@ -45,8 +45,9 @@ from robid_report.causes import cause_sections
 from robid_report.correlation import correlation_of
 from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
+from robid_report.misfits import misfit_sections
 from robid_report.numbers import percent, significant, times, without_folders
-from robid_report.parameters import essential_rows, rows
+from robid_report.parameters import essential_rows, relative_error, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
 from robid_report.residuals import residual_sections
@@ -56,6 +57,9 @@ from robid_report.stick_figure import VIEWS, draw, is_worth_drawing, skeleton
 from robid_report.visible import visible_table
 
 LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "python-can", "canopen", "plotly")
+
+NO_WEIGHT = 5e-4
+"""A pose with less of the weight, at which nothing is measured, is not shown."""
 
 
 def json_for_script(data: Any) -> Markup:
@@ -171,14 +175,14 @@ def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict
             "pictures": pictures[i] if pictures else [],
         }
         for i, angles in enumerate(angles_as_text(robot, design.angle))
+        if design.experiments[i] or design.weight[i] >= NO_WEIGHT
     ]
     achieved = {}
     if fit is not None:
         table = fit.parameters
         achieved = {
-            n: percent(abs(float(table.standard_error[i] / table.estimate[i])))
+            n: relative_error(float(table.standard_error[i]), float(table.estimate[i]))
             for i, n in enumerate(table.names)
-            if table.estimate[i] != 0
         }
     promised = [
         (name, percent(float(error)), achieved.get(name, "–"))
@@ -191,22 +195,6 @@ def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict
         "gap": significant(design.gap, 2),
         "efficiency": percent(design.efficiency),
     }
-
-
-def misfit_sections(fit: Fit | None, diagnosis: Diagnosis | None) -> list[dict[str, Any]]:
-    """Bands in words, and a row of text for each axis: in each band the misfit on the lines and in the other bins."""
-    tables = {
-        "the model": fit.misfit_table if fit is not None else None,
-        "the diagnosed robot": diagnosis.left if diagnosis is not None else None,
-    }
-    found = []
-    for model, table in tables.items():
-        if table is not None:
-            pairs = np.stack([table.lines, table.other], axis=2).reshape(len(table.axis_names), -1)
-            rows = [[significant(value, 3) for value in row] for row in pairs.tolist()]
-            named = list(zip(table.axis_names, rows, strict=True))
-            found.append({"model": model, "bands": table.band_names, "rows": named})
-    return found
 
 
 @functools.cache

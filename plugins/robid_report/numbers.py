@@ -43,6 +43,11 @@ def times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
+def counted(count: int, noun: str) -> str:
+    """Say how many: 1 block, 2 blocks."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def without_folders(text: str) -> str:
     """Leave of each absolute path its last part: folders of a machine are nobody's business.
 

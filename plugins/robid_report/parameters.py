@@ -11,6 +11,26 @@ from robid_report.numbers import percent, significant
 LIMITS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 
 
+UNDETERMINED = 10.0
+"""A standard error of so many times the value and more says nothing as a percentage."""
+
+
+def is_determined(error: float, value: float) -> bool:
+    """Tell whether a standard error is of the size of the value at most, or there is none to compare."""
+    return not (value != 0 and error >= UNDETERMINED * abs(value))
+
+
+def relative_error(error: float, value: float) -> str:
+    """Write a standard error as a share of the value, "not determined" where it exceeds the value by far.
+
+    >>> relative_error(0.5, 4.0), relative_error(1.0, 7e-6), relative_error(1.0, 0.0)
+    ('12.5\u202f%', 'not determined', '–')
+    """
+    if not is_determined(error, value):
+        return "not determined"
+    return percent(error / abs(value)) if value else "–"
+
+
 @dataclass(frozen=True)
 class Row:
     """One parameter as text, and where its mark stands in the small plot (percent of the plot's width)."""
@@ -23,6 +43,8 @@ class Row:
     estimate: str
     standard_error: str
     relative_error: str
+    relative_size: str
+    determined: bool
     deviation: str
     deviation_in_errors: str
     at_bound: bool
@@ -89,7 +111,9 @@ def rows(table: ParameterTable, truth: Truth | None) -> tuple[list[Row], float]:
                 start=significant(start),
                 estimate=significant(estimate),
                 standard_error=significant(error, 2),
-                relative_error=percent(error / abs(estimate)) if estimate else "–",
+                relative_error=relative_error(error, estimate),
+                relative_size=percent(error / abs(estimate)) if estimate else "–",
+                determined=is_determined(error, estimate),
                 deviation=percent(share, signed=True),
                 deviation_in_errors=f"{in_errors:+.1f}".replace("-", "−")
                 if math.isfinite(in_errors)
@@ -120,7 +144,7 @@ def essential_rows(found: EssentialParameters | None) -> Essential | None:
         return None
     values = zip(found.estimate.tolist(), found.standard_error.tolist(), strict=True)
     kept = [
-        (name, unit, significant(value), significant(error, 2), percent(error / abs(value)) if value else "–")
+        (name, unit, significant(value), significant(error, 2), relative_error(error, value))
         for name, unit, (value, error) in zip(found.names, found.units, values, strict=True)
     ]
     steps = found.relative_error.tolist(), found.increase.tolist(), found.probability.tolist()

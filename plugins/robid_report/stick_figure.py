@@ -75,9 +75,9 @@ def frames(chain: Chain, joint: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def is_worth_drawing(body: Skeleton) -> bool:
-    """Tell whether the robot has links: a single drive or slide draws as a point."""
-    reach = body.points.max(axis=(0, 1)) - body.points.min(axis=(0, 1))
-    return len(body.parent) > 2 and bool(reach.max() > 0)
+    """Tell whether there is a link: a rotor or a slide whose mass lies in its joint draws as a point."""
+    reach = body.points.max(axis=1) - body.points.min(axis=1)
+    return bool(reach.max() > 0)
 
 
 def draw(body: Skeleton, configuration: int, view: str) -> Markup:

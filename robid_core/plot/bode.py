@@ -12,7 +12,7 @@ import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import Frf, ResponseComparison
-from robid_core.plot.rounding import compact, rounded_to
+from robid_core.plot.rounding import compact, resolved, rounded_to
 from robid_core.plot.style import BAND, MEASURED, MODEL, START, Figure, axis, heading_over, layout, title
 from robid_core.robot import Robot
 
@@ -179,7 +179,7 @@ def _degrees(values: ComplexArray) -> FloatArray:
 
 def _trace(x: FloatArray, y: FloatArray, name: str, where: dict[str, str]) -> dict[str, Any]:
     hover = "%{x:.3g} Hz, %{y:.2f}<extra>" + name + "</extra>"
-    return {"x": compact(x, 9), "y": compact(y, 2), "name": name, "hovertemplate": hover, **where}
+    return {"x": compact(x, 9), "y": resolved(y, 2), "name": name, "hovertemplate": hover, **where}
 
 
 def _line(f: FloatArray, y: FloatArray, name: str, where: dict[str, str]) -> dict[str, Any]:
@@ -200,7 +200,7 @@ def _band(f: FloatArray, size: FloatArray, spread: FloatArray, where: dict[str, 
     return [
         {
             "x": compact(np.concatenate((f, f[::-1])), 9),
-            "y": compact(around, 2),
+            "y": resolved(around, 2),
             "mode": "lines",
             "fill": "toself",
             "fillcolor": BAND,

@@ -243,7 +243,7 @@ def test_settings_that_cannot_be_meant_are_refused(settings):
 
 
 def test_plant_with_another_number_of_motors_is_refused(make_session, make_robot):
-    with pytest.raises(ConfigurationError, match="has 1 motors, robot 'double' has 2"):
+    with pytest.raises(ConfigurationError, match="has 1 motor, robot 'double' has 2"):
         CanDrives(plant="one_axis_true").open(make_session(make_robot()))
     with pytest.raises(ConfigurationError, match="node_ids has 2 entries"):
         CanDrives(plant="one_axis_true", node_ids=(3, 4)).open(make_session(make_robot(1)))

@@ -88,5 +88,5 @@ def test_plant_with_another_number_of_motors_is_refused():
     class Two:
         name, n_axis = "two", 2
 
-    with pytest.raises(ConfigurationError, match="plant 'one_axis_true' has 1 motors, robot 'two' has 2"):
+    with pytest.raises(ConfigurationError, match="plant 'one_axis_true' has 1 motor, robot 'two' has 2"):
         SimulatedDrives(plant="one_axis_true").open(session(Two()))

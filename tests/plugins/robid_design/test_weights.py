@@ -96,6 +96,12 @@ def test_rounding_spends_every_experiment_on_supported_candidates(
     assert not (count[weight == 0] > 0).any()
 
 
+def test_a_candidate_of_next_to_no_weight_is_not_measured() -> None:
+    """It took an experiment of eight with a weight of 0.005 %."""
+    assert whole_experiments(np.array([0.6, 5e-5, 0.39995]), 8).tolist() == [5, 0, 3]
+    assert whole_experiments(np.full(1000, 1e-3), 4).sum() == 4  # all are as small
+
+
 def test_rounding_of_many_experiments_is_nearly_proportional() -> None:
     """Pukelsheim and Rieder: no share is off by a whole experiment or more."""
     weight = np.random.default_rng(3).dirichlet(np.ones(7))

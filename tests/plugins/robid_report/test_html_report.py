@@ -34,9 +34,9 @@ from robid_core import (
     TimeComparison,
     Truth,
 )
-from robid_core.testing import check_stage, example_fit, example_frf
+from robid_core.testing import check_stage, example_artifacts, example_design, example_fit, example_frf
 from robid_report.html import HtmlReport, json_for_script
-from robid_report.stick_figure import skeleton
+from robid_report.stick_figure import is_worth_drawing, skeleton
 
 N_CONFIG, N_FREQ = 3, 20
 
@@ -211,8 +211,9 @@ def test_any_part_makes_a_page(robot: Robot, chosen: tuple[str, ...]) -> None:
     artifacts = everything(robot)
     page = Page(page_of(robot, **{name: artifacts[name] for name in chosen}))
     assert robot.name in page.words
-    # Nothing to plot, no plotting library.
-    assert len(page.scripts) == (4 if {"frf", "fit", "diagnosis"} & set(chosen) else 3)
+    # Nothing to plot, no plotting library; no angles, no robot that can be turned.
+    plotted, turned = bool({"frf", "fit", "diagnosis"} & set(chosen)), bool({"frf", "record"} & set(chosen))
+    assert len(page.scripts) == 3 + plotted + 2 * turned
 
 
 def test_equal_inputs_give_equal_bytes(robot: Robot, full: str) -> None:
@@ -305,6 +306,10 @@ def poisoned(value: Any, text: str) -> Any:
     return value
 
 
+def code_of(page: Page) -> list[str]:
+    return [text for attributes, text in page.scripts if attributes.get("type") != "application/json"]
+
+
 @pytest.mark.parametrize("payload", PAYLOADS)
 def test_Y11_text_of_the_user_stays_text(robot: Robot, full: str, payload: str) -> None:
     artifacts = {name: poisoned(artifact, payload) for name, artifact in everything(robot).items()}
@@ -319,7 +324,7 @@ def test_Y11_text_of_the_user_stays_text(robot: Robot, full: str, payload: str) 
     for tag, attributes in page.elements:
         assert not [name for name in attributes if name.startswith("on")], tag
         assert "id" not in attributes or re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", attributes["id"])
-    assert [text for _, text in page.scripts[1:]] == [text for _, text in clean.scripts[1:]]
+    assert code_of(page) == code_of(clean)
     assert figures_of(hostile)["time"][0]["axes"][0]["name"] == f"{payload}0"
     assert single_spaced(payload) in page.words
 
@@ -535,6 +540,44 @@ def test_lines_that_were_not_estimated_are_not_drawn(robot: Robot) -> None:
     ]
     assert curve(figures[0], "measured")["y"][3] is None
     assert curve(figures[1], "measured")["y"][3] is not None
+
+
+def test_a_robot_of_one_joint_is_drawn_where_its_mass_is_beside_it() -> None:
+    robot = Robot.load("one_axis")
+    page = HtmlReport().run(robot, frf=example_frf(robot), fit=example_fit(robot)).html
+    assert 'id="body-canvas"' in page
+    assert 'class="stick"' in page
+    still = skeleton(robot, np.zeros((1, 1)))
+    assert is_worth_drawing(still)
+    assert not is_worth_drawing(dataclasses.replace(still, points=np.zeros_like(still.points)))
+
+
+def test_a_standard_error_far_above_its_value_is_no_percentage(robot: Robot) -> None:
+    fit = example_fit(robot)
+    errors = fit.parameters.standard_error.copy()
+    errors[0] = 2e5 * fit.parameters.estimate[0]
+    page = (
+        HtmlReport()
+        .run(robot, fit=fit.replace(parameters=fit.parameters.replace(standard_error=errors)))
+        .html
+    )
+    assert re.search(r'title="20000000\u202f%">not determined</td>', page)
+    assert not re.search(r"<(td|dd)[^>]*>20000000", page)
+
+
+def test_poses_without_weight_are_left_out_and_counts_have_their_number(robot: Robot) -> None:
+    design = example_design(robot)
+    weight, count = np.full(len(design.angle), 5e-5), np.zeros(len(design.angle), dtype=np.int64)
+    weight[0], count[0] = 1.0, 2
+    excitation = example_artifacts(robot)[Excitation]
+    assert isinstance(excitation, Excitation)
+    one = excitation.replace(reference=excitation.reference[:1, :1, :1])
+    page = (
+        HtmlReport().run(robot, design=design.replace(weight=weight, experiments=count), excitation=one).html
+    )
+    assert page.count("Measure here") == 1
+    assert "Do not measure here" not in page
+    assert "1 block of 1 experiment, 1 realisation<" in page
 
 
 def test_the_stick_figure_of_a_turned_arm_stands_where_the_angles_say() -> None:

@@ -67,5 +67,10 @@ def test_points_of_a_mode_move_as_the_jacobian_of_the_chain_says() -> None:
     )
 
 
-def test_a_robot_without_links_is_not_drawn() -> None:
-    assert body_data(Robot.load("one_axis"), np.zeros((1, 1)), 100.0) is None
+def test_a_rotor_whose_mass_lies_in_its_joint_is_not_drawn() -> None:
+    robot = Robot.load("one_axis")
+    whole = robot.description.model_dump()
+    assert body_data(robot, np.zeros((1, 1)), 100.0) is not None
+    whole["bodies"][0]["centre_of_mass"] = (0.0, 0.0, 0.0)
+    rotor = Robot(type(robot.description).model_validate(whole))
+    assert body_data(rotor, np.zeros((1, 1)), 100.0) is None

@@ -76,7 +76,7 @@ def test_excitations_that_the_robot_cannot_have_are_told_at_the_setting(
     [
         ("{use: simulated, with: {plant: six_axis_true}}", "plant", "has 6 motors, robot 'one_axis' has 1"),
         ("{use: can, with: {plant: six_axis_true}}", "plant", "has 6 motors, robot 'one_axis' has 1"),
-        ("{use: can, with: {plant: one_axis_true, node_ids: [1, 2]}}", "node_ids", "has 2 entries, the robot has 1"),
+        ("{use: can, with: {plant: one_axis_true, node_ids: [1, 2]}}", "node_ids", "has 2 entries, the robot 1 motor"),
         ("{use: can, with: {plant: one_axis_true, serial_numbers: [1, 2]}}", "serial_numbers", "has 2 entries"),
     ],
 )  # fmt: skip

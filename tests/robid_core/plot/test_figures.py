@@ -10,7 +10,7 @@ import pytest
 from robid_core import ConfigurationError, Fit, Frf, FrictionCurve, Robot, TimeComparison, plot
 from robid_core.plot.bode import bode, comparison_of
 from robid_core.plot.pool import pooled
-from robid_core.plot.rounding import compact, rounded_to
+from robid_core.plot.rounding import compact, resolved, rounded_to
 from robid_core.plot.traces import kept_samples
 from robid_core.testing import example_diagnosis, example_fit, example_frf, example_robot
 
@@ -19,6 +19,16 @@ def test_holes_become_null_and_whole_numbers_lose_their_point() -> None:
     assert compact(np.array([[1.0, np.nan], [-0.001, 2.347]]), 2) == [[1, None], [0, 2.35]]
     assert rounded_to(np.array([123456.0, 0.123]), 3) == [123000, 0]
     assert rounded_to(np.array([0.000123456]), 3) == [0.000123]
+
+
+def test_values_that_span_little_are_no_staircase() -> None:
+    """From 73.78 to 73.87 dB: rounded to hundredths they fell on ten steps."""
+    level = np.linspace(73.78, 73.87, 200)
+    assert len(set(resolved(level, 2))) == 200
+    assert len(set(rounded_to(level / 1000, 4))) == 200
+    assert resolved(np.array([73.781, 73.781 + 1e-14, np.nan]), 2) == [73.78, 73.78, None]
+    assert resolved(np.array([0.0, 123.456]), 2) == [0, 123.46]
+    assert resolved(np.array([np.nan]), 2) == [None]
 
 
 def test_a_single_spike_of_the_residual_is_always_drawn() -> None:

@@ -1,0 +1,67 @@
+"""Fits of torques draw their residual in standard errors over frequency, from the misfit of axes and bands."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from robid_core import MisfitTable, Robot
+from robid_core.testing import example_fit
+from robid_report.html import HtmlReport
+from robid_report.misfits import misfit_sections
+
+EDGES = np.array([0.0, 3.0, 10.0, 30.0])
+
+
+def table(
+    lines: list[list[float]], other: list[list[float]], names: tuple[str, ...] = ("axis_1",)
+) -> MisfitTable:
+    return MisfitTable(names, EDGES, np.array(lines), np.array(other))
+
+
+def picture(lines: list[float], other: list[float]) -> str:
+    fit = example_fit(Robot.load("one_axis")).replace(misfit_table=table([lines], [other]))
+    ((_, found),) = misfit_sections(fit, None)[0]["pictures"]
+    return str(found)
+
+
+def heights(drawn: str, name: str) -> list[float]:
+    path = re.search(rf'<path class="{name}" d="([^"]*)"', drawn)
+    assert path is not None
+    return [float(point.split()[1]) for point in re.findall(r"[ML]([\d. ]+)", path[1])]
+
+
+def test_the_root_of_the_misfit_is_drawn_as_steps_over_the_bands() -> None:
+    """A misfit of 100 in one band stands two decades of power, one of standard errors, above that of 1."""
+    drawn = picture([1.0, 100.0, 1.0], [np.nan, 1.0, 1.0])
+    lines, level = heights(drawn, "law"), heights(drawn, "torque")
+    assert len(lines) == len(level) == 6
+    assert lines[0] == lines[1] == level[0]
+    assert lines[2] == lines[3] < level[0]  # higher on the page
+    assert "residual (rms), std. errors" in drawn
+
+
+def test_a_band_without_bins_is_a_gap() -> None:
+    drawn = picture([1.0, np.nan, 4.0], [np.nan] * 3)
+    path = re.search(r'<path class="law" d="([^"]*)"', drawn)
+    assert path is not None
+    assert path[1].count("M") == 2
+    assert "nan" not in drawn
+    assert 'class="even"' not in drawn
+
+
+def test_an_axis_without_any_bin_has_no_picture() -> None:
+    fit = example_fit(Robot.load("one_axis")).replace(misfit_table=table([[np.nan] * 3], [[np.nan] * 3]))
+    assert misfit_sections(fit, None)[0]["pictures"] == [("axis_1", None)]
+
+
+@pytest.mark.parametrize("n_axis", [1, 2])
+def test_the_page_of_a_torque_fit_shows_them(n_axis: int) -> None:
+    names = tuple(f"axis_{a + 1}" for a in range(n_axis))
+    whole = table([[1.0, 2.0, 3.0]] * n_axis, [[1.0, 1.0, 1.0]] * n_axis, names)
+    robot = Robot.load("one_axis")
+    page = HtmlReport().run(robot, fit=example_fit(robot).replace(misfit_table=whole)).html
+    assert "Residuals in standard errors" in page
+    assert page.count("in standard errors over frequency") == n_axis
