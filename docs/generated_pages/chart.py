@@ -53,7 +53,8 @@ def chart(
     top = TOP + (16 * len(keys) if keys else 0)
     x = np.concatenate([np.log10(c.x) if logarithmic else c.x for c in curves])
     y = np.concatenate([c.y[np.isfinite(c.y)] for c in curves])
-    x_range = (float(x.min()), float(x.max()))
+    around = 0.0 if np.ptp(x) > 0 else 0.5  # of one place alone
+    x_range = (float(x.min()) - around, float(x.max()) + around)
     middle, span = (y.min() + y.max()) / 2, max(1.08 * np.ptp(y), least_height, 1e-12)
     y_range = (float(middle - span / 2), float(middle + span / 2))
 
