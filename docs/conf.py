@@ -25,7 +25,7 @@ default_role = "code"
 
 # A reference that leads nowhere is a warning, and warnings are errors; but for these.
 INTERNAL = (  # classes that public signatures mention and nobody makes by hand
-    "ArmSensor|Axes|BatchDiverged|BatchedDynamics|DriveArrays|FileProblems|Identified|LawRun|MotionSpectra|Motions|"
+    "ArmSensor|ArmSpectra|Axes|BatchDiverged|BatchedDynamics|BodyDerivatives|DriveArrays|FileProblems|Identified|LawRun|M|MotionSpectra|MotorLaws|Motions|"
     "MovingSamples|NamedUnknowns|PeriodicMotion|Registry|RobotDescription|SpeedFunctions|Start|Tasks|Tell|"
     "TorqueBlock|Variants|Visibility|WindowedArm|WindowedMotion|_LawEffect"
 )

@@ -81,7 +81,7 @@ class Place:
     rotor_inertia: float
     torque_constant: float
     torque_limit: float | None
-    """None: the robot file tells none."""
+    """None: the robot file states none."""
     sample_time: float
     """Of control and measurement, s."""
     step: float
@@ -205,7 +205,7 @@ class ForceEffect(_LawEffect):
 
     @classmethod
     def linearize(cls, parameters: FloatArray, place: Place, motion: Motion) -> Equivalent:
-        """Return the spring and damper that a small signal meets in a law at a motor or on the arm.
+        """Return the spring and damper that a small signal sees in a law at a motor or on the arm.
 
         E[d force / d position] and E[d force / d velocity] under the motion (statistical linearisation); by numerical
         integration of the law here, in closed form where an effect has one. Laws along springs are taken with their
@@ -250,8 +250,8 @@ class ForceEffect(_LawEffect):
     ) -> Mapping[str, str]:
         """Return the parameters that the data do not determine though a fit states small errors, with the reason.
 
-        A verdict states no error of them, and repeats the sentence beside the cause. Where a law meets a motion at one
-        end only, a fit takes what it cannot know from the shape of the law near that end. `positions` are those that
+        A verdict states no error of them, and repeats the sentence beside the cause. Where a motion reaches one end of
+        a law only, a fit takes what it cannot know from the shape of the law near that end. `positions` are those that
         the law sees in each experiment, (n_time,) each.
         """
         del parameters, place, positions
@@ -271,8 +271,8 @@ class SignalEffect(_LawEffect):
     channels: ClassVar[tuple[SignalChannel, ...]]
     """Where the effect may sit; the first is the default."""
     invertible: ClassVar[bool] = True
-    """Whether the acting torque tells the commanded one. Of a limit it does not: fits ask such a law about the recorded
-    torque of its axis, noise and all, and every other law about the torque that the model expects."""
+    """Whether the commanded torque follows from the acting one. Of a limit it does not: fits ask such a law
+    about the recorded torque of its axis, noise and all, and all other laws about the torque that the model expects."""
 
     @classmethod
     def bind(cls, parameters: FloatArray, place: Place) -> tuple[SignalTerm, ...]:
@@ -283,7 +283,7 @@ class SignalEffect(_LawEffect):
     @classmethod
     @abc.abstractmethod
     def gain(cls, parameters: FloatArray, place: Place, omega: FloatArray, motion: Motion) -> ComplexArray:
-        """Return the complex gain that a small signal meets at omega (rad/s), shape (n_freq,)."""
+        """Return the complex gain that a small signal sees at omega (rad/s), shape (n_freq,)."""
 
     @classmethod
     def regressor(

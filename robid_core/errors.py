@@ -41,7 +41,7 @@ class MotionAborted(RobidError):
 
 
 class StopNotConfirmed(MotionAborted):
-    """Not every motor was seen to stand still after it was told to stop; the message names those that were not."""
+    """Not every motor was seen to stand still after the command to stop; the message names those that were not."""
 
 
 class DataRejected(RobidError):

@@ -143,7 +143,7 @@ class Stage(Settings):
     def external_files(self, data_root: Path) -> list[Path]:
         """Files outside the project that the stage reads: their hashes become part of its key.
 
-        Asked when the pipeline is read, too: a RobidError that it raises is told among the problems of the file.
+        Asked when the pipeline is read, too: a RobidError that it raises is reported among the problems of the file.
         """
         del data_root
         return []
@@ -168,7 +168,7 @@ class Stage(Settings):
         """Say which settings do not go with the data files that they lead to, as `problems_with` does.
 
         Asked whenever a pipeline is read and `problems_with` says nothing: it has to be quick, whatever the files'
-        size, and passes over what is damaged or takes long; the run tells that.
+        size, and passes over what is damaged or takes long; the run reports that.
         """
         del robot, data_root
         return {}

@@ -5,7 +5,7 @@ Machines with Friction, 1991, who measured both ways apart on a PUMA; lip seals,
 gears do it most). The sign is smoothed as in the thesis' (2.9), each side with its own level, so that there
 is no torque at rest. Half the difference acts as a torque offset while the axis moves either way about
 equally long: on an axis that gravity loads it looks like an error of mass or torque constant; slow motion
-over both signs of the load tells them apart. Speeds that are symmetric about zero meet the mean of both
+over both signs of the load distinguishes them. Speeds that are symmetric about zero see the mean of both
 sides.
 """
 

@@ -9,8 +9,8 @@ rests. The spring is bounded by F_s while it sticks and falls to F_c when it let
 from there, so that the torque is continuous. State: the spring's torque, and whether the contact slides. The
 law is passive: the torque never gives back more than the spring has stored, z^2 / (2 k).
 
-Unlike Stribeck friction there is no negative slope in steady sliding: what tells is the first moment of each
-reversal.
+Unlike Stribeck friction there is no negative slope in steady sliding: what shows the
+difference is the first moment of each reversal.
 """
 
 from __future__ import annotations

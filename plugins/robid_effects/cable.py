@@ -2,7 +2,7 @@
 
 Theory: torque = k (q - q_rest) + d q' of the joint angle. A bent hose gives a nearly linear torque over some tens
 of degrees, and a viscous loss; its own friction is left out (friction.* on the arm side has it). A constant torque
-k q_rest cannot be told from a friction offset on one pose, and not from gravity on few.
+k q_rest cannot be distinguished from a friction offset on one pose, and not from gravity on few.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Theory: ``F = F_c sign(v)`` (thesis eq. 2.8; C. A. de Coulomb, Theorie des machi
 nothing about standstill, and a simulation cannot step over a jump: the sharp sign is a straight line between
 -v_0 and v_0, exact outside; the smooth one is tanh(v / v_s) (2.9), 2 % short of the level at 2.3 v_s. Below
 those speeds a loaded axis creeps where a real one sticks: `friction.breakaway` holds. The gain that a small
-signal meets is 2 F_c times the density of the speed at zero: ``sqrt(2 / pi) F_c / rms`` in Gaussian motion,
+signal sees is 2 F_c times the density of the speed at zero: ``sqrt(2 / pi) F_c / rms`` in Gaussian motion,
 ``2 F_c / (pi A)`` on a sine (half of its own describing function, 4 F_c / (pi A)).
 """
 

@@ -4,8 +4,8 @@ Theory: a constant torque against the motion and one proportional to speed, ``F 
 F_0`` (thesis eq. 2.9 and 2.10; Armstrong-Helouvry, Dupont and Canudas de Wit, A survey of models, analysis
 tools and compensation methods for the control of machines with friction, Automatica 30, 1994). The smoothing
 speed v_s is a nuisance of simulation: below it friction is not resolved. The offset F_0 stands for what
-pushes always the same way: a current sensor's zero, an asymmetric seal. What a small multisine on top of a
-slow sine meets is E[dF/dv] over the speeds, which falls as the motion grows: friction fades with amplitude.
+pushes always the same way: a current sensor's zero, an asymmetric seal. A small multisine on top of a
+slow sine sees E[dF/dv] over the speeds, which falls as the motion grows: friction fades with amplitude.
 """
 
 from __future__ import annotations

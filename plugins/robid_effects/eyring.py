@@ -5,7 +5,7 @@ is how oil and grease drag under the pressure of gears, bearings and ball screws
 proportion to the speed below v_E, hardly faster than its logarithm above. With Coulomb friction, which seals and dry
 contacts add, and values of its own for either way: ``F = F_c + d v + F_E arsinh(|v| / v_E)``. It has a finite slope at
 rest, never falls, and goes on as a logarithm beyond the speeds that were measured. Where all speeds are above v_E it
-is told from a power law with a small exponent by its bend alone, and v_E from the Coulomb level by none.
+is distinguished from a power law with a small exponent by its bend alone, and v_E from the Coulomb level by none.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Theory: reported = (1 + error) true. On the reported torque it is a wrong torque constant or current sensor that
 the motion does not know of; on the position a wrong gear ratio or a wrong number of counts. Reciprocity of the
-joint-side response tells gains of axes against one another, their common factor stays.
+joint-side response determines gains of axes relative to one another, but no common factor.
 """
 
 from __future__ import annotations

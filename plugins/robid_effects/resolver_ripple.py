@@ -3,8 +3,8 @@
 Theory: measured = angle + amplitude sin(order angle + phase). A relative difference a of the two windings'
 amplitudes gives a/2 sin(2 angle), an error b of their right angle b/2 cos(2 angle) and a constant, offsets give
 order 1, all per electrical turn: times the pole pairs per turn of the motor (Hanselman 1990; thesis section
-3.1.3). The controller sees it: measured speed is amplitude order speed cos(...) off. What a small multisine meets
-is 1 + amplitude order E[cos], near 1 once the motor swings over a period of the wave.
+3.1.3). The controller sees it: measured speed is amplitude order speed cos(...) off. A small multisine sees
+1 + amplitude order E[cos], near 1 once the motor swings over a period of the wave.
 """
 
 from __future__ import annotations

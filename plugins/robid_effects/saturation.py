@@ -49,7 +49,7 @@ def limit_gain(limit: float, mean: npt.ArrayLike, rms: npt.ArrayLike) -> FloatAr
 def rate_limited_sine(slope: FloatArray) -> ComplexArray:
     """Describing function of a rate limit for a sine whose steepest slope is `slope` times the rate.
 
-    1 up to slope 1. From angle -arccos(1 / slope) on the output is a ramp until it meets the sine again (found by
+    1 up to slope 1. From angle -arccos(1 / slope) on the output is a ramp until it reaches the sine again (found by
     bisection); from slope sqrt(1 + pi^2 / 4) on it is a triangle that never does. What the ramp leaves out of the
     sine is integrated over half a period (Gauss-Legendre).
     """

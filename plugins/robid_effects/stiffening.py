@@ -1,8 +1,8 @@
 """A spring that gets stiffer as it deflects: the robot file's spring plus a cubic one.
 
 Theory: torque = k x + c x^3 (thesis section 2.4, "a nonlinear function replacing the linear relation"; the Duffing
-spring). A small multisine meets k + 3 c E[x^2]: more with the amplitude of the motion, so that a resonance rises,
-and more with the deflection under gravity; which of the two tells stiffening from backlash. First harmonic of a
+spring). A small multisine sees k + 3 c E[x^2]: more with the amplitude of the motion, so that a resonance rises,
+and more with the deflection under gravity; which of the two distinguishes it from backlash. First harmonic of a
 sine of amplitude A: k + 3/4 c A^2.
 """
 

@@ -6,7 +6,7 @@ d v``. The exponent n is 1 with Tustin (1947), 2 with Armstrong-Helouvry (1991),
 Bittencourt and Gunnarsson (2012). The sign is tanh(v / v_0) with v_0 well below v_S. Where the slope is
 negative a slow axis sticks and slips. In Gaussian motion the excess alone has, at n = 2 and with a sharp
 sign, the gain ``sqrt(2 / pi) (F_s - F_c) / rms / (1 + 2 rms^2 / v_S^2)``: it fades as 1 / rms^3 where
-Coulomb's fades as 1 / rms, and that tells them apart.
+Coulomb's fades as 1 / rms, which distinguishes the two.
 """
 
 from __future__ import annotations

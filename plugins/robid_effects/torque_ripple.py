@@ -4,7 +4,7 @@ Theory: acting torque = u + (amplitude + relative u) sin(order angle + phase), u
 flux and current give a ripple in proportion to the current, at the sixth and twelfth multiple of the pole pairs;
 slots that attract the magnets (cogging) and errors of current measurement give one of constant size (thesis
 section 3.1.3; Gutt, Scholl and Blattner 1996; Hanselman 1994). One effect is one order; put several on an axis.
-Over a step the mean is taken, so that a fast turn is not sampled as a slow wave. What a small multisine meets is 1
+Over a step the mean is taken, so that a fast turn is not sampled as a slow wave. A small multisine sees 1
 + relative E[sin]: next to 1 as soon as the motor swings over a period of the wave; the ripple itself does not
 depend on the phases of the multisine.
 """

@@ -2,7 +2,7 @@
 
 Theory: ``F = d v`` (O. Reynolds, On the theory of lubrication, 1886; thesis section 2.5). In a robot's joint
 d is that of motor bearings, seals and the churning of grease; it falls as the gear warms up
-(`friction.temperature`). Linear: what a small signal meets is d whatever else moves.
+(`friction.temperature`). Linear: a small signal sees d whatever else moves.
 """
 
 from __future__ import annotations

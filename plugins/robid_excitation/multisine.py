@@ -69,8 +69,8 @@ class Multisine(ExcitationDesign):
     torque, speed, acceleration or position is refused, with the amplitude that would do.
 
     Distortion averages because phases are random. What does not depend on the phases (ripple and friction harmonics
-    of the slow sine) falls on even bins as long as the sine's bin is even; where it meets the lines, the random phases
-    of each experiment average it. `experiments_per_block: n_plus_1` rejects it exactly and measures it, with common
+    of the slow sine) lies on even bins as long as the sine's bin is even; where it falls on lines, the random phases of
+    each experiment average it. `experiments_per_block: n_plus_1` rejects it exactly and measures it, with common
     phases, at the price that a motor's own distortion comes back in every experiment of a block and averages over
     blocks only: more blocks, and a scatter taken over blocks. `crest: minimise` buys lower peaks, and so more torque
     at each line, with phases that are no longer random: distortion does not average as over random ones, and the best

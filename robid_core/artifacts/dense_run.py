@@ -31,8 +31,8 @@ class DenseRun(Artifact):
     """Experiments of one length, sampled together.
 
     `time_s` holds the sampling instants within a period (or within the whole run when nothing repeats and
-    n_period is 1); `valid` marks the samples that were really measured. `test` marks the experiments that are put
-    aside to judge a fit by, which no fit may see; None: none is. `constants` holds numbers that did not change during
+    n_period is 1); `valid` marks the samples that were really measured. `test` marks the experiments that are left
+    out of every fit, to judge fits by; None: none is. `constants` holds numbers that did not change during
     an experiment (a payload, a temperature), called `constant_names`; NaN where one is not known.
     """
 

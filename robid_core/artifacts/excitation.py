@@ -122,7 +122,7 @@ class Excitation(Artifact):
         """Return a row for each configuration and axis: largest speed asked for, and what was predicted, motor side.
 
         Torque, speed and travel are there where a simulation cleared the excitation, the share of the torque limit
-        where the robot file tells one.
+        where the robot file states one.
 
         Examples
         --------

@@ -58,7 +58,7 @@ class Finding(Artifact):
         return int((self.by_own_size > SEEN).sum())
 
     def table(self) -> Table:
-        """Return a row for each of its numbers: what was told, what was found, how much that gains.
+        """Return a row for each of its numbers: what the file states, what was found, how much that gains.
 
         >>> import numpy as np, robid_core as robid
         >>> told, found, error, seen = np.array([[0.1], [0.2], [0.01], [50.0]])

@@ -260,7 +260,7 @@ class Diagnosis(Artifact):
 
     `model` is the robot that was found, where the diagnosis changes the one that it was given. `findings` are causes,
     first the one that gains most; `values` all that was estimated beside them; `timing` the lag of each torque;
-    `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table` tells it;
+    `search` what was tried; `left` where the robot that was found still misfits, as `Fit.misfit_table`;
     `data` what was looked at; `residuals` what is left over speed, angle, load, acceleration, time and frequency;
     `response_check` what frequency responses say of its stiffnesses, None where not asked for; `runs` are errors of
     single runs and `curves` what a prediction leaves; `doubts` are reasons not to rely on its numbers.
@@ -289,7 +289,7 @@ class Diagnosis(Artifact):
         return self.verdict
 
     def table(self) -> Table:
-        """Return a row for each number of each finding: what was told, what was found, how much that gains.
+        """Return a row for each number of each finding: what the file states, what was found, how much that gains.
 
         >>> import robid_core as robid
         >>> from robid_core.testing import example_diagnosis

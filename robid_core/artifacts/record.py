@@ -31,7 +31,7 @@ class Record(Artifact):
 
     Position is sampled at an instant, torque is held from that instant to the next (zero-order hold).
     `damping_deviation` is what a compensation of friction may have done wrong without any residual to show it: standard
-    deviation at the lines of the damping that it left in the torque of each motor. `model_based` tells that a model
+    deviation at the lines of the damping that it left in the torque of each motor. `model_based` says that a model
     of the robot was used to compute the samples: what is estimated from them may be biased towards it.
 
     A robot with another payload or tool, or one that was changed between two runs, is another variant: `variants` has
@@ -84,11 +84,11 @@ class Record(Artifact):
             Names of the arrays' axes in their order, out of `n_config n_block n_exp n_period n_sample n_axis`; one that
             is not named has length one. By default `n_sample n_axis`, of one motor `n_sample`.
         robot
-            Names the axes, and tells from the motor angles where it stood.
+            Names the axes, and gives the configurations from the motor angles.
         axis_names
             In place of the robot's; without either axis_1, axis_2, ...
         angle
-            Motor angles seen through the gear, rad, (n_config, n_axis), in place of what a robot tells.
+            Motor angles seen through the gear, rad, (n_config, n_axis), in place of those by the robot.
         units
             Unit of a channel by its name, as `{"motor_position": "deg"}`: of those in `robid_core.UNITS`. By default
             the SI unit of what the name promises (position rad, speed rad/s, torque N m).

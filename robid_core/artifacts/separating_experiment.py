@@ -17,7 +17,7 @@ MINUTE = 60.0
 
 @dataclass(frozen=True, eq=False)
 class SeparatingExperiment(Artifact):
-    """The experiment, of those that were tried, that best tells a finding from what explains the data as well.
+    """The experiment, of those that were tried, that best distinguishes a finding from what explains the data as well.
 
     A recorded motion about `configuration`, joint side, its speeds `amplitude` times the recorded ones: `reference` at
     the motors, one period of it where `line` has excited bins, else all of it. `n_period` of them after

@@ -1,6 +1,6 @@
 """Coulomb and viscous friction (2.10) with the smooth sign of (2.9), and its statistical linearisation.
 
-The gain that a small signal meets is E[df/dv] under the speed distribution of everything else that moves the
+The gain that a small signal sees is E[df/dv] under the speed distribution of everything else that moves the
 motor (S. H. Crandall, Is stochastic equivalent linearization a subtly flawed procedure?, 2004, and references
 there): multisine and noise make it Gaussian, the slow sine adds an arcsine part.
 """
@@ -62,7 +62,7 @@ def equivalent_damping(
     friction_speed K with K Kolmogorov distributed (D. F. Andrews and C. L. Mallows, Scale mixtures of normal
     distributions, 1974): one quadrature over K remains.
 
-    The slow sine itself meets another, larger gain (describing function: twice this in the sharp limit).
+    The slow sine itself sees another, larger gain (describing function: twice this in the sharp limit).
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ def output_slopes(
     swing: ComplexArray,
     outputs: ComplexArray,
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Differentiate what is seen of the coordinates while the motors move as told, ``C x``, and return x, too.
+    """Differentiate what is seen of the coordinates while the motors move as prescribed, ``C x``, and return x, too.
 
     What is behind the motors follows by ``x_p = -Z_pp^-1 Z_pm Q``, and changes by ``-Z_pp^-1 (dZ x)_p``.
 

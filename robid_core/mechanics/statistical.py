@@ -1,4 +1,4 @@
-"""The spring and damper that a small signal meets in a law, under the motion that is already there.
+"""The spring and damper that a small signal sees in a law, under the motion that is already there.
 
 Statistical linearisation: the equivalent gains are E[d force / d position] and E[d force / d velocity] over a
 Gaussian motion (multisine and noise) plus a slow sine (J. B. Roberts, P. D. Spanos, Random Vibration and

@@ -47,7 +47,7 @@ def use(stage: str | type[Stage], **settings: Any) -> StageFunction:
     Raises
     ------
     ConfigurationError
-        With every mistake, a line each, as `robid validate` tells them.
+        With every mistake, a line each, as `robid validate` reports them.
 
     Examples
     --------

@@ -177,7 +177,7 @@ class Pipeline:
     def from_dict(
         cls, content: Mapping[str, Any], folder: Path | str = ".", *, data_root: Path | None = None
     ) -> Pipeline:
-        """Check and wire a pipeline that is told in Python; what `load` takes from a file.
+        """Check and wire a pipeline that is given in Python; what `load` takes from a file.
 
         Parameters
         ----------

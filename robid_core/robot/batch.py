@@ -100,7 +100,7 @@ def simulate_portions(
     batches
         Experiments, of any number of robots.
     progress
-        A run's `context.progress`: told how many experiments are done.
+        A run's `context.progress`: hears how many experiments are done.
     n_thread
         Threads of this process that compute; 0: the map computes. By default threads where the map is of this
         machine, as many as it may have (compiled loops need no processes of their own), else the map. Results

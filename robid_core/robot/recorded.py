@@ -59,7 +59,7 @@ def simulate_record(
     horizon_s
         Every so often the simulation is started again from the measured state; by default it never is.
     half_window
-        Samples on either side from which that state is told (`estimation.local_motion`).
+        Samples on either side from which that state is estimated (`estimation.local_motion`).
     seed
         Draws the sensors' noise; None: none.
 

@@ -237,7 +237,7 @@ class Robot(NamedUnknowns, Variants, Motions, Identified):
     def limits(self) -> MotionLimits:
         """Limits at the motors, as the safety gate takes them.
 
-        Raises MotionRefused where the robot file tells no speed or torque limit: what is not known is no permission.
+        Raises MotionRefused where the robot file states no speed or torque limit: what is not known is no permission.
         """
         missing = self.left_out(LIMITS)
         if missing:

@@ -67,7 +67,7 @@ def check_null_and_cause(stage: DiagnosisStage, robot: Robot, data: Data | None)
     cause = f"{CAUSE} at {robot.axis_names[0]}, {BREAKAWAY:g} times the Coulomb level"
     if not before and not after:
         raise ContractBroken(
-            f"{name}: a planted cause ({cause}) is not found, and the diagnosis tells no error either; put what "
+            f"{name}: a planted cause ({cause}) is not found, and the diagnosis states no error either; put what "
             f"it finds "
             "into Diagnosis.findings, or how far the model is off into `time` or `errors`"
         )

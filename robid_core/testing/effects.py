@@ -46,7 +46,7 @@ def check_effect(effect: type[Effect], /, **parameters: float) -> None:
     """Check that an effect keeps the contract.
 
     Test values are tried at `example_place`, where no spring is; one that needs a spring names the place's stiffness
-    or another of its numbers beside its own arguments. A law that cannot run on all lanes at once is told by a warning.
+    or another of its numbers beside its own arguments. A law that cannot run on all lanes at once causes a warning.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ OF_READERS = [
         WRONG_LOG,
     ),
     Mutant(
-        "what is absent is not told",
+        "what is absent is not reported",
         f"{TABLES}/json.py",
         "    if missing:\n",
         "    if False:\n",

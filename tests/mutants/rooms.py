@@ -118,7 +118,7 @@ OF_LOCK = [
         WAITING,
     ),
     Mutant(
-        "waiting is told again and again",
+        "waiting is reported again and again",
         LOCK,
         "                waiting(holder)\n                while not _try(descriptor):\n",
         "                while not _try(descriptor):\n                    waiting(holder)\n",
@@ -166,7 +166,7 @@ OF_STOP = [
         f"{STOPPING}::test_the_broadcast_stops_a_drive_whose_sdo_server_hangs",
     ),
     Mutant(
-        "speeds are told in the drive's units",
+        "speeds are reported in the drive's units",
         STOP,
         "abs(speed) * drive.scale.velocity",
         "abs(speed)",
@@ -174,7 +174,7 @@ OF_STOP = [
     ),
     Mutant("rest is waited for ten times as long", STOP, "STOP_S = 2.0", "STOP_S = 20.0", WITHIN_A_CYCLE),
     Mutant(
-        "one problem is told",
+        "one problem is reported",
         STOP,
         "    return list(dict.fromkeys(problems))",
         "    return problems[:1]",

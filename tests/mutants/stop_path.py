@@ -10,7 +10,7 @@ LIMITS = "tests/robid_core/run/test_limits.py"
 TWO_RUNS = "tests/robid_core/run/test_two_runs.py"
 STOP_PATH = [
     Mutant(
-        "each drive is told after the one before was judged",
+        "each drive is commanded after the one before was judged",
         "adapters/robid_can/host/stopping.py",
         "        _attempt(lambda drive=drive: drive.send_write(od.CONTROLWORD, controlword), problems)",
         "        _attempt(lambda d=drive: (link.attend(0.1), d.send_write(od.CONTROLWORD, controlword)), problems)",

@@ -127,7 +127,7 @@ def _check_free(structure: Structure, rigid: FloatArray) -> None:
             "motion along z",
         )
         raise ConfigurationError(
-            f"{structure.name}: rigid {motion[int(worst[1])]} meets a force at {degree_of_freedom(int(worst[0]))}; a "
+            f"{structure.name}: rigid {motion[int(worst[1])]} causes a force at {degree_of_freedom(int(worst[0]))}; a "
             "free structure gives none. Is it still clamped, are node coordinates in another unit than the "
             "matrices, or the degrees of freedom not ux uy uz rx ry rz node by node?"
         )

@@ -144,8 +144,8 @@ def without_dependent(
             break
         del directions[letter]
         left.append(
-            f"{letter}: its line meets those of '{body.parent}' in one point, and motors feel the springs there in one "
-            "combination less"
+            f"{letter}: its line intersects those of '{body.parent}' in one point, and motors feel the springs there "
+            "in one combination less"
         )
     return left
 

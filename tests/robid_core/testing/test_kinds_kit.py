@@ -253,7 +253,7 @@ def test_a_diagnosis_whose_error_grows_with_a_cause_passes() -> None:
     [
         (Alarmed, "with a record of the very robot that it is given it finds friction.lugre at axis_1"),
         (Blind, "is not found, and no error grows by it: they are 0.5 beside 0.5 without it"),
-        (Mute, "is not found, and the diagnosis tells no error either"),
+        (Mute, "is not found, and the diagnosis states no error either"),
     ],
 )
 def test_a_wrong_diagnosis_is_told_what_it_does_wrong(cls: type[DiagnosisStage], clause: str) -> None:
