@@ -16,9 +16,9 @@ UNDETERMINED = (
     "are some springs determined by no candidate? take them out of the robot file, or more candidates"
 )
 LEAST_SHARE = 0.05
-"""Of an experiment: a candidate with less is measured only beside others that have hardly more..."""
+"""Of an experiment: a candidate with less is not measured..."""
 LEAST_OF_LARGEST = 0.1
-"""...this of the largest weight."""
+"""...unless it has so much of the largest weight: where all are small, all count."""
 
 
 def optimal_weights(information: FloatArray, criterion: Criterion) -> FloatArray:
