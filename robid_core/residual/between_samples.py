@@ -12,6 +12,8 @@ rattle within the speed at which friction turns. What stands above the noise of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
@@ -24,6 +26,7 @@ from robid_core.estimation.torque.spectra import (
     speed_without_noise,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.residual.motor_laws import MotorLaws
 from robid_core.robot import Robot
 
 SPARSE = 25  # every so many speeds tell what friction brakes
@@ -32,9 +35,14 @@ FOLLOWED = 0.5  # of a sample, over J / F': below one a step is nearly explicit,
 
 
 def friction_between_samples(
-    robot: Robot, motion: MotionSpectra, laws: SpeedFunctions, angle: FloatArray, coefficient: FloatArray
-) -> tuple[ComplexArray, ComplexArray]:
-    """Spectra of the functions of speed, and what samples do not resolve of friction.
+    robot: Robot,
+    motion: MotionSpectra,
+    laws: SpeedFunctions,
+    angle: FloatArray,
+    coefficient: FloatArray,
+    on_motors: Sequence[MotorLaws] = (),
+) -> tuple[ComplexArray, ComplexArray, tuple[MotorLaws, ...]]:
+    """Spectra of the functions of speed, what samples do not resolve of friction, and effects on motors there.
 
     Shapes (n_law + 1, n_config, n_exp, n_bin, n_axis) and (n_config, n_exp, n_bin, n_axis), N m.
 
@@ -48,13 +56,15 @@ def friction_between_samples(
         Of the joints, about which motors weigh what they do, rad, (n_config, n_axis).
     coefficient
         Of the functions and of a constant, N m, (n_law + 1, n_axis).
+    on_motors
+        Effects that brake motors besides, of each configuration; none: there are none.
     """
     n = robot.n_axis
     mobility = np.linalg.inv(robot.second_order(angle).mass)[:, :n, :n]
     few = motion.rate(1)[:, :, ::SPARSE].reshape(-1, n)
     size = laws.braking(coefficient[: len(laws.odd)], few)
-    noise = _harmful(motion, laws, size)
-    friction, unresolved = [], []
+    noise = _harmful(motion, laws, size, on_motors)
+    friction, unresolved, between = [], [], []
     for c in range(len(angle)):
         own = motion.of_configuration(c)
         speed = own.fine_speed()
@@ -62,6 +72,9 @@ def friction_between_samples(
         seen = speed if quiet is None else quiet
         pushing = own.fine_torque() - coefficient[-1]
         braking, slope = laws.total_and_slope(seen.astype(np.float32), size)
+        if on_motors:
+            more, steeper = on_motors[c].at(seen).braking()
+            braking, slope = braking + more, slope + steeper
         acceleration = np.matmul(pushing - braking, mobility[c])
         explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s, quiet)
         follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * slope
@@ -70,19 +83,28 @@ def friction_between_samples(
         overshot = own.held_spectrum(laws.total(explicit.astype(np.float32), size))
         friction.append(functions)
         unresolved.append(overshot - np.einsum("kceba,ka->ceba", functions[: len(size)], size))
-    return np.concatenate(friction, axis=1), np.concatenate(unresolved)
+        if on_motors:
+            between.append(on_motors[c].at(implicit if quiet is None else quiet))
+            at_end, at_once = (on_motors[c].at(one).braking()[0] for one in (implicit, explicit))
+            unresolved[-1] += own.held_spectrum(at_once - at_end)
+    return np.concatenate(friction, axis=1), np.concatenate(unresolved), tuple(between)
 
 
-def _harmful(motion: MotionSpectra, laws: SpeedFunctions, size: FloatArray) -> FloatArray:
+def _harmful(
+    motion: MotionSpectra, laws: SpeedFunctions, size: FloatArray, on_motors: Sequence[MotorLaws]
+) -> FloatArray:
     """Variance of the angles, rad^2, (n_axis,), as far as it matters: less where friction turns slowly.
 
     What replaces a noisy speed errs where friction does; noise alone widens what is sharp, with the square of their
     ratio, and else errs by chance.
     """
     _, steepest = laws.total_and_slope(np.zeros((1, size.shape[1])), size)
-    level = np.maximum(size.sum(axis=0), SMALLEST)
+    level, slope = size.sum(axis=0), steepest[0]
+    for own in on_motors:
+        torque, steeper = own.turning()
+        level, slope = level + torque / len(on_motors), slope + steeper / len(on_motors)
     band = 2 * np.pi * SPEED_BAND / motion.sample_time_s
     speed_noise = motion.angle_noise * band**2 * 2 * SPEED_BAND / 3
-    ratio = speed_noise * (steepest[0] / level) ** 2
+    ratio = speed_noise * (slope / np.maximum(level, SMALLEST)) ** 2
     harmful: FloatArray = motion.angle_noise * ratio / (ratio + HARMFUL**2)
     return harmful

@@ -25,6 +25,7 @@ from robid_core.residual.arm_sensors import ArmSpectra
 from robid_core.residual.between_samples import friction_between_samples
 from robid_core.residual.columns import BodyDerivatives
 from robid_core.residual.impedance import impedance
+from robid_core.residual.motor_laws import MotorLaws, braking_beside, motor_effects, motor_laws, renewed
 from robid_core.residual.moving_samples import MovingSamples
 from robid_core.residual.signals import SignalColumn, added_torque, signal_columns, true_motion
 from robid_core.residual.simulated_columns import SimulatedColumn, simulated_columns
@@ -66,6 +67,10 @@ class TorqueBlock(ABC, Generic[M]):
     drive_gain: ComplexArray | None = field(init=False, default=None)
     """What acts over what is commanded by these laws, (n_bin, n_axis); None: there is none. What is compared are
     commands: where a model asks for another torque, it asks for that over this gain as another command."""
+    on_motors: tuple[MotorLaws, ...] = field(init=False, default=())
+    """Effects that brake motors by their own speed, of each configuration; none where there are none."""
+    braking: ComplexArray = field(init=False)
+    """Their torque, but for what the linear model has of it, shape of `added`."""
     unresolved: ComplexArray = field(init=False)
     """Covariance of what samples do not resolve of friction, (n_bin, n_row, n_row)."""
     about: FloatArray | None = field(init=False, default=None)
@@ -89,6 +94,7 @@ class TorqueBlock(ABC, Generic[M]):
     def __post_init__(self) -> None:
         self.remainder = np.zeros_like(self.measured)
         self.commanded = np.zeros_like(self.motion.torque_spectrum)
+        self.braking = np.zeros_like(self.motion.torque_spectrum)
         _, _, n_bin, n_row = self.remainder.shape
         self.unresolved = np.zeros((n_bin, n_row, n_row), dtype=np.complex128)
 
@@ -200,9 +206,10 @@ class TorqueBlock(ABC, Generic[M]):
         Arguments as of `predicted`.
         """
         n_axis = robot.n_axis
-        self.friction, unresolved = friction_between_samples(
-            robot, self.motion, self.laws, self.angle, coefficient
-        )
+        known = self.motion, self.laws, self.angle, coefficient
+        on_motors = motor_laws(robot, self.motion, self.coordinates)
+        self.friction, unresolved, self.on_motors = friction_between_samples(robot, *known, on_motors)
+        self.braking = braking_beside(self.on_motors, robot, self.motion, self.linear_torque)
         rows = np.zeros_like(self.remainder)
         rows[..., :n_axis] = unresolved
         self.unresolved[:, :n_axis, :n_axis] = covariance_of(self.at_full_power(rows)[..., :n_axis])
@@ -245,6 +252,7 @@ class TorqueBlock(ABC, Generic[M]):
             for column in self.simulated:
                 rows += (coordinates - self.about)[column.index] * column.remainder
         torque = rows[..., : robot.n_axis]
+        torque += self.braking
         for law, size in zip(self.friction, coefficient, strict=True):
             torque += law * size
         torque -= self.added
@@ -333,9 +341,11 @@ class TorqueBlock(ABC, Generic[M]):
             self.reported = channel_gain(robot, "torque_measurement", self.motion.omega)
 
     def renew(self, free: FreeParameters, coordinates: FloatArray) -> None:
-        """Prescribe the measured motion to the model."""
-        (self.remainder,) = self.remainders([self.robot_at(free, coordinates)], final=True)
-        self.about = coordinates.copy()
+        """Prescribe the measured motion to the model; effects on motors go on at the speeds that are known of them."""
+        robot, self.about = self.robot_at(free, coordinates), coordinates.copy()
+        (self.remainder,) = self.remainders([robot], final=True)
+        self.on_motors = renewed(self.on_motors, robot, self.motion, self.coordinates)
+        self.braking = braking_beside(self.on_motors, robot, self.motion, self.linear_torque)
 
     def differentiate(self, free: FreeParameters, coordinates: FloatArray) -> None:
         """Take the derivatives that the linear model's spectra do not know, after `renew`; once at each point."""
@@ -358,8 +368,9 @@ class TorqueBlock(ABC, Generic[M]):
         """What the linear model leaves out of the torque: moving inertia, gravity along the motion, nonlinear springs.
 
         Prescribed motion less the linear model, both of a smooth motion between the samples, so that what a held torque
-        does there cancels. Arguments as of `simulated_rows`.
+        does there cancels. Without effects on motors. Arguments as of `simulated_rows`.
         """
+        robots = [robot.without_effect(*motor_effects(robot)) for robot in robots]
         motion, found = self.motion, self.simulated_rows(robots, final)
         for robot, rows in zip(robots, found, strict=True):
             torque, shown = rows[..., : robot.n_axis], rows[..., robot.n_axis :]

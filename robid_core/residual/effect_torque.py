@@ -12,11 +12,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import scipy
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.effect import ForceEffect, Place, SignalEffect
-from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.estimation.torque.spectra import MotionSpectra
 from robid_core.mechanics import ForceTerm, SignalTerm
 from robid_core.mechanics.law_along import law_along
@@ -24,6 +22,7 @@ from robid_core.mechanics.terms import CHANNELS
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
+from robid_core.residual.motor_laws import motion_between
 from robid_core.residual.signals import channel_signals, signal_change, torque_of_change
 from robid_core.residual.windowed_arm import SLOW
 from robid_core.robot import Robot
@@ -65,16 +64,7 @@ class EffectTorque:
     @functools.cached_property
     def along(self) -> RobotMotion:
         """All coordinates between the samples, and the torques of the motors, one lane an experiment."""
-        motion, coordinates = self.motion, self.block.coordinates(self.robot)
-        torque = motion.torque_between(FINER)
-        torque = torque.reshape(-1, *torque.shape[2:])
-        time = motion.sample_time_s
-        if isinstance(motion, PeriodicMotion):
-            moved = RobotMotion.periodic(coordinates, time, FINER)
-            return RobotMotion(moved.position, moved.speed, moved.step, moved.settle, torque)
-        spline = scipy.interpolate.CubicSpline(np.arange(coordinates.shape[1]), coordinates, axis=1)
-        between = np.arange(FINER * coordinates.shape[1]) / FINER
-        return RobotMotion(spline(between), spline(between, 1) / time, time / FINER, 0, torque)
+        return motion_between(self.motion, self.block.coordinates(self.robot), FINER)
 
     @functools.cached_property
     def load(self) -> FloatArray:

@@ -18,6 +18,7 @@ from robid_core.residual.arm_sensors import ArmSpectra, check_sensors
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
+from robid_core.residual.motor_laws import braking_torque, viscous_of_motors
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
@@ -41,6 +42,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
 
     friction_deviation: ComplexArray
     """Functions of each period's speed less their mean, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
+    law_deviation: ComplexArray | None = field(init=False, default=None)
+    """Likewise, of laws on motors, (n_config, n_exp, n_period, n_bin, n_axis); None: there are none."""
     state: SimulationState | None = None
     """Where the last prescribed motion ended, less where the linear model would be."""
     periods: int = field(init=False, default=NEXT_PERIODS)
@@ -143,12 +146,28 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         explained = left <= ALIKE * np.median(others) if others.size else np.ones_like(self.left_out)
         self.left_out &= self.rattles | ~explained
 
+    def renew_friction(self, robot: Robot, coefficient: FloatArray) -> None:
+        """Likewise, with what the noise of each period's angles does to laws on motors."""
+        super().renew_friction(robot, coefficient)
+        self.law_deviation = None
+        if self.on_motors:
+            motion, found = self.motion, np.zeros_like(self.motion.torque_deviation)
+            for period in range(found.shape[2]):
+                speed = motion.speed_of_period(period)
+                moved = [laws.at(speed[c : c + 1]) for c, laws in enumerate(self.on_motors)]
+                found[:, :, period] = braking_torque(moved, motion)
+                found[:, :, period] -= motion.held_spectrum(viscous_of_motors(robot) * speed)
+            self.law_deviation = found - found.mean(axis=2, keepdims=True)
+
     def coordinates(self, robot: Robot) -> FloatArray:
-        """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate)."""
+        """All coordinates of a robot in this motion, (n_config * n_exp, n_sample, n_coordinate).
+
+        It may lack laws that this block's robot has.
+        """
         whole = self._smooth(robot.step_s)
         state = linear_state(robot, self.motion, whole)
         if self.state is not None:
-            state = _shifted(state, self.state, 1.0)
+            state = _shifted(state, _transferred(self.state, self.robot, robot), 1.0)
         run = robot.prescribe(whole, state, keep_coordinates=True)
         assert run.coordinates is not None
         return run.coordinates
@@ -184,6 +203,8 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         moved = np.matmul(z[:, None, None], motion.acceleration_deviation[..., None])[..., 0]
         for law, size in zip(self.friction_deviation, coefficient[:-1], strict=True):
             moved += law * size
+        if self.law_deviation is not None:
+            moved += self.law_deviation
         n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
         freedom = n_config * n_exp * n_period * (n_period - 1)
         left = motion.torque_deviation - moved

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.parameters import FreeParameters
+from robid_core.residual.motor_laws import braking_beside, motor_effects
 from robid_core.robot import Robot
 
 if TYPE_CHECKING:
@@ -61,9 +62,26 @@ def simulated_columns(
     others, steps = [found[i][0] for i in in_time], [found[i][1] for i in in_time]
     slopes = block.slopes_in_time(robot, others, steps) if in_time and block.by_motion != "all" else None
     remainders |= dict(zip(in_time, slopes or (), strict=False))
+    remainders |= _of_motor_laws(
+        block, robot, free.names, {i: found[i] for i in numbers if i not in remainders}
+    )
     remainders |= _by_motion(block, robot, {i: found[i] for i in numbers if i not in remainders})
     columns |= {i: SimulatedColumn(i, remainders[i], linear[i]) for i in numbers}
     return tuple(columns[i] for i in sorted(columns))
+
+
+def _of_motor_laws(
+    block: TorqueBlock[Any], robot: Robot, names: Sequence[str], moved: dict[int, tuple[Robot, float]]
+) -> dict[int, ComplexArray]:
+    """Derivatives by parameters of effects on motors: they brake, and do nothing to a prescribed motion."""
+    labels, slopes = motor_effects(robot), dict[int, ComplexArray]()
+    for i, (other, step) in moved.items():
+        if names[i].startswith("effect.") and names[i].split(".")[1] in labels:
+            laws = [own.of_robot(other) for own in block.on_motors]
+            slopes[i] = np.zeros_like(block.remainder)
+            braking = braking_beside(laws, other, block.motion, block.linear_torque)
+            slopes[i][..., : robot.n_axis] = (braking - block.braking) / step
+    return slopes
 
 
 def _by_motion(
