@@ -39,6 +39,7 @@ KEPT = 0.3  # of the gain that derivatives promise: below, they miss what a pres
 ASTRAY = 2.0  # times the cost of the pass before, or more: what the linear model promised is not there
 LOST = 1.0  # of the log-likelihood, in the noise that is left: a pass that ends so much higher had old derivatives
 RETREAT = 0.3  # of such a step: so much of it is tried next, with derivatives of its own
+LOOSE = 0.3  # standard deviation of a prior, in natural scales: bodies that are free must not change any more, either
 MEMORY = 4  # passes that the acceleration remembers
 NUMERICAL = 3e-5  # of a parameter: what steps of integration and band limits leave, alike in all poses
 
@@ -52,7 +53,7 @@ class Solution:
     covariance: FloatArray
     """Of all unknowns: formal, widened by what leaving out a configuration moves and what the last pass changed."""
     changes: tuple[float, ...]
-    """Of springs, dampers and effects by each pass, in standard errors by weights and misfit."""
+    """Of springs, dampers, effects and bodies without priors by each pass, in standard errors by weights and misfit."""
     contraction: float
     """To which share a pass reduces the distance to the solution, from the last two; NaN after fewer."""
     converged: bool
@@ -112,7 +113,9 @@ def solve(
         point, agree = begin, 1
     for block in problem.blocks:
         block.by_motion = "bent" if thorough else "least"
-    watched = _watched(problem)
+    asked = _asked(problem)
+    loose = _loose(problem)
+    watched = np.union1d(asked, loose)
     changes: list[float] = []
     about: Linearisation | None = None
     best, at_best = point, list[FloatArray]()
@@ -141,7 +144,7 @@ def solve(
         if number == 0:
             seen = visibility(problem, about)
             tell(seen)
-            seen.check(np.isin(np.arange(problem.n_free), watched))
+            seen.check(np.isin(np.arange(problem.n_free), asked))
         best, at_best = point, problem.weighted(point, about.weights)
         before = problem.cost(point, at_best)
         found = minimised(problem, point, about)
@@ -156,7 +159,9 @@ def solve(
         exact = all(block.by_motion == "all" for block in problem.blocks)
         arrived = fresh or gained > 0 or changes[-2] < (NEAR if exact else NEARLY)
         settled = changes[-1] < ENOUGH and gained <= MUCH and arrived
-        fresh = gained > MUCH or gained <= 0
+        fresh = (
+            gained > MUCH or gained <= 0 or loose.size > 0
+        )  # masses and centres of mass act by their products
         if settled and reweigh and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True
         elif settled and thorough and _is_bent(problem, point) and _better_derivatives(problem, "all"):
@@ -246,8 +251,14 @@ def _is_bent(problem: TorqueProblem, point: FloatArray) -> bool:
     return any(robot.bending_forces for robot in problem.robots(point))
 
 
-def _watched(problem: TorqueProblem) -> npt.NDArray[np.int64]:
-    """Numbers of springs, dampers and effects: what the passes must not change any more."""
+def _loose(problem: TorqueProblem) -> npt.NDArray[np.int64]:
+    """Numbers of what bodies and rotors weigh where no tolerance holds it."""
+    kinds = np.array([problem.free.robot.parameter_kind(name) for name in problem.free.names])
+    return np.flatnonzero((kinds == "inertia") & (problem.free.prior >= LOOSE))
+
+
+def _asked(problem: TorqueProblem) -> npt.NDArray[np.int64]:
+    """Numbers of springs, dampers and effects: what the data have to determine, and passes must not change any more."""
     kinds = [problem.free.robot.parameter_kind(name) for name in problem.free.names]
     return np.flatnonzero(np.array([kind in ("stiffness", "damping", "effect") for kind in kinds]))
 
