@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from robid_core import DataRejected, FloatArray, IntArray, Record, Robot
-from robid_core.residual import misfit_table
+from robid_core import ComplexArray, DataRejected, FloatArray, IntArray, Record, Robot
+from robid_core.residual import TorqueBlock, misfit_table
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import experiments_text
@@ -18,13 +19,16 @@ FEWEST = 4  # experiments, all configurations together: fewer cannot be held out
 
 
 def check_related(final: Fitted) -> None:
-    """Refuse torques that are not those of the recorded motion: whatever was tried leaves all of them, but the mean."""
+    """Refuse torques that are not those of the recorded motion: whatever was tried leaves all of them, but the mean.
+
+    Of the experiments that count: in others the model rattles.
+    """
     parts = zip(final.problem.counted_residuals(final.point), final.problem.blocks, strict=True)
     powers = np.array(
         [
             [
-                (np.abs(one[:, :, 1:]) ** 2).sum(axis=(0, 1, 2))
-                for one in (left, block.counted(block.measured))
+                (np.abs(one[..., 1:, :]) ** 2).reshape(-1, one.shape[-1]).sum(axis=0)
+                for one in (_used(block, left), _used(block, block.counted(block.measured)))
             ]
             for left, block in parts
         ]
@@ -39,6 +43,11 @@ def check_related(final: Fitted) -> None:
             f"the motion explains nothing of the torque of {table.axis_names[worst]}: {100 * share[worst]:.0f} % of it "
             "is left whatever is fitted; is it this axis' channel, and of the same time?"
         )
+
+
+def _used(block: TorqueBlock[Any], rows: ComplexArray) -> ComplexArray:
+    """Rows of the experiments that count, (..., n_bin, n_row)."""
+    return rows if block.used is None else rows[block.used]
 
 
 def check_records(records: Sequence[Record], training: Sequence[Record], robot: Robot) -> None:

@@ -23,6 +23,7 @@ from robid_core.residual import (
     resolved_width,
     solve,
     torque_problem,
+    with_equivalent_springs,
 )
 from robid_diagnosis.variants import Variants
 from robid_diagnosis.wording import place_text
@@ -321,6 +322,9 @@ class Case:
         if begin is not None:
             point = _carried(begin, problem, others)
             problem.go_on_from(begin.problem)
+            known = {one.label for one in begin.hypothesis.additions}
+            new = [one.label for one in hypothesis.additions if one.label not in known]
+            point = with_equivalent_springs(problem, point, new) if new else point
         if point is not None and delay is not None:
             point[-problem.n_delay :] -= delay
         solution = solve(

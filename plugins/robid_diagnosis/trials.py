@@ -30,7 +30,7 @@ MUCH = 0.01  # of the misfit's excess: what more is left was not explained
 PROMISING = 0.1  # likewise, after a few passes
 AGAIN = 2  # trials that are fitted from other starts
 STARTS = 4  # of each
-ROUNDS = 4  # of passes
+ROUNDS = 8  # of passes
 SLOW = 0.8  # of the misfit: a round that leaves more is the last
 CLEARLY = 5.0  # times what decides: so far apart, few derivatives by motions are enough
 TIE = 6.0  # of twice the log-likelihood, where a fit leaves noise: nearer, two hypotheses are one class
@@ -185,7 +185,7 @@ class Trials:
         for trial in near:
             try:
                 settled = trial
-                if not (trial.fitted.solution.converged or trial in self._ended):
+                if not (_has_ended(trial.fitted) or trial in self._ended):
                     settled = self._to_the_end(trial)
                 if len(near) > 1 and settled.fitted.misfit < WRONG:
                     fitted = with_own_width(settled.fitted, self.failures, self.progress)
@@ -207,7 +207,7 @@ class Trials:
             if further.gain < trial.gain:  # an accelerated pass may leave the minimum, and be the last
                 break
             trial = further
-            if fitted.solution.converged or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:
+            if _has_ended(fitted) or fitted.misfit < WRONG or fitted.misfit > SLOW * before.misfit:
                 break
         return trial
 
@@ -296,6 +296,12 @@ class Trials:
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
 
 
+def _has_ended(fitted: Fitted) -> bool:
+    """Whether passes are over: beside much that is left, those over nonlinear springs end before they are there."""
+    bent = bool(fitted.robot.bending_forces) and fitted.misfit > WRONG
+    return fitted.solution.converged and not bent
+
+
 def _acts_there(hit: Rival, trials: Sequence[Trial]) -> bool:
     """Whether a rival acts where the best trial does."""
     return bool(trials) and key_of(hit)[1] == key_of(trials[0].hit)[1]
@@ -330,10 +336,19 @@ def resolution(hit: Rival, best: Trial) -> float:
 
 
 def _plainest_first(trials: list[Trial]) -> list[Trial]:
-    """Of laws that gain the same at the place of the best, put that with the fewest numbers first."""
+    """Of laws that gain the same at the place of the best, put that with the fewest numbers first.
+
+    None that leaves more than noise where the best leaves noise.
+    """
     if not trials:
         return trials
-    same = [trial for trial in trials if trial.worth >= trials[0].worth - resolution(trial.hit, trials[0])]
+    most = DOUBTFUL * max(1.0, trials[0].fitted.misfit)
+    same = [
+        trial
+        for trial in trials
+        if trial is trials[0]
+        or (trial.worth >= trials[0].worth - resolution(trial.hit, trials[0]) and trial.fitted.misfit < most)
+    ]
     plainest = min(same, key=lambda trial: trial.freedom)
     return [plainest, *(trial for trial in trials if trial is not plainest)]
 

@@ -1,8 +1,10 @@
 """The torque residual: measured motor torque against what the measured motion takes; under fits and diagnoses."""
 
+from robid_core.residual.block import TorqueBlock
 from robid_core.residual.building import default_patterns, torque_problem
 from robid_core.residual.catalogue import effect_names, place_in
 from robid_core.residual.effect_torque import EffectTorque
+from robid_core.residual.equivalent_springs import with_equivalent_springs
 from robid_core.residual.estimated_robot import estimated_robot, friction_of_motors
 from robid_core.residual.excited_range import excited_range
 from robid_core.residual.leading_periods import leading_periods
@@ -26,9 +28,9 @@ from robid_core.robot.effects import BoundEffect
 from robid_core.robot.file.effect_class import effect_class
 
 __all__ = [
-    "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueProblem",
-    "Weighting", "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names",
+    "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueBlock",
+    "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names",
     "estimated_robot", "excited_range", "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at",
     "misfit", "misfit_table", "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width",
-    "rigid_drives", "solve", "torque_problem", "variant_robots",
+    "rigid_drives", "solve", "torque_problem", "variant_robots", "with_equivalent_springs",
 ]  # fmt: skip
