@@ -36,28 +36,23 @@ def with_equivalent_springs(problem: TorqueProblem, point: FloatArray, labels: C
     labels
         Of the laws. What acts along no elastic gear or bearing, or sees anything else, changes nothing.
     """
-    names = list(problem.free.names)
-    alone = [
-        robot.without_effect(*(set(labels) & set(robot.description.effects)))
-        for robot in problem.robots(point)
-    ]
-    if any(
-        one.mechanism.n_coordinate != other.mechanism.n_coordinate
-        for one, other in zip(alone, problem.robots(point), strict=True)
-    ):
+    free, both = problem.free, problem.robots(point)
+    alone = [robot.without_effect(*(set(labels) & set(robot.description.effects))) for robot in both]
+    if [one.mechanism.n_coordinate for one in alone] != [one.mechanism.n_coordinate for one in both]:
         return point  # they change where the robot is elastic
     motions = [
         motion_between(block.motion, block.coordinates(robot), FINER)
         for block, robot in zip(problem.blocks, alone, strict=True)
     ]
     found, farthest = point.copy(), np.log(FARTHEST)
+    names, lower, upper = list(free.names), free.lower, free.upper
     for _ in range(ROUNDS):
         robots = problem.robots(found)
         for name, share in springs_and_laws(robots, alone, motions, labels).items():
             if name in names:
                 i = names.index(name)
                 away = found[i] - point[i] - np.log(np.maximum(share, 1 / FARTHEST))
-                found[i] = point[i] + np.clip(away, -farthest, farthest)
+                found[i] = np.clip(point[i] + np.clip(away, -farthest, farthest), lower[i], upper[i])
     return found
 
 

@@ -113,8 +113,7 @@ def solve(
         point, agree = begin, 1
     for block in problem.blocks:
         block.by_motion = "bent" if thorough else "least"
-    asked = _asked(problem)
-    loose = _loose(problem)
+    asked, loose = _asked(problem), _loose(problem)
     watched = np.union1d(asked, loose)
     changes: list[float] = []
     about: Linearisation | None = None
@@ -159,9 +158,8 @@ def solve(
         exact = all(block.by_motion == "all" for block in problem.blocks)
         arrived = fresh or gained > 0 or changes[-2] < (NEAR if exact else NEARLY)
         settled = changes[-1] < ENOUGH and gained <= MUCH and arrived
-        fresh = (
-            gained > MUCH or gained <= 0 or loose.size > 0
-        )  # masses and centres of mass act by their products
+        # Masses and centres of mass act by their products: derivatives of bodies that move hold nowhere else.
+        fresh = gained > MUCH or gained <= 0 or loose.size > 0
         if settled and reweigh and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True
         elif settled and thorough and _is_bent(problem, point) and _better_derivatives(problem, "all"):
