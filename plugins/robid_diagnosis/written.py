@@ -28,6 +28,7 @@ from robid_diagnosis.values import PRICE
 ALONE = (1.0,)
 PAIR = (1.0, 1.1)  # widths whose sum is one of a width in between, or near by
 ROUNDS = 6  # of widths
+OWN = (0.3, 1.0, 3.0)  # times the width of the motors' friction: where a law's own one begins
 SAME = 0.003  # of the logarithm of a width: it stays
 FARTHEST = 0.7  # likewise: one round moves it no farther
 
@@ -63,10 +64,9 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
         return final
     found = [_as_sure_as(pair, fitted), other]
     if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
-        nearer = (
-            fitted if fitted.misfit < pair.misfit else pair
-        )  # secants may lead astray where no width is right
-        found += _with_own_widths(nearer, failures, progress)
+        nearer = min(fitted, pair, key=lambda one: one.misfit)  # secants may lead astray: no width is right
+        for begin, share in ((nearer, 1.0), *((final, share) for share in OWN)):
+            found += _with_own_widths(begin, share, failures, progress)
     possible = [one for one in found if _is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
@@ -95,12 +95,14 @@ def _with_width(begin: Fitted, width: FloatArray, widths: tuple[float, ...], pro
     return case.fit(begin.hypothesis.with_wider_signs(shares), progress, begin=begin)
 
 
-def _with_own_widths(begin: Fitted, failures: list[Failure], progress: Progress) -> list[Fitted]:
-    """Fit laws that have widths of their own, beside one width of the motors' friction; none if that leaves much."""
+def _with_own_widths(
+    begin: Fitted, share: float, failures: list[Failure], progress: Progress
+) -> list[Fitted]:
+    """Fit laws that have widths of their own, so many times the motors' to begin with; none if that leaves much."""
+    shares = dict.fromkeys(begin.case.told.axis_names, share)
+    hypothesis = begin.hypothesis.with_wider_signs(shares).with_own_widths()
     try:
-        pair = _fitted_width(
-            begin.case.fit(begin.hypothesis.with_own_widths(), progress, begin=begin), progress
-        )
+        pair = _fitted_width(begin.case.fit(hypothesis, progress, begin=begin), progress)
         fitted = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
     except RobidError as error:
         failures.append(Failure("zero-speed width of a law", None, None, str(error)))

@@ -99,12 +99,12 @@ def _harmful(
     ratio, and else errs by chance.
     """
     _, steepest = laws.total_and_slope(np.zeros((1, size.shape[1])), size)
-    level, slope = size.sum(axis=0), steepest[0]
+    sharpness = steepest[0] / np.maximum(size.sum(axis=0), SMALLEST)
     for own in on_motors:
-        torque, steeper = own.turning()
-        level, slope = level + torque / len(on_motors), slope + steeper / len(on_motors)
+        level, slope = own.turning()
+        sharpness = np.maximum(sharpness, slope / np.maximum(level, SMALLEST))
     band = 2 * np.pi * SPEED_BAND / motion.sample_time_s
     speed_noise = motion.angle_noise * band**2 * 2 * SPEED_BAND / 3
-    ratio = speed_noise * (slope / np.maximum(level, SMALLEST)) ** 2
+    ratio = speed_noise * sharpness**2
     harmful: FloatArray = motion.angle_noise * ratio / (ratio + HARMFUL**2)
     return harmful

@@ -22,6 +22,7 @@ from robid_core.robot.forces_along import ForceAlong, RobotMotion, forces_along
 ROUNDS = 10  # a law may depend on the spring that it stands beside
 FINER = 2  # points a sample
 FARTHEST = 5.0  # times as stiff as the linear spring, or as soft
+LITTLE = 0.1  # of a spring: passes find the way over so little by themselves
 
 
 def with_equivalent_springs(problem: TorqueProblem, point: FloatArray, labels: Collection[str]) -> FloatArray:
@@ -53,7 +54,8 @@ def with_equivalent_springs(problem: TorqueProblem, point: FloatArray, labels: C
                 i = names.index(name)
                 away = found[i] - point[i] - np.log(np.maximum(share, 1 / FARTHEST))
                 found[i] = np.clip(point[i] + np.clip(away, -farthest, farthest), lower[i], upper[i])
-    return found
+    stiffer = [found[i] - point[i] for i, name in enumerate(names) if "_stiffness." in name]
+    return found if np.abs(stiffer).max(initial=0.0) > LITTLE else point
 
 
 def laws_of_springs(robot: Robot) -> tuple[str, ...]:
