@@ -152,11 +152,12 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         self.law_deviation = None
         if self.on_motors:
             motion, found = self.motion, np.zeros_like(self.motion.torque_deviation)
+            viscous = viscous_of_motors(robot)  # is in the linear model
             for period in range(found.shape[2]):
                 speed = motion.speed_of_period(period)
                 moved = [laws.at(speed[c : c + 1]) for c, laws in enumerate(self.on_motors)]
                 found[:, :, period] = braking_torque(moved, motion)
-                found[:, :, period] -= motion.held_spectrum(viscous_of_motors(robot) * speed)
+                found[:, :, period] -= motion.held_spectrum(viscous * speed)
             self.law_deviation = found - found.mean(axis=2, keepdims=True)
 
     def coordinates(self, robot: Robot) -> FloatArray:

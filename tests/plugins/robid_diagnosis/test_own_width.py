@@ -30,10 +30,13 @@ def diagnosed(told: Robot, record: Record, only: tuple[str, ...]) -> Diagnosis:
     return stage.run((record,), told, context)
 
 
+NARROW = pytest.mark.xfail(strict=True, reason="its width is right, its size 7 % off; the cause is not known")
+
+
 @pytest.mark.parametrize(
     ("use", "size", "share", "seed", "factor", "misfit"),
     [
-        pytest.param(UNEVEN, "coulomb_forwards", 0.2, 61, 0.3, 1.25, marks=pytest.mark.full),
+        pytest.param(UNEVEN, "coulomb_forwards", 0.2, 61, 0.3, 1.25, marks=[pytest.mark.full, NARROW]),
         pytest.param(UNEVEN, "coulomb_forwards", 0.2, 61, 3.0, 1.1, marks=pytest.mark.full),
         pytest.param(FALLING, "breakaway", 0.4, 71, 0.3, 1.2, marks=pytest.mark.full),
     ],
@@ -58,6 +61,6 @@ def test_a_law_has_a_zero_speed_width_of_its_own(
     assert float(left[1]) < misfit
     estimated = dict(zip(finding.names, finding.value, strict=True))
     assert estimated["speed"] == pytest.approx(factor * width, rel=0.05)
-    assert estimated[size] == pytest.approx(share * level, rel=0.08)
+    assert estimated[size] == pytest.approx(share * level, rel=0.05)
     assert found.model is not None
     assert Robot.of_model(found.model).parameter("friction.axis_1.speed") == pytest.approx(width, rel=0.15)
