@@ -29,6 +29,9 @@ def fused_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _compiled(function: Callable[..., Any], fastmath: Any) -> Callable[..., Any]:
     options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "error_model": "numpy"}
+    options["no_cfunc_wrapper"] = (
+        True  # a way in from C, a twentieth of what there is to compile; nobody takes it
+    )
     compiled: Any = numba.njit(**options)(function)
     kept_by_content(compiled)
     return compiled  # type: ignore[no-any-return]

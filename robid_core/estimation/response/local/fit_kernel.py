@@ -69,6 +69,27 @@ def inverse_columns(r_re: Any, r_im: Any, inverse: Any, way_re: Any, way_im: Any
 
 
 @fused_kernel
+def copy_rows(given: Any, target: Any) -> None:
+    """Copy (rows, n_exp, blocks, LANES) number by number: an assignment compiles a message about shapes, too."""
+    for i in range(len(target)):
+        for e in range(target.shape[1]):
+            for b in range(target.shape[2]):
+                for lane in range(target.shape[3]):
+                    target[i, e, b, lane] = given[i, e, b, lane]
+
+
+@fused_kernel
+def smallest_of(values: Any, count: int) -> Any:
+    """Smallest of the first numbers; NaN where one of them is."""
+    smallest = values[0]
+    for i in range(count):
+        if np.isnan(values[i]):
+            return values[i]
+        smallest = min(smallest, values[i])
+    return smallest
+
+
+@fused_kernel
 def store(
     theta_r: Any,
     theta_i: Any,
@@ -94,7 +115,7 @@ def store(
         for k in range(n_in):
             gram[line, i, k, 0] = way_r[i, k]
             gram[line, i, k, 1] = way_i[i, k]
-    ratio[line] = ratios[:n_numerator].min()
+    ratio[line] = smallest_of(ratios, n_numerator)
     corrections[line] = count
 
 
@@ -144,7 +165,10 @@ def spread_errors(
     )
     for s in range(n_moment):
         products(row_re[:n_in], row_im[:n_in], power[s], lane_re, lane_im, influence[s])
-    influence[..., 1] = -influence[..., 1]  # a = conj(K (K^H K)^-1)
+    for s in range(n_moment):
+        for i in range(n_in):
+            for k in range(n_in):
+                influence[s, i, k, 1] = -influence[s, i, k, 1]  # a = conj(K (K^H K)^-1)
     own_re, own_im = zeros((n_unknown, filled(n_unknown), LANES))
     own_r, own_i = own_re.reshape(n_unknown, -1), own_im.reshape(n_unknown, -1)
     for i in range(n_unknown):
@@ -214,7 +238,9 @@ def fit_lines(
     column_re, column_im = zeros((n_column, n_exp, n_block, LANES))
     lane_re, lane_im = zeros((n_block + 1, LANES))
     weight_re, weight_im = zeros((m, LANES))
-    by_kind = np.where(np.arange(m) < n_in, 1.0, -1.0)
+    by_kind = np.ones(m)
+    for k in range(n_in, m):
+        by_kind[k] = -1.0
     power = np.zeros((n_moment, n_block, LANES))
     by_line, by_power = np.zeros((largest, n_moment)), power.reshape(n_moment, -1)
     inverse, ratios, size = np.zeros(n_unknown), np.zeros(n_unknown), np.zeros(n_column)
@@ -237,7 +263,7 @@ def fit_lines(
         for k in range(n_column):
             size[k] = r_re[k, k]
         factor(gram_re, gram_im, n_unknown, inverse, ratios)
-        smallest, count = ratios.min(), 0
+        smallest, count = smallest_of(ratios, n_unknown), 0
         if smallest > PIVOT:
             take_right(r_re, r_im, theta_r, theta_i, n_out)
             back_substitute(r_re, r_im, inverse, now_re, now_im)
@@ -304,8 +330,8 @@ def fit_lines(
             take_right(r_re, r_im, theta_r, theta_i, n_out)
             back_substitute(r_re, r_im, inverse, now_re, now_im)
             inverse_columns(r_re, r_im, inverse, way_re, way_im)
-            row_re[:] = column_re[n_unknown:]
-            row_im[:] = column_im[n_unknown:]
+            copy_rows(column_re[n_unknown:], row_re)
+            copy_rows(column_im[n_unknown:], row_im)
             for j in range(n_unknown):
                 diagonal = 0.0
                 for i in range(j + 1):

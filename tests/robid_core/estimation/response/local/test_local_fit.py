@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from robid_core import ConfigurationError, DataRejected
-from robid_core.estimation.response.local.fit import local_rational
+from robid_core.estimation.response.local import task
+from robid_core.estimation.response.local.compiled import compiled_fit
+from robid_core.estimation.response.local.fit import FEW, local_rational
 from robid_core.estimation.response.local.model import LocalModel
 from robid_core.testing.plants import MassSpringPlant
 
@@ -189,3 +191,21 @@ def test_a_window_with_nothing_to_spare_gives_a_response_without_covariance() ->
     assert fit.output_covariance is None
     assert error(fit, truth).max() < 1e-6
     assert (fit.degrees_of_freedom == 0).all()
+
+
+@pytest.mark.parametrize("n_freq", [FEW // 2 - 10, FEW // 2 + 10])
+def test_a_kernel_is_compiled_only_for_many_lines(n_freq: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two experiments; both ways find the plant."""
+    asked = list[int]()
+
+    def counted(*given: Any, **named: Any) -> Any:
+        asked.append(n_freq)
+        return compiled_fit(*given, **named)
+
+    monkeypatch.setattr(task, "compiled_fit", counted)
+    frequency = np.linspace(20, 80, n_freq)
+    truth = MassSpringPlant.of(2).response(frequency)
+    u = phases(7, n_freq, 2, 2)
+    fit = local_rational(u, truth @ u, frequency, LocalModel("mimo", 2, 2), window_lines=15)
+    assert bool(asked) == (2 * n_freq >= FEW)
+    assert np.quantile(error(fit, truth), 0.9) < 1e-6
