@@ -51,7 +51,7 @@ from robid_core.testing.estimators import (
     note_missing_uncertainty,
 )
 from robid_core.testing.fits import Data, check_recovers_parameters
-from robid_core.testing.inputs import EXAMPLES, example_of, example_truth
+from robid_core.testing.inputs import EXAMPLES, example_of, example_record, example_truth
 from robid_core.testing.lending import example_context, example_drives
 from robid_core.testing.plants import MassSpringPlant, plant_record
 from robid_core.testing.reports import check_page, check_text_stays_text, planted
@@ -64,6 +64,8 @@ Examples = Callable[..., Mapping[type[Artifact], Artifact]]
 FIT_TOLERANCE = (
     0.01  # relative, beside six standard errors: what a simulated motion has that a linear model has not
 )
+
+SMALL = 2  # axes of a robot of which a diagnosis is tried with several poses and blocks
 
 
 def check_stage(
@@ -119,7 +121,7 @@ def check_stage(
     with compilation_told():
         for n_axis in for_axes:
             robot = _robot(n_axis)
-            given = artifacts(robot) if artifacts is not None else _without_simulation(cls, robot)
+            given = artifacts(robot) if artifacts is not None else _enough_for(cls, robot)
             arguments = {
                 entry.name: [_of_type(given, entry.artifact, n_axis)] * (2 if entry.many else 1)
                 for entry in cls.inputs()
@@ -209,17 +211,30 @@ def check_settings(cls: type[Stage], **settings: Any) -> Stage:
     raise ContractBroken(f"{name} is mutable; keep model_config of robid_core.Stage")
 
 
-def _without_simulation(cls: type[Stage], robot: Robot) -> Mapping[type[Artifact], Artifact]:
-    """Return what is enough for an estimator of records alone: one in closed form, for which nothing compiles."""
-    if not issubclass(cls, FrfEstimator) or {entry.artifact for entry in cls.inputs()} != {Record}:
+def _enough_for(cls: type[Stage], robot: Robot) -> Mapping[type[Artifact], Artifact]:
+    """Return records that are enough for a stage that takes nothing else; otherwise the examples are used.
+
+    That is one in closed form for an estimator, for which nothing compiles, and one experiment an axis for a diagnosis
+    of many axes: it takes as long as there are experiments, and tries several poses and blocks on the smaller robots.
+    """
+    if {entry.artifact for entry in cls.inputs()} != {Record}:
         return {}
-    loop = robot if Robot in cls.lends().values() else None
-    return {Record: plant_record(MassSpringPlant.of(robot.n_axis), noise=0.01, robot=loop)}
+    if issubclass(cls, FrfEstimator):
+        loop = robot if Robot in cls.lends().values() else None
+        return {Record: plant_record(MassSpringPlant.of(robot.n_axis), noise=0.01, robot=loop)}
+    if issubclass(cls, DiagnosisStage) and robot.n_axis > SMALL:
+        return {Record: _short_record(robot.n_axis)}
+    return {}
 
 
 @functools.cache
 def _robot(n_axis: int) -> Robot:
     return example_robot(n_axis)
+
+
+@functools.cache
+def _short_record(n_axis: int) -> Record:
+    return example_record(_robot(n_axis), n_config=1, n_block=1)
 
 
 @functools.cache
@@ -262,6 +277,7 @@ def _check_run(stage: Stage, inputs: dict[str, list[Artifact]], robot: Robot, da
         ]
         if changed or robot.to_yaml() != robot_before or stage.model_dump_json() != settings:
             _example.cache_clear()
+            _short_record.cache_clear()
             _robot.cache_clear()
             raise ContractBroken(
                 f"{name}: run changes what it is given: {', '.join(changed) or 'robot or settings'}"

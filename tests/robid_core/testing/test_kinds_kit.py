@@ -415,3 +415,18 @@ def test_a_fit_that_cannot_be_fed_says_how() -> None:
         ContractBroken, match="takes Design, of which the kit can measure none; give `artifacts`"
     ):
         check_stage(OfDesigns, for_axes=(1,))
+
+
+class Sized(Compared):
+    """Notes how many configurations and blocks it is given, by the number of axes."""
+
+    given: ClassVar[dict[int, tuple[int, int]]] = {}
+
+    def run(self, record: Record, robot: Robot) -> Diagnosis:
+        self.given[robot.n_axis] = record.run.values("motor_torque").shape[:2]
+        return self.told(0.1, example_diagnosis(robot).time[0])
+
+
+def test_several_poses_and_blocks_are_diagnosed_on_small_robots_and_large_ones_are_tried_once() -> None:
+    check_stage(Sized, for_axes=(2, 6), recovery=False)
+    assert Sized.given == {2: (2, 2), 6: (1, 1)}
