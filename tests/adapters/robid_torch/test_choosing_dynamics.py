@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
 import sys
 from pathlib import Path
 
@@ -48,6 +49,32 @@ def test_a_pipeline_that_wants_a_missing_library_is_refused_before_it_runs(tmp_p
     assert len(about) == 1
     assert about[0].startswith(f"{file}:5:")
     assert about[0].endswith('run: pip install "robid[torch]"')
+
+
+def test_plugins_are_listed_without_importing_the_library() -> None:
+    pytest.importorskip("torch")
+    listed = (
+        "import sys; from robid_core.commands.stages import row; from robid_core.registry import DYNAMICS, registry; "
+        "rows = [row(one) for one in registry().plugins(DYNAMICS)]; print('torch' in sys.modules, rows)"
+    )
+    said = subprocess.run([sys.executable, "-c", listed], capture_output=True, text=True, check=True).stdout
+    assert said.startswith("False")
+    assert "FAILS" not in said
+    assert said.count("robid_torch") + said.count("The functions of") == 2
+
+
+@pytest.fixture
+def damaged_torch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make what imports torch fail as with a library that is installed and damaged."""
+    monkeypatch.setitem(sys.modules, "robid_torch.batches", None)
+
+
+@pytest.mark.usefixtures("damaged_torch")
+def test_a_library_that_is_damaged_is_told_where_it_is_used() -> None:
+    pytest.importorskip("torch")
+    robot = Robot.load("one_axis", dynamics="torch")
+    with pytest.raises(PluginError, match="dynamics 'torch': .* when PyTorch was imported"):
+        robot.equilibrium([[0.1]])
 
 
 def test_dynamics_that_nobody_registered_are_refused() -> None:
