@@ -6,6 +6,7 @@ names for plugins. A page whose text did not change is left as it is, so that a 
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,19 @@ def setup(app: Sphinx) -> dict[str, Any]:
     return {"parallel_read_safe": True}
 
 
+def show_warnings_only() -> None:
+    """Let handlers of the root logger pass warnings and errors only.
+
+    A package of the theme (a11y_pygments) configures the root logger when it is imported, at the level DEBUG; what the
+    runs behind the pages log then stood between Sphinx's own lines. Sphinx has handlers of its own.
+    """
+    for handler in logging.getLogger().handlers:
+        handler.setLevel(max(handler.level, logging.WARNING))
+
+
 def write_pages(app: Sphinx) -> None:
     """Write every page that comes from the code, and remove what nothing writes any more."""
+    show_warnings_only()
     folder = Path(app.srcdir) / "reference"
     pages: dict[str, str] = {}
     for part in (stages, effects, robot_file, commands, names, example_run):

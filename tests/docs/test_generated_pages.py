@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -19,7 +21,16 @@ pytest.importorskip("sphinx", reason="the extra `docs` is not installed")
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.append(str(DOCS))
 
-from generated_pages import commands, docstrings, effects, fingerprint, formulas, robot_file, stages  # noqa: E402
+from generated_pages import (  # noqa: E402
+    commands,
+    docstrings,
+    effects,
+    fingerprint,
+    formulas,
+    robot_file,
+    show_warnings_only,
+    stages,
+)
 from generated_pages.chart import Curve, chart  # noqa: E402
 
 MATHML = "{http://www.w3.org/1998/Math/MathML}"
@@ -131,3 +142,23 @@ def test_an_accent_stands_over_its_letter_and_an_index_beside_it() -> None:
 
 def test_bars_are_escaped_in_prose_only() -> None:
     assert docstrings.prose("|v| and ``|w|``\n\n    |z|") == "\\|v\\| and ``|w|``\n\n    |z|"
+
+
+def test_information_that_runs_log_stays_off_the_screen_of_a_build_and_warnings_do_not() -> None:
+    stream = io.StringIO()
+    handler = logging.StreamHandler(stream)  # as a package of the theme adds it
+    root, robid = logging.getLogger(), logging.getLogger("robid.documentation")
+    levels = {one: one.level for one in root.handlers}
+    before = robid.level
+    root.addHandler(handler)
+    try:
+        show_warnings_only()
+        robid.setLevel(logging.DEBUG)  # as a run sets it
+        robid.info("begins")
+        robid.warning("drifts")
+    finally:
+        root.removeHandler(handler)
+        robid.setLevel(before)
+        for one, level in levels.items():
+            one.setLevel(level)
+    assert stream.getvalue() == "drifts\n"
