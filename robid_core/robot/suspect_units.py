@@ -27,6 +27,13 @@ _BITS = (8, 32)  # of an encoder's turn
 _RIPPLE_SHARE = 0.5  # of the torque limit
 _GYRATION_M = 5.0
 _GYRATION_LENGTHS = (2.0, 10.0)  # m, and times the longest link: a turntable has neither link nor arm
+_CHAIN = 4  # bodies with mass, from which on joints that lie close together are no gimbal or pan-tilt head
+_WIDE = (
+    0.5  # radius of gyration, or distance of centres of mass from their joints, over the length of the chain
+)
+_DENSE = 2000.0  # kg/m^3, mass over the cube of that length
+# The packaged arms, KR 300, TX40 and UR5 have 0.08 to 0.19 of the first and 12 to 250 kg/m^3; translations that are ten
+# times too short make that 0.8 to 1.9, and 12000 and more.
 _PAYLOAD_SHARE = 3.0  # of the mass of all bodies
 _SAG_RAD = 0.1
 _WAVES = {"drive.torque_ripple": "amplitude", "drive.cogging": "amplitude"}
@@ -38,6 +45,7 @@ def in_other_units(robot: Robot) -> Iterator[Remark]:
     yield from _gravity(robot)
     yield from _clock(robot)
     yield from _inertias(robot)
+    yield from _lengths(robot)
     yield from _motors(robot)
     yield from _effects(robot)
 
@@ -122,6 +130,31 @@ def _inertias(robot: Robot) -> Iterator[Remark]:
                 f"{moment:.3g} kg m^2 at {body.mass:g} kg is a radius of gyration of {radius:.3g} m, and the longest "
                 f"link has {longest:.3g} m; kg cm^2?",
             )
+
+
+def _lengths(robot: Robot) -> Iterator[Remark]:
+    """Hold the distances between joints against the bodies that are between them: arms are longer than wide."""
+    bodies = robot.description.bodies
+    heavy = [body for body in bodies if body.mass > 0]
+    links = [(math.hypot(*body.translation), index) for index, body in enumerate(bodies) if body.parent]
+    length, mass = sum(one for one, _ in links), sum(body.mass for body in heavy)
+    if len(heavy) < _CHAIN or length == 0 or sum(body.type == "prismatic" for body in bodies) > 1:
+        return
+    moment = sum(float(np.trace(np.array(body.inertia))) / 2 for body in heavy)
+    gyration = math.sqrt(abs(moment) / mass)
+    centre = sum(body.mass * math.hypot(*body.centre_of_mass) for body in heavy) / mass
+    if max(gyration, centre) > _WIDE * length:
+        seen = f"radii of gyration of {gyration:.3g} m and centres of mass {centre:.3g} m from their joints, on average"
+    elif mass > _DENSE * length**3:
+        seen = f"a mass of {mass:.3g} kg, as of a cube of metal of that size"
+    else:
+        return
+    index = max(links)[1]
+    yield Remark(
+        f"bodies[{index}] ({bodies[index].joint}).translation",
+        f"from the first joint to the last the translations add up to {length:.3g} m, beside {seen}; "
+        "ten times too short? m are wanted",
+    )
 
 
 def _motors(robot: Robot) -> Iterator[Remark]:

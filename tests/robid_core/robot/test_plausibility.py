@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ from oracles.robots import changed
 
 from robid_core import Robot
 from robid_core.robot.plausibility import remarks_on
+from robid_core.robot.suspect_units import in_other_units
 
 SOFT = {"stiffness": 30.0, "damping": 1.0}
 ARMS = ("one_axis", "six_axis", "universal_arm", "seven_axis", "scara")
@@ -147,6 +149,44 @@ def test_an_inertia_in_kg_cm2_is_told() -> None:
     body = robot.description.bodies[0].model_dump(mode="json")
     heavy = changed(robot, bodies=[{**body, "inertia": [[15000.0, 0, 0], [0, 15000.0, 0], [0, 0, 1000.0]]}])
     assert any("radius of gyration of 19.4 m" in r.what and "kg cm^2?" in r.what for r in remarks_on(heavy))
+
+
+LONG = ("six_axis", "universal_arm", "seven_axis", "scara")
+EXAMPLES = Path(__file__).parents[3] / "examples"
+OTHERS = sorted(file.relative_to(EXAMPLES).as_posix() for file in EXAMPLES.glob("*/robot*.yaml"))
+
+
+@pytest.mark.parametrize("name", [*LONG, "kuka_kr300/robot.yaml", "staubli_tx40/robot.yaml"])
+@pytest.mark.parametrize("scaled", ["translations", "all lengths", "all lengths, and inertias with them"])
+def test_translations_that_are_ten_times_too_short_are_told(name: str, scaled: str) -> None:
+    robot = Robot.load(str(EXAMPLES / name) if "/" in name else name)
+    bodies = [body.model_dump(mode="json") for body in robot.description.bodies]
+    for body in bodies:
+        body["translation"] = [0.1 * one for one in body["translation"]]
+        if scaled != "translations":
+            body["centre_of_mass"] = [0.1 * one for one in body["centre_of_mass"]]
+        if scaled.endswith("with them"):
+            body["inertia"] = [[0.01 * one for one in row] for row in body["inertia"]]
+    found = list(in_other_units(changed(robot, bodies=bodies)))
+    assert [one.where.partition(".")[2] for one in found if "ten times too short?" in one.what] == [
+        "translation"
+    ]
+
+
+@pytest.mark.parametrize("name", [*ARMS, "six_axis_flex", *OTHERS])
+def test_arms_as_they_are_built_are_not_too_short(name: str) -> None:
+    robot = Robot.load(str(EXAMPLES / name) if "/" in name else name)
+    assert not any("too short" in one.what for one in in_other_units(robot))
+
+
+def test_short_chains_are_not_judged() -> None:
+    """A pan-tilt head: two bodies of 0.1 m whose axes are 1 cm apart."""
+    body = Robot.load("one_axis").description.bodies[0].model_dump(mode="json")
+    pan = {**body, "joint": "axis_1"}
+    tilt = {**body, "joint": "axis_2", "parent": "axis_1", "translation": [0.0, 0.0, 0.01]}
+    axis = Robot.load("one_axis").description.axes["axis_1"].model_dump(mode="json", exclude_none=True)
+    two = changed(Robot.load("one_axis"), bodies=[pan, tilt], axes={"axis_1": axis, "axis_2": axis})
+    assert not any("too short" in one.what for one in in_other_units(two))
 
 
 def _matches(pattern: str, text: str) -> bool:
