@@ -38,7 +38,7 @@ from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
 from robid_fit.rigid_model import KINDS, Columns, Kind, random_motion, torque_columns
 from robid_fit.rigid_rows import marginalised
-from robid_fit.rigid_solution import RigidProblem, RigidSolution
+from robid_fit.rigid_solution import Linearised, RigidProblem, RigidSolution
 from robid_fit.rigid_unknowns import Delays, RigidUnknowns
 
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
@@ -172,7 +172,8 @@ class RigidBodyFit(Estimator):
         )
         progress(0, 1 + (self.blocks or 0), "fitting bodies")
         solution = problem.solve()
-        found = _result(robot, record[0], equations, unknowns, solution, columns, wanted, base)
+        shown = problem.unweighted(solution.at.point)
+        found = _result(robot, record[0], equations, unknowns, solution, shown, columns, wanted, base)
         found = found.replace(excited=excited_range(record))
         if self.blocks is None:
             return found
@@ -250,6 +251,7 @@ def _result(
     equations: RigidEquations,
     unknowns: RigidUnknowns,
     solution: RigidSolution,
+    shown: Linearised,
     columns: Columns,
     wanted: BoolArray,
     base: BaseParameters,
@@ -333,8 +335,8 @@ def _result(
                 unit_symbol=record.runs[0].channel("motor_torque").unit_symbol,
                 relative_error=relative,
                 time_s=equations.time_s,
-                measured=measured,
-                modelled=measured - residual,
+                measured=shown.torque,
+                modelled=shown.torque - shown.residual,
             ),
         ),
         essential=_essential(

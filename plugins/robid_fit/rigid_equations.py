@@ -12,13 +12,15 @@ import scipy
 from robid_core import DataRejected, FloatArray, Record, Robot
 from robid_core.estimation.rigid.friction_direction import direction, direction_slope
 from robid_core.estimation.rigid.regression import decimate, decimated_index
-from robid_core.estimation.standstill import at_rest
+from robid_core.estimation.standstill import at_rest, may_stick
 from robid_fit.rigid_effects import acting_laws, effect_torque
 from robid_fit.rigid_model import Columns, RigidMotion, experiments, motion_of, torque_columns
 from robid_fit.rigid_timing import moved_back, rate
 
 BODIES = ("inertia", "rotor_inertia")
 REACH = 3  # equations to either side that a low-pass mixes with a rest
+SETTLED = 2.0  # periods of the cutoff, after which the low-pass of an angle has forgotten a stick but for a hundredth
+MOST = 0.5  # of an equation's samples at rest, above which it does not count
 HELD = 0.5  # samples by which a held torque is recorded before it acts, on average
 
 
@@ -36,11 +38,19 @@ class Experiment:
     """Sample at which it begins, counted through all records."""
     regressor: FloatArray
     """Torque per unit of every column, (n_sample, n_axis, n_column)."""
+    weight: FloatArray | None = None
+    """Zero where an axis may stick, else one, (n_sample, n_axis); None: one everywhere."""
 
     @property
     def torque(self) -> FloatArray:
         """As recorded, (n_sample, n_axis)."""
         return self.recorded[self.window]
+
+    def weighted(self, values: FloatArray) -> FloatArray:
+        """Return what holds at every sample, (n_sample, n_axis, ...), without samples at which an axis may stick."""
+        if self.weight is None:
+            return values
+        return values * self.weight.reshape(*self.weight.shape, *(1,) * (values.ndim - 2))
 
 
 @dataclass(frozen=True)
@@ -79,6 +89,8 @@ class RigidEquations:
     """Torque per unit of every column at the equations, (n_equation, n_axis, n_column)."""
     counted: FloatArray
     """One where an axis counts, zero where it stands still and that is left out, (n_equation, n_axis)."""
+    whole: FloatArray
+    """One where decimation mixes no sample at rest, (n_equation, n_axis)."""
 
     @classmethod
     def of_records(
@@ -126,11 +138,28 @@ class RigidEquations:
                 )
                 measured.append(angle[kept])
                 elapsed += len(angle)
-        regressor = np.concatenate([decimate(one.regressor, sampling.decimation) for one in found])
-        counted = np.ones(regressor.shape[:2])
         if sampling.leave_rest:
-            counted = np.concatenate(_moving(found, measured, sampling))
-        return cls(tuple(found), sampling, columns, speed, regressor, counted)
+            found = _moving(found, measured, sampling)
+        return cls._of(found, sampling, columns, speed)
+
+    @classmethod
+    def _of(
+        cls, each: Sequence[Experiment], sampling: Sampling, columns: Columns, speed: FloatArray
+    ) -> RigidEquations:
+        empty = np.empty((0, len(speed)))
+        found = cls(tuple(each), sampling, columns, speed, empty[..., None], empty, empty)
+        share = found.kept(lambda one: np.ones_like(one.torque))
+        regressor = found.kept(lambda one: one.regressor)
+        whole = np.concatenate([_whole(one, sampling.decimation) for one in each])
+        return replace(found, regressor=regressor, counted=np.where(share < MOST, 0.0, 1.0), whole=whole)
+
+    @cached_property
+    def unweighted(self) -> RigidEquations:
+        """Return the same with samples at rest, too."""
+        if all(one.weight is None for one in self.each):
+            return self
+        each = [replace(one, weight=None) for one in self.each]
+        return self._of(each, self.sampling, self.columns, self.friction_speed)
 
     def at_friction_speed(self, speed: FloatArray) -> RigidEquations:
         """Return the same with Coulomb friction that turns within another speed, (n_axis,)."""
@@ -144,9 +173,13 @@ class RigidEquations:
 
     def directions(self, axis: int, speeds: Sequence[float]) -> FloatArray:
         """What Coulomb friction of an axis multiplies, for some speeds that it turns within, (n_equation, n_speed)."""
-        return self.kept(
-            lambda one: direction(one.motion.velocity[:, [axis] * len(speeds)], np.array(speeds))
-        )
+        turn = np.array(speeds)
+
+        def turned(one: Experiment) -> FloatArray:
+            own = direction(one.motion.velocity[:, [axis] * len(turn)], turn)
+            return own if one.weight is None else own * one.weight[:, [axis]]
+
+        return np.concatenate([decimate(turned(one), self.sampling.decimation) for one in self.each])
 
     def friction_slope(self) -> FloatArray:
         """Return the derivative of the torque by v_s, per unit of Coulomb friction, (n_equation, n_axis)."""
@@ -158,8 +191,14 @@ class RigidEquations:
         return [column for column, kind in enumerate(self.columns.kinds) if kind == "coulomb"]
 
     def kept(self, of: Callable[[Experiment], FloatArray]) -> FloatArray:
-        """What each experiment gives at all its samples, (n_sample, ...), decimated, one after the other."""
-        return np.concatenate([decimate(of(one), self.sampling.decimation) for one in self.each])
+        """What each experiment gives at all its samples, (n_sample, n_axis, ...), one after the other.
+
+        Samples at which an axis may stick are taken out of both sides of an equation before a low-pass mixes them with
+        others.
+        """
+        return np.concatenate(
+            [decimate(one.weighted(of(one)), self.sampling.decimation) for one in self.each]
+        )
 
     @cached_property
     def torque(self) -> FloatArray:
@@ -171,13 +210,18 @@ class RigidEquations:
         return self.kept(lambda one: moved_back(one.recorded, delay / one.sample_time)[one.window])
 
     def rate(self, torque: FloatArray) -> FloatArray:
-        """Return the derivative in time of a torque at the equations, per s, (n_equation, n_axis)."""
-        return np.concatenate(
+        """Return the derivative in time of a torque at the equations, per s, (n_equation, n_axis).
+
+        Zero where samples at rest are mixed in: what they leave of a torque changes with its weight.
+        """
+        found = np.concatenate(
             [
                 rate(torque[part]) / (self.sampling.decimation * one.sample_time)
                 for one, part in zip(self.each, self.parts, strict=True)
             ]
         )
+        result: FloatArray = self.whole * found
+        return result
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -219,26 +263,36 @@ class RigidEquations:
             torque, columns = effect_torque(
                 robot, names, one.motion, one.sample_time, one.regressor @ carried
             )
-            both.append(
-                decimate(np.concatenate((torque[..., None], columns), axis=2), self.sampling.decimation)
-            )
+            acting = one.weighted(np.concatenate((torque[..., None], columns), axis=2))
+            both.append(decimate(acting, self.sampling.decimation))
         found = np.concatenate(both)
         return found[..., 0], found[..., 1:]
 
 
 def _moving(
     each: Sequence[Experiment], measured: Sequence[FloatArray], sampling: Sampling
-) -> list[FloatArray]:
-    """One where an axis moves, (n_equation, n_axis) of each experiment; what a low-pass mixes rests together."""
-    still = at_rest(
+) -> list[Experiment]:
+    """Return experiments in which no sample counts at which an axis may stick, nor what a low-pass mixes with it."""
+    given = (
         measured,
         [one.motion.velocity for one in each],
         [one.motion.position for one in each],
         [one.sample_time for one in each],
         sampling.cutoff_hz,
     )
-    if sampling.decimation > 1:
-        reach = 2 * REACH * sampling.decimation + 1
-        near = [scipy.ndimage.maximum_filter1d(one, reach, axis=0) for one in still]
-        still = [one[decimated_index(len(one), sampling.decimation)] for one in near]
-    return [np.where(one, 0.0, 1.0) for one in still]
+    found = list[Experiment]()
+    for one, rests, sticks in zip(each, at_rest(*given), may_stick(*given), strict=True):
+        reach = 2 * round(SETTLED / (sampling.cutoff_hz * one.sample_time)) + 1
+        still = scipy.ndimage.maximum_filter1d(rests | sticks, reach, axis=0)
+        found.append(replace(one, weight=np.where(still, 0.0, 1.0)) if still.any() else one)
+    return found
+
+
+def _whole(one: Experiment, decimation: int) -> FloatArray:
+    """One where decimation mixes no sample at rest, (n_equation, n_axis)."""
+    index = decimated_index(len(one.torque), decimation)
+    if one.weight is None:
+        return np.ones((len(index), one.recorded.shape[1]))
+    reach = 2 * REACH * decimation + 1 if decimation > 1 else 1
+    result: FloatArray = scipy.ndimage.minimum_filter1d(one.weight, reach, axis=0)[index]
+    return result

@@ -108,6 +108,10 @@ class RigidProblem:
         """Run all laws about a point."""
         return Linearised(point, *self._of(self.equations, point))
 
+    def unweighted(self, point: FloatArray) -> Linearised:
+        """Likewise, with samples at rest, which a fit may leave out."""
+        return Linearised(point, *self._of(self.equations.unweighted, point))
+
     def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, ...]:
         """What is left, its derivative with the sign turned, the measured torque without its delay, the regressor."""
         unknowns = self.unknowns

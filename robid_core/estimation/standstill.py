@@ -14,6 +14,12 @@ import scipy
 from robid_core.arrays import BoolArray, FloatArray
 from robid_core.estimation.rigid.regression import differentiate, smooth
 
+STICK_S, STICK = 0.02, 5  # an angle that stays for that long, and so many samples, may stick
+RANGE = 4.0  # standard deviations of its noise within which it stays then
+ABRUPT, LOST = (
+    6.0,
+    0.2,
+)  # deviations of its noise, and share of the rms acceleration, that a low-pass takes off a motion
 SPAN_S = 0.1  # an axis that turns back is slow for less
 NOISE = 2.0  # standard deviations of the speed's noise
 OF_MOTION_HZ = 20.0  # motion below it, where nobody says another edge
@@ -76,8 +82,55 @@ def at_rest(
     return found
 
 
+def may_stick(
+    angles: Sequence[FloatArray],
+    speeds: Sequence[FloatArray],
+    smoothed: Sequence[FloatArray],
+    sample_times: Sequence[float],
+    cutoff_hz: float,
+) -> list[BoolArray]:
+    """Return at which samples an axis may stick, for however short, (n_sample, n_axis) of each experiment.
+
+    A motor that turns back sticks until the torque has passed from one friction level to the other. That is found in
+    the measured angle, since a low-pass makes of a stick of some hundredths of a second a slow motion: the angle stays
+    within its noise for `STICK_S`. So it does for a moment where a motor turns back slowly without a stick: then what
+    is left out tells of the speed within which friction turns only. A motor that friction stops at once is at rest or
+    turns back within less than the low-pass tells: there more than noise is taken off the angle, as much as the speed
+    that is left amounts to within the cutoff's period, and the instant at which friction changed is not known.
+    Arguments are those of `at_rest`.
+    """
+    n_sample = sum(len(speed) for speed in speeds)
+    rms = np.sqrt(sum((speed**2).sum(axis=0) for speed in speeds) / n_sample)
+    gained = [differentiate(speed, step) for speed, step in zip(speeds, sample_times, strict=True)]
+    acceleration = np.sqrt(sum((one**2).sum(axis=0) for one in gained) / n_sample)
+    lost = LOST * acceleration / (2 * np.pi * cutoff_hz) ** 2
+    found = []
+    for angle, speed, quiet, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
+        nyquist = 0.5 / sample_time
+        noise = np.sqrt(_density(angle - quiet, sample_time, cutoff_hz) * nyquist)
+        n_span = max(2 * round(STICK_S / sample_time / 2) + 1, STICK)
+        span = (n_span - 1) * sample_time
+        reach = np.clip(RANGE * noise, SLOWEST * rms * span, SLOW * rms * span)
+        passed = scipy.ndimage.maximum_filter1d(angle, n_span, axis=0)
+        passed -= scipy.ndimage.minimum_filter1d(angle, n_span, axis=0)
+        stays = scipy.ndimage.maximum_filter1d(passed < reach, n_span, axis=0)
+        off = np.abs(angle - quiet)
+        off[off < np.maximum(ABRUPT * noise, lost)] = 0.0
+        off = scipy.ndimage.maximum_filter1d(off, max(round(1 / (cutoff_hz * sample_time)), 1), axis=0)
+        found.append(stays | (np.abs(speed) < 2 * np.pi * cutoff_hz * off))
+    return found
+
+
 def _noise_of_speed(above: FloatArray, sample_time: float, cutoff_hz: float) -> FloatArray:
     """Rms of the speed below an edge, (n_axis,), by white noise of which all `above` that edge is known."""
-    density = np.median(above**2, axis=0) / 0.455 / (0.5 / sample_time - cutoff_hz)  # median of a chi square
+    density = _density(above, sample_time, cutoff_hz)
     result: FloatArray = 2 * np.pi * np.sqrt(density * cutoff_hz**3 / 3)
+    return result
+
+
+def _density(above: FloatArray, sample_time: float, cutoff_hz: float) -> FloatArray:
+    """Spectral density of white noise, rad^2/Hz, (n_axis,), of which all `above` an edge is known."""
+    result: FloatArray = (
+        np.median(above**2, axis=0) / 0.455 / (0.5 / sample_time - cutoff_hz)
+    )  # of a chi square
     return result

@@ -36,14 +36,20 @@ def recorded(
     sticks: bool = False,
     rest_s: tuple[float, float] = (0.1, 0.5),
     ripple: tuple[float, float] = (0.0, 1.0),
+    swings: bool = False,
 ) -> Record:
     """Quintic moves of 20 to 120 rad and rests; sampled every 2 ms, integrated every 0.1 ms.
 
     `sticks`: at rest friction is any torque up to its level. `rest_s`: shortest and longest rest. `ripple`: amplitude,
-    N m, and order of a cogging torque.
+    N m, and order of a cogging torque. `swings`: six slow sines of the speed in place of moves, which turn back all
+    the time; a motor that sticks does so for 20 to 200 ms at each turn.
     """
     draw = np.random.default_rng(seed)
     speeds = [np.zeros(200)]
+    if swings:
+        time = np.arange(round(seconds / STEP)) * STEP
+        turn = 2 * np.pi * draw.uniform(0.1, 1.5, 6) * time[:, None] + draw.uniform(0, 2 * np.pi, 6)
+        speeds = [(draw.uniform(2, 15, 6) * np.sin(turn)).sum(axis=1) * np.minimum(time / 0.5, 1)]
     while sum(map(len, speeds)) * STEP < seconds:
         distance, n = draw.choice([-1, 1]) * draw.uniform(20, 120), int(draw.uniform(0.5, 2.0) / STEP)
         x = np.arange(n) / n
