@@ -110,12 +110,18 @@ def _doubts(record: Record, robot: Robot) -> dict[str, str]:
             if len(known) > 1
             else f"the torque of {next(iter(known))}"
         )
-        return dict([_sentence(whose, common, step)]) if abs(common) > LATE and turned > PHASE else {}
-    return dict(
-        _sentence(f"the torque of {name}", lag.samples, step)
+        whole = len(known) > 1 or robot.n_axis == 1
+        advice = f"{common * step:.2g}" if whole else _of_axes({next(iter(known)): common}, robot, step)
+        if abs(common) <= LATE or turned <= PHASE:
+            return {}
+        return dict([_sentence(whose, common, step, advice)])
+    late = {
+        name: lag.samples
         for name, lag in known.items()
         if abs(lag.samples) > LATE and abs(lag.samples) * step * middle[name] > PHASE
-    )
+    }
+    advice = _of_axes(late, robot, step)
+    return dict(_sentence(f"the torque of {name}", lag, step, advice) for name, lag in late.items())
 
 
 def _hold(told: str, lag: float) -> str:
@@ -129,14 +135,23 @@ def _hold(told: str, lag: float) -> str:
     )
 
 
-def _sentence(whose: str, lag: float, step: float) -> tuple[str, str]:
-    """What is doubted, and the sentence."""
-    late, channel = ("lag", "motor_torque") if lag > 0 else ("lead", "motor_position")
+def _of_axes(late: dict[str, float], robot: Robot, step: float) -> str:
+    """Delays of the torques of all axes as a channel map takes them: one number would move the others, too."""
+    return f"[{', '.join(f'{late.get(name, 0.0) * step:.2g}' for name in robot.axis_names)}]"
+
+
+def _sentence(whose: str, lag: float, step: float, advice: str) -> tuple[str, str]:
+    """What is doubted, and the sentence.
+
+    What is moved is the torque, earlier or (a negative delay) later, and never an angle: where axes are coupled, an
+    angle that is moved against those beside it spoils their torques.
+    """
+    late = "lag" if lag > 0 else "lead"
     verb = late if whose.startswith("all") else f"{late}s"
     what = f"{whose} {verb} the angles"
     return what, (
-        f"{what} by {abs(lag):.2g} samples ({1e3 * abs(lag) * step:.3g} ms): {channel}: delay_s: "
-        f"{abs(lag) * step:.2g}, or a lag that the robot file lacks (drive.current_loop, sensing.delay)"
+        f"{what} by {abs(lag):.2g} samples ({1e3 * abs(lag) * step:.3g} ms): motor_torque: delay_s: {advice}, more "
+        "than the channel map has, or a lag that the robot file lacks (drive.current_loop, sensing.delay)"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +93,8 @@ def test_torques_that_lag_or_lead_are_told_to_a_fifth_of_a_sample(
         f"all torques from which it can be estimated {'lag' if samples > 0 else 'lead'} the angles"
     )
     assert told(words) == pytest.approx(abs(samples), abs=0.2)
-    assert f"{'motor_torque' if samples > 0 else 'motor_position'}: delay_s: " in words
+    advice = float(words.split("motor_torque: delay_s: ")[1].split(",")[0])
+    assert advice == pytest.approx(samples * STEP, abs=0.2 * STEP)  # a lead is a negative delay of the torque
 
 
 def test_one_torque_that_lags_is_told_by_its_axis(sound: tuple[FloatArray, FloatArray]) -> None:
@@ -176,10 +178,19 @@ def test_a_torque_constant_that_is_far_off_is_told(
     assert float(words.split(" are ")[1].split(" times")[0]) == pytest.approx(factor, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    "samples",
+    [np.full(6, 1.4), np.array([0, -1.6, 0, 0, 0, 0])],
+    ids=["all lag", "one of coupled axes leads"],
+)
 def test_what_the_warning_says_to_write_mends_the_record(
-    tmp_path: Path, sound: tuple[FloatArray, FloatArray], caplog: pytest.LogCaptureFixture
+    tmp_path: Path,
+    sound: tuple[FloatArray, FloatArray],
+    caplog: pytest.LogCaptureFixture,
+    samples: FloatArray,
 ) -> None:
-    position, torque = (one.reshape(-1, 6) for one in (sound[0], late(sound[1], 1.4)))
+    """Moved by one number, or at the angle, torques of the other axes would be late by as much."""
+    position, torque = (one.reshape(-1, 6) for one in (sound[0], late(sound[1], samples)))
     np.savez(tmp_path / "run.npz", q=position, tau=torque)
 
     def read(**more: Any) -> Record:
@@ -205,13 +216,13 @@ def test_what_the_warning_says_to_write_mends_the_record(
         return stage.run(ROBOT, context)
 
     read()
-    (words,) = [one for one in caplog.messages if "lag the angles" in one]
-    delay_s = float(words.split("motor_torque: delay_s: ")[1].split(",")[0])
+    (words,) = [one for one in caplog.messages if re.search("lag|lead", one) and "the angles" in one]
+    delay_s = json.loads(words.split("motor_torque: delay_s: ")[1].split(", more")[0])
     caplog.clear()
     mended = read(delay_s=delay_s).run.values("motor_torque")[1, 0, 0, 0]
     assert not [one for one in caplog.messages if "the angles" in one]
     inner = slice(40, 1900)  # all are cut to the shortest, which lost an end of the file
-    as_it_was = np.sqrt(np.mean((late(sound[1], 1.4) - sound[1])[1, inner] ** 2))
+    as_it_was = np.sqrt(np.mean((late(sound[1], samples) - sound[1])[1, inner] ** 2))
     assert np.sqrt(np.mean((mended[inner] - sound[1][1, inner]) ** 2)) < 0.3 * as_it_was
 
 
