@@ -17,6 +17,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, Pos
 from robid_core import (
     BoolArray,
     Context,
+    DataRejected,
     EssentialParameters,
     Estimator,
     Fit,
@@ -131,7 +132,8 @@ class RigidBodyFit(Estimator):
         if len(record) > 1:
             refuse_copies(record)
         progress = context.progress if context is not None else lambda *_: None
-        robot, _ = variant_robots(record, robot, {}, self.constants)  # of one variant: others are refused
+        _refuse_variants(record)
+        robot, _ = variant_robots(record, robot, {}, self.constants)
         fixed = self.fixed
         if self.friction_speed is not None:
             held = tuple(f"friction.{axis}.speed" for axis in robot.axis_names)
@@ -188,6 +190,17 @@ class RigidBodyFit(Estimator):
             + f": {told}",
             stated_doubts=found.stated_doubts
             + prediction_doubts(_share(solution.at.residual, equations), left, robot.axis_names),
+        )
+
+
+def _refuse_variants(records: tuple[Record, ...]) -> None:
+    """Raise DataRejected where records are of several robots: one set of bodies would be fitted to all of them."""
+    names = list(dict.fromkeys(name for record in records for name in record.variants))
+    if len(names) > 1:
+        raise DataRejected(
+            f"fit.rigid: the records are of several variants ({', '.join(names)}), and it fits one robot; "
+            "fit.torque_residual fits them together (robots: a file for each variant, or constants: the load of each), "
+            "or name one of the records under `inputs:`"
         )
 
 

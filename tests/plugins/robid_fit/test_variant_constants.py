@@ -9,7 +9,9 @@ import pytest
 
 from robid_core import Channel, ConfigurationError, Context, DataRejected, DenseRun, FloatArray, Record, Robot
 from robid_core.residual import variant_robots
+from robid_core.residual.measured import parts_by_variant
 from robid_core.stage import map_in_process
+from robid_fit.rigid import RigidBodyFit
 from robid_fit.torque_residual import TorqueResidualFit
 
 MASSES = (0.5, 4.0)
@@ -99,3 +101,14 @@ def test_constants_that_tell_no_robot_are_refused(robot: Robot, measured: Record
         variant_robots((measured,), robot, {}, {"voltage": "effect.load.mass"})
     with pytest.raises(ConfigurationError, match="effect.tool.mass"):
         variant_robots((measured,), robot, {}, {"payload_kg": "effect.tool.mass"})
+
+
+def test_a_rigid_fit_refuses_records_of_several_variants_and_says_what_fits_them(
+    measured: Record, robot: Robot
+) -> None:
+    """Each record has one variant, which a run does not refuse; together they are two robots."""
+    light, heavy = (part for _, part in parts_by_variant(measured))
+    with pytest.raises(
+        DataRejected, match=r"several variants \(light, heavy\).*fit.torque_residual fits them together"
+    ):
+        RigidBodyFit().run((light, heavy), robot)
