@@ -262,6 +262,7 @@ def _slips(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Se
     """All slips that are tried, and the axes whose torque each concerns."""
     whole, every = np.eye(drives.n_axis), range(drives.n_axis)
     yield from _signs(names)
+    yield from _signs_at_joints(drives, names)
     yield from _exchanges(names)
     degree = np.pi / 180
     for factor, what, remedy in (
@@ -340,6 +341,21 @@ def _signs(names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
         )
         both = f"motor_position and motor_torque: {sign}"
         yield Slip(f"{name} counts the other way round than in the robot file", both, turned, turned), every
+
+
+def _signs_at_joints(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
+    """Signs of angles and torques that were recorded at joints which several motors move; else they are a motor's."""
+    gear = drives.gear
+    beside = (gear - np.diag(np.diag(gear))) != 0
+    whole, every, motor = np.eye(len(names)), range(len(names)), np.linalg.inv(gear)
+    for a, name in enumerate(names):
+        if not (beside[a] | beside[:, a]).any():
+            continue
+        sign = f"sign: -1 for {name} (side: joint)"
+        turned = _times(-1.0, a, whole)
+        what = f"of {name} at the joint has the opposite sign"
+        yield Slip(f"the angle {what}", f"motor_position: {sign}", motor @ turned @ gear, whole), every
+        yield Slip(f"the torque {what}", f"motor_torque: {sign}", whole, gear.T @ turned @ motor.T), every
 
 
 def _exchanges(names: Sequence[str]) -> Iterator[tuple[Slip, Sequence[int]]]:
