@@ -1,4 +1,4 @@
-"""Effects that a person asked for by name and that were not found: how sure that is, and why they are not named."""
+"""Effects that were not named, and why not: those that a person asked for, and the nearest to what is left."""
 
 from __future__ import annotations
 
@@ -21,6 +21,19 @@ def asked_lines(outcome: Outcome, causes: Sequence[Finding], refused: Mapping[Ke
         for hit in last.hits
         if hit.candidate.key not in found
     ]
+
+
+def nearest_lines(outcome: Outcome, unknown: Sequence[Finding], refused: Mapping[Key, str]) -> list[str]:
+    """Return a line for each axis at which only free functions explain what is left: the effect that comes nearest."""
+    last, noise, lines = outcome.searches[-1], max(1.0, outcome.final.misfit), []
+    for axis in dict.fromkeys(one.on for one in unknown):
+        hit = next((hit for hit in last.hits if hit.candidate.key[1] == axis), None)
+        if hit is None or hit.candidate.key not in refused:
+            continue
+        near = _line(*hit.candidate.key, hit.gain.total / noise, last.p_value(hit, noise), refused)
+        use = hit.candidate.key[0]
+        lines.append(f"Nearest to it is {near} To try it alone: robid diagnose --test {use}@{axis}.")
+    return lines
 
 
 def _line(

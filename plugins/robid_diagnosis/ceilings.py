@@ -11,8 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from robid_core import FloatArray
+from robid_core import FloatArray, Robot
 from robid_diagnosis.columns import Motion
+from robid_diagnosis.memory import sliders
 from robid_diagnosis.projection import Projection, Rows
 from robid_diagnosis.wording import FREE
 
@@ -26,6 +27,8 @@ RESPONSE = "frequency: a linear response"
 ANGLE = "motor angle"
 SESSION = "the order of the experiments: friction that changes over the session"
 POWERS = (1, 2, 3)  # of an experiment's number: warming up is an exponential, near to a cubic
+MOTOR, GEAR = "motor displacement", "gear deflection"
+THRESHOLDS = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3)  # of a way that is hardly exceeded
 PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
 
 
@@ -87,6 +90,38 @@ def drifts(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> lis
     return found
 
 
+def memories(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> list[Ceiling]:
+    """Gains of forces that depend on the way since reversals, of motors and of their gears.
+
+    Causes are not held against them: a law without memory is no special case.
+    """
+    found = []
+    for axis in axes:
+        bending = _bending(motion.robot, axis)
+        ways = {MOTOR: np.eye(motion.robot.mechanism.n_coordinate)[axis], GEAR: bending}
+        for what, row in ways.items():
+            if row is None:
+                continue
+            position = [one.seen(row)[0] for one in motion.along]
+            way = float(
+                np.quantile(
+                    np.abs(_joined([one - one.mean(axis=1, keepdims=True) for one in position])), HARDLY
+                )
+            )
+            slid = [
+                sliders(one, way * np.array(THRESHOLDS), repeats=along.motion.settling > 0)
+                for one, along in zip(position, motion.along, strict=True)
+            ]
+            rows = [
+                motion.weighted(
+                    [one.of_force(row, own[k]) for one, own in zip(motion.along, slid, strict=True)]
+                )
+                for k in range(len(THRESHOLDS))
+            ]
+            found.append(_ceiling(motion, projection, axis, f"{what} since a reversal", rows))
+    return found
+
+
 def _ceiling(motion: Motion, projection: Projection, axis: int, variable: str, rows: list[Rows]) -> Ceiling:
     sums = projection.sums(np.stack(rows))
     gain = projection.gain(sums, [False] * len(rows), blind=1e-4, together=True)
@@ -110,6 +145,12 @@ def _responses(motion: Motion, axis: int) -> Iterator[Rows]:
                 moved[..., axis] = turn * within * one.motion.acceleration_spectrum[..., axis]
                 spectra.append(moved)
             yield motion.weighted(spectra)
+
+
+def _bending(robot: Robot, axis: int) -> FloatArray | None:
+    """Deflection of an axis' gear as a row over all coordinates; None where it is rigid."""
+    gears = robot.mechanism.elastic_gear
+    return robot.mechanism.spring_directions[int(gears[:axis].sum())] if gears[axis] else None
 
 
 def _joined(parts: Sequence[FloatArray]) -> FloatArray:
@@ -147,13 +188,13 @@ def _families(motion: Motion, axis: int) -> Iterator[Family]:
             lambda b: np.abs(load[b]) * sign[b] * np.exp(-((speed[b] / (0.3 * rms)) ** 2)),
         ],
     )
-    if robot.mechanism.elastic_gear[axis]:
-        row = robot.mechanism.spring_directions[int(robot.mechanism.elastic_gear[:axis].sum())]
+    row = _bending(robot, axis)
+    if row is not None:
         bent, rate = ([one.seen(row)[k] for one in along] for k in (0, 1))
         most = float(np.quantile(np.abs(_joined(bent)), HARDLY))
         fast = 0.1 * float(np.std(_joined(rate)))
         bends = [lambda b, k=k: np.clip(bent[b] / most - k, 0, None) for k in BENDS]
-        yield "gear deflection", row, [*bends, lambda b: np.tanh(rate[b] / fast)]
+        yield GEAR, row, [*bends, lambda b: np.tanh(rate[b] / fast)]
     waves = [lambda b, o=o, f=f: f(o * angle[b]) for o in ORDERS for f in (np.sin, np.cos)]
     joint = robot.drives.gear[axis, axis]
     turns = [lambda b: np.sin(joint * angle[b]), lambda b: np.cos(joint * angle[b])]

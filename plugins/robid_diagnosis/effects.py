@@ -31,7 +31,7 @@ from robid_core import (
 )
 from robid_core.estimation.copies import refuse_copies
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
-from robid_diagnosis.asked import asked_lines
+from robid_diagnosis.asked import asked_lines, nearest_lines
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
@@ -239,7 +239,8 @@ class Effects(DiagnosisStage):
         response_check = (
             response_check_of(chain, case, final, model, timing, context) if self.response_check else None
         )
-        causes = with_unknown(causes, unknown_of(outcome))
+        unknown = unknown_of(outcome)
+        causes = with_unknown(causes, unknown)
         findings = (*causes, *disagreements(response_check))
         lines = [settling_line(unsettled_axes(problem))]
         lines += [
@@ -250,6 +251,7 @@ class Effects(DiagnosisStage):
                 separation_line(finding),
             )
         ]
+        lines += nearest_lines(outcome, () if self.only else unknown, selection.refused)
         lines += hardly.values()
         values = values_of(final)
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]

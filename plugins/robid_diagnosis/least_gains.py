@@ -27,6 +27,7 @@ LEAST_OF_VALUE = (
 )
 NAMED = 1e-3  # of what was named before: three percent of an effect left over is no effect
 NAMED_AT_LEAST = 1e-2, 100.0  # likewise: ten percent, of what was named and up to a gain
+DOMINANT = 0.5  # of what a cause has to gain: an error that large is given as the reason
 ALIKE = 0.5  # of the model error: this much of it may be alike in all bins
 
 
@@ -44,10 +45,11 @@ class LeastGains:
     def beside(cls, fitted: Fitted, named: Sequence[float], *, careful: bool = False) -> LeastGains:
         """Return those beside a fit and the gains of what was named before.
 
-        `careful`: what is left counts in the noise alone, as befits what no cause is named for.
+        `careful`: what is left counts in the noise alone, as befits what no cause is named for, and beside laws that
+        may be three percent off at any size; else small ones may be ten percent off.
         """
         known, (share, at_most) = sum(named), NAMED_AT_LEAST
-        left = max(NAMED * known, min(share * known, at_most))
+        left = NAMED * known if careful else max(NAMED * known, min(share * known, at_most))
         return cls(
             LEAST * (max(1.0, fitted.misfit) if careful else fitted.excess) + left,
             (ALIKE * fitted.model_error) ** 2 * _torques(fitted) + _unresolved(fitted),
@@ -62,6 +64,14 @@ class LeastGains:
     def of_candidate(self, candidate: Candidate) -> float:
         """Of an effect at its place."""
         return self.at(None if candidate.place is None else candidate.place.axis)
+
+    def why_not(self, hit: Hit) -> str:
+        """Say why an effect that gains less is not named."""
+        place, text = hit.candidate.place, f"a cause has to gain {self.of(hit):.3g} here"
+        error = float(self.errors.max() if place is None else self.errors[place.axis])
+        if hit.candidate.is_scale or error < DOMINANT * self.of(hit):
+            return text
+        return f"{text}, as friction between the samples and the model's own error could gain {error:.3g}"
 
     def of(self, rival: Hit | ValueHit) -> float:
         """Of an effect, or of a wrong value, a channel's scale among them: what these gain is counted in tolerances."""

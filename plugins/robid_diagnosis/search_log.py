@@ -50,6 +50,13 @@ class SearchLog:
         for key, reason in refused.items():
             self._line("not named, %s: %s", place_text(*key), reason, level=logging.INFO)
 
+    def named_all(self, steps: Sequence[Step]) -> None:
+        """Say what is fitted once nothing more is named: that may take as long as the search."""
+        rivals = sum(len(step.rivals) for step in steps)
+        self._line(
+            "left to do: %d ties to compare, the zero-speed width of the robot file, then its checks", rivals
+        )
+
     def _promise(self, hit: Hit, found: Found, fitted: Fitted) -> str:
         """Gain and p-value after the search, in the noise that the fit leaves."""
         noise = max(1.0, fitted.misfit)

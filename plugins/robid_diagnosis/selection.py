@@ -15,7 +15,7 @@ import numpy as np
 
 from robid_diagnosis.additions import is_fixed, scaled_parameters
 from robid_diagnosis.agreement import differs_at_fit, differs_between, holds_elsewhere
-from robid_diagnosis.ceilings import ANGLE, Ceiling, ceilings, drifts
+from robid_diagnosis.ceilings import ANGLE, Ceiling, ceilings, drifts, memories
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
@@ -95,7 +95,11 @@ class Selection:
             self.log.named(step, before, steps, current)
         self.log.ended(self.refused, len(steps) >= self.most)
         axes = tuple(range(self.case.told.n_axis))
-        free = [one for asked in (ceilings, drifts) for one in asked(motion, seen.search.projection, axes)]
+        free = [
+            one
+            for asked in (ceilings, drifts, memories)
+            for one in asked(motion, seen.search.projection, axes)
+        ]
         left = sorted(free, key=lambda one: -one.gain)
         visible = visible_sizes(
             seen.found.powers,
@@ -103,9 +107,14 @@ class Selection:
             LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
             LEVEL / seen.found.trials,
         )
-        told = with_final_ties(self.case, current, steps, self.failures, self.progress)
-        written = as_written(current, self.failures, self.progress)
+        self.log.named_all(steps)
+        told = with_final_ties(self.case, current, steps, self.failures, self._of("ties"))
+        written = as_written(current, self.failures, self._of("zero-speed width for the robot file"))
         return Outcome(base, current, written, told, tuple(searches), tuple(left), visible, motion)
+
+    def _of(self, work: str) -> Progress:
+        """Progress that says what the fits are for."""
+        return lambda done, total, note: self.progress(done, total, f"{work}: {note}" if note else "")
 
     def searched(self, current: Fitted, before: Motion | None) -> Searched:
         """Hold every effect against what a fit leaves; `before`: of the search before."""
@@ -212,9 +221,7 @@ class Selection:
         self.refused = {}
         for hit in beyond_chance:
             enough = f"fitted with all values it gains less than {least.of(hit):.3g}"
-            self._refuse(
-                hit, enough if hit in significant else f"a cause has to gain {least.of(hit):.3g} here"
-            )
+            self._refuse(hit, enough if hit in significant else least.why_not(hit))
         chance = LEVEL / max(len(values), 1)
         wrong = [
             hit
@@ -299,7 +306,11 @@ class Selection:
         assert isinstance(trial.hit, Hit)
         place, wave = trial.hit.candidate.place, trial.hit.columns.paired
         axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
-        free = [one for asked in (ceilings, drifts) for one in asked(search.motion, search.projection, axes)]
+        free = [
+            one
+            for asked in (ceilings, drifts, memories)
+            for one in asked(search.motion, search.projection, axes)
+        ]
         best = max((one for one in free if not (wave and one.variable == ANGLE)), key=lambda one: one.gain)
         return (trial.gain / best.gain if best.gain > LEAST else float("nan")), best
 

@@ -10,7 +10,7 @@ first width is taken: none would settle beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +29,11 @@ ALONE = (1.0,)
 PAIR = (1.0, 1.1)  # widths whose sum is one of a width in between, or near by
 ROUNDS = 6  # of widths
 OWN = (0.3, 1.0, 3.0)  # times the width of the motors' friction: where a law's own one begins
+MUCH = 1.05  # of the misfit of several widths: what one width for all leaves beyond
 SAME = 0.003  # of the logarithm of a width: it stays
 FARTHEST = 0.7  # likewise: one round moves it no farther
+
+OF_LAW = "zero-speed width of a law"
 
 Progress = Callable[[float, float, str], None]
 
@@ -63,10 +66,9 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
         failures.append(Failure("zero-speed width", None, None, str(error)))
         return final
     found = [_as_sure_as(pair, fitted), other]
-    if other.misfit > max(DOUBTFUL, final.misfit) and other.hypothesis.has_signs:
+    if other.misfit > max(DOUBTFUL, MUCH * final.misfit) and other.hypothesis.has_signs:
         nearer = min(fitted, pair, key=lambda one: one.misfit)  # secants may lead astray: no width is right
-        for begin, share in ((nearer, 1.0), *((final, share) for share in OWN)):
-            found += _with_own_widths(begin, share, failures, progress)
+        found += _with_own_widths([(nearer, 1.0), *((final, share) for share in OWN)], failures, progress)
     possible = [one for one in found if _is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
@@ -96,18 +98,30 @@ def _with_width(begin: Fitted, width: FloatArray, widths: tuple[float, ...], pro
 
 
 def _with_own_widths(
-    begin: Fitted, share: float, failures: list[Failure], progress: Progress
+    begins: Sequence[tuple[Fitted, float]], failures: list[Failure], progress: Progress
 ) -> list[Fitted]:
-    """Fit laws that have widths of their own, so many times the motors' to begin with; none if that leaves much."""
-    shares = dict.fromkeys(begin.case.told.axis_names, share)
-    hypothesis = begin.hypothesis.with_wider_signs(shares).with_own_widths()
-    try:
-        pair = _fitted_width(begin.case.fit(hypothesis, progress, begin=begin), progress)
-        fitted = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
-    except RobidError as error:
-        failures.append(Failure("zero-speed width of a law", None, None, str(error)))
-        return []
-    return [fitted] if fitted.misfit < WRONG else []
+    """Fit laws that have widths of their own, so many times the motors' to begin with; none if that leaves much.
+
+    Secants for the motors' width follow where a first fit leaves least, and from others only where that ends badly.
+    """
+    first = list[Fitted]()
+    for begin, share in begins:
+        shares = dict.fromkeys(begin.case.told.axis_names, share)
+        hypothesis = begin.hypothesis.with_wider_signs(shares).with_own_widths()
+        try:
+            first.append(begin.case.fit(hypothesis, progress, begin=begin))
+        except RobidError as error:
+            failures.append(Failure(OF_LAW, None, None, str(error)))
+    for one in sorted(first, key=lambda one: one.misfit):
+        try:
+            pair = _fitted_width(one, progress)
+            fitted = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+        except RobidError as error:
+            failures.append(Failure(OF_LAW, None, None, str(error)))
+            continue
+        if fitted.misfit < WRONG:
+            return [fitted]
+    return []
 
 
 def _fitted_width(fitted: Fitted, progress: Progress) -> Fitted:

@@ -37,7 +37,12 @@ SIZES: dict[str, tuple[str, ...]] = {
 }
 """Parameters of the catalogue that are the first number of a hidden law."""
 NEIGHBOURS = {
-    "friction": ("friction.", "a_function_of_motor_speed", "a_function_of_load_and_speed"),
+    "friction": (
+        "friction.",
+        "a_function_of_motor_speed",
+        "a_function_of_load_and_speed",
+        "a_function_of_motor_displacement",
+    ),
     "transmission": ("transmission.", "friction.dahl", "friction.lugre", "a_function_of_gear_deflection"),
     "drive": ("drive.", "sensing.", "a_function_of_motor_angle", "a_function_of_frequency"),
     "sensing": ("sensing.", "drive.", "a_function_of_motor_angle"),

@@ -89,13 +89,16 @@ def test_a_hidden_effect_is_named_and_sized(
     extended = Robot.of_model(diagnosis.model)
     assert [entry.use for entry in extended.description.effects.values()] == [use]
     course = (one.getMessage() for one in caplog.records if one.module == "search_log")
-    refitted, first, named, left, again, ended = (line for line in course if not line.startswith("not named"))
+    refitted, first, named, left, again, ended, rest = (
+        line for line in course if not line.startswith("not named")
+    )
     assert refitted.startswith("all values refitted: misfit ")
     assert f": {place_text(use, on, finding.side)} gains " in first
     assert named.startswith(f"named {place_text(use, on, finding.side)}: twice the log-likelihood rises by ")
     assert left.startswith("causes: 1, misfit ")
     assert again.split(":")[0] == first.split(":")[0]
     assert ended == "nothing more is named"
+    assert rest.startswith("left to do: ")
 
 
 def test_a_limit_that_one_configuration_reaches_is_named_and_said_to_be_seen_there(
