@@ -23,6 +23,7 @@ LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sig
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 TOGETHER = 3  # numbers of a body that are read out where none moved by itself
 RESTING = 0.005  # share of the samples at rest: less is not a percent
+SEEN = 0.5  # of a tolerance: a standard error above it is the tolerance's rather than that of the data
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
@@ -156,6 +157,14 @@ def values_line(values: ParameterTable, misfit: float) -> str:
         bodies = np.array([group == "inertia" for group in values.groups])
         apart &= ~bodies | (np.abs(values.estimate - values.start) > BEYOND * values.prior)
     furthest = sorted(np.flatnonzero(apart), key=lambda i: -abs(np.log(abs(1 + relative[i]))))
+    by_tolerance = list[str]()
+    if values.prior is not None:
+        by_tolerance = [
+            values.names[i]
+            for i in furthest
+            if bodies[i] and values.standard_error[i] > SEEN * values.prior[i]
+        ]
+        furthest = [i for i in furthest if values.names[i] not in by_tolerance]
     lines = [
         f"{values.names[i]} is {100 * abs(relative[i]):.3g} ± {100 * error[i]:.1g} % "
         f"{'larger' if relative[i] > 0 else 'smaller'} than in the robot file"
@@ -163,7 +172,19 @@ def values_line(values: ParameterTable, misfit: float) -> str:
     ]
     more = f"; {len(furthest) - SHOWN} more" if len(furthest) > SHOWN else ""
     doubt = "these cannot be distinguished from what the model lacks: " if misfit > MUCH_LACKS else ""
-    return f"Values: {doubt}{'; '.join(lines)}{more}." if lines else ""
+    told_apart = f"Values: {doubt}{'; '.join(lines)}{more}." if lines else ""
+    return "\n".join(line for line in (told_apart, _tolerance_line(by_tolerance)) if line)
+
+
+def _tolerance_line(names: Sequence[str]) -> str:
+    """Name numbers of bodies that left their tolerances though the data determine combinations of them alone."""
+    if not names:
+        return ""
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return (
+        f"Beyond their tolerances, too: {', '.join(names[:SHOWN])}{more}; these data determine only combinations of "
+        "them, and how much of a change each takes follows from the tolerances (prior)."
+    )
 
 
 def response_check_line(check: ResponseCheck) -> str:

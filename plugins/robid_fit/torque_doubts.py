@@ -120,6 +120,24 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
     return tuple(found)
 
 
+def _in_tolerances(problem: TorqueProblem, point: FloatArray) -> dict[str, float]:
+    """How far each number of a body is from the robot file, in standard deviations of what the priors allow."""
+    free, n = problem.free, problem.n_free
+    allowed = np.sqrt(((free.jacobian(np.zeros(n)) * problem.prior[:n]) ** 2).sum(axis=1))
+    values = free.values(point[:n])
+    return {
+        name: abs(values[name] - start) / own
+        for name, start, own in zip(free.names, free.start.tolist(), allowed.tolist(), strict=True)
+        if free.robot.parameter_kind(name) == "inertia" and own > 0
+    }
+
+
+def _tolerance_of(problem: TorqueProblem, group: str) -> float:
+    """Smallest tolerance of a group of numbers, `mass`, in natural scales."""
+    own = [name.startswith(f"{group}.") for name in problem.free.names]
+    return float(problem.prior[: problem.n_free][own].min())
+
+
 def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     """Doubt bodies that deviate from the robot file by more than the tolerances: then their errors are too small."""
     free, n = problem.free, problem.n_free
@@ -128,20 +146,22 @@ def _unlike(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
         return ()
     prior, point = problem.prior[:n][bodies], solution.point[:n][bodies]
     error = np.sqrt(np.diag(solution.covariance)[:n][bodies])
-    times, far = tolerance_factor(point, error, prior, least_seen=1.0), np.abs(point / prior)
+    times = tolerance_factor(point, error, prior, least_seen=1.0)
     if times <= WIDENED:
         return ()
-    names = [name for name, own in zip(free.names, bodies.tolist(), strict=True) if own]
-    worst = int(np.argmax(far))
-    stated = prior[worst] > 1.5 * PROMISED
+    far = {name: own for name, own in _in_tolerances(problem, solution.point).items() if own > WIDENED}
+    worst = max(far, key=lambda name: far[name], default="")
+    groups = dict.fromkeys(name.partition(".")[0] for name in far)
+    stated = {one: _tolerance_of(problem, one) for one in groups}
+    at_default = [one for one, own in stated.items() if own <= 1.5 * PROMISED]
+    wider = ", ".join(f'"{one}.*": 0.1' for one in at_default)
+    known = min(stated.values(), default=1.0)
     remedy = (
-        f"look for what the model lacks (robid diagnose); a tolerance of {prior[worst]:.2g} was stated for it already"
-        if stated
-        else 'state how well they are known (prior: {"mass.*": 0.1, "centre_of_mass.*": 0.1, "inertia.*": 0.1}; '
-        f"{PROMISED:g} unless set), or look for what the model lacks (robid diagnose)"
+        f"state how well they are known (prior: {{{wider}}}; {PROMISED:g} unless set), or look for what the model "
+        "lacks (robid diagnose)"
+        if at_default
+        else f"look for what the model lacks (robid diagnose); a tolerance of {known:.2g} was stated for it already"
     )
-    sentence = (
-        f"bodies differ from the robot file by {times:.3g} times their stated tolerances, {names[worst]} by "
-        f"{far.max():.3g} times its own"
-    )
+    sentence = f"bodies differ from the robot file by {times:.3g} times their stated tolerances"
+    sentence += f", {worst} by {far[worst]:.3g} times its own" if worst else ""
     return (Doubt("tolerance", sentence, remedy),)

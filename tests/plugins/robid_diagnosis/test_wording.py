@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck
@@ -39,6 +41,19 @@ def test_where_much_lacks_values_may_stand_for_it() -> None:
     assert line == (
         "Values: these cannot be distinguished from what the model lacks: gear_stiffness.axis_1 is 30 ± 0.2 % larger "
         "than in the robot file."
+    )
+
+
+def test_numbers_of_bodies_that_only_tolerances_tell_have_no_size() -> None:
+    """A planar arm shows mass times centre of mass: of each alone the errors are the tolerances."""
+    bodies = replace(
+        table([130.0, 60.0, 140.0], [0.1, 0.9, 0.8], group="inertia"),
+        names=("rotor_inertia.axis_1", "centre_of_mass.axis_1.z", "mass.axis_1"), prior=np.ones(3),
+    )  # fmt: skip
+    first, second = values_line(bodies, 1.0).split("\n")
+    assert first == "Values: rotor_inertia.axis_1 is 30 ± 0.1 % larger than in the robot file."
+    assert second.startswith(
+        "Beyond their tolerances, too: centre_of_mass.axis_1.z, mass.axis_1; these data determine"
     )
 
 

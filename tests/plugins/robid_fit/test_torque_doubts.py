@@ -51,6 +51,15 @@ def test_bodies_that_are_further_off_than_promised_are_doubted() -> None:
     (doubt,) = [one for one in told["narrow"].doubts if one.kind == "tolerance"]
     assert float(re.findall(r"robot file by ([\d.]+) times", doubt.sentence)[0]) > 3.5
     assert "state how well they are known" in doubt.remedy
+    worst, times = re.findall(r"tolerances, (\S+) by ([\d.]+) times its own", doubt.sentence)[0]
+    assert worst in moved  # ten percent of each, promised to one
+    table = told["narrow"].parameters
+    assert float(times) == pytest.approx(
+        100 * abs(table.value(worst) / nominal.parameter(worst) - 1), rel=0.01
+    )
+    groups = re.findall(r'"(\w+)\.\*": 0\.1', doubt.remedy)
+    assert worst.partition(".")[0] in groups
+    assert "rotor_inertia" not in groups  # it is right
     heavier = nominal.with_parameters({name: 1.3 * value / 1.1 for name, value in moved.items()})
     other = record_of(heavier, nominal, np.array([[0.3], [-0.8]]), 23)
     followed = TorqueResidualFit(prior=dict.fromkeys(wide, 0.02)).run((other,), nominal, context())
@@ -58,6 +67,14 @@ def test_bodies_that_are_further_off_than_promised_are_doubted() -> None:
     assert doubt.remedy.startswith("look for what the model lacks")
     assert "a tolerance of 0.02 was stated" in doubt.remedy
     assert not [one for one in told["wide"].doubts if one.kind == "tolerance"]
+    rotor = nominal.with_parameters({"rotor_inertia.axis_1": 1.2 * nominal.parameter("rotor_inertia.axis_1")})
+    spun = record_of(rotor, nominal, np.array([[0.3], [-0.8]]), 24)
+    (doubt,) = [
+        one
+        for one in TorqueResidualFit(prior=wide).run((spun,), nominal, context()).doubts
+        if one.kind == "tolerance"
+    ]
+    assert 'prior: {"rotor_inertia.*": 0.1}' in doubt.remedy
     right = record_of(nominal, nominal, np.array([[0.3], [-0.8]]), 22)
     assert not [
         one for one in TorqueResidualFit().run((right,), nominal, context()).doubts if one.kind == "tolerance"
