@@ -6,8 +6,9 @@ One step of that from the band-limited speed is enough where a motor follows its
 Where friction is sharp and the motor light, it follows within one: an explicit step then overshoots, an implicit one
 hardly moves, and by how much their friction torques differ is what these samples do not resolve.
 
-Of a motion that does not repeat, periods take no noise off the angles: an axis that is slow, or about to rest, would
-rattle within the speed at which friction turns. What stands above the noise of its angle is its motion.
+What brakes the motors there is taken at a speed without the noise of the angles: what stands above it is motion. So
+are laws of one shape. Free functions of the speed take the noisy one of a motion that repeats, whose periods take noise
+off; of one that does not an axis that is slow, or about to rest, would rattle within the speed at which friction turns.
 """
 
 from __future__ import annotations
@@ -67,27 +68,47 @@ def friction_between_samples(
     friction, unresolved, between = [], [], []
     for c in range(len(angle)):
         own = motion.of_configuration(c)
-        speed = own.fine_speed()
-        quiet = None if own.settling else speed_without_noise(speed, noise, own.sample_time_s)
-        seen = speed if quiet is None else quiet
+        speed, repeats = own.fine_speed(), own.settling > 0
+        quiet = speed_without_noise(speed, motion.angle_noise if repeats else noise, own.sample_time_s)
+        seen = speed if repeats else quiet
         pushing = own.fine_torque() - coefficient[-1]
-        braking, slope = laws.total_and_slope(seen.astype(np.float32), size)
+        braking, slope = laws.total_and_slope(quiet.astype(np.float32), size)
         if on_motors:
-            more, steeper = on_motors[c].at(seen).braking()
+            more, steeper = on_motors[c].at(quiet).braking()
             braking, slope = braking + more, slope + steeper
         acceleration = np.matmul(pushing - braking, mobility[c])
-        explicit = speed_between_samples(speed, acceleration, noise, own.sample_time_s, quiet)
         follows = FOLLOWED * own.sample_time_s * mobility[c].diagonal() * slope
-        implicit = seen + (explicit - seen) / (1.0 + follows**2 / (1.0 + follows))
+        explicit = speed_between_samples(
+            speed, acceleration, noise, own.sample_time_s, None if repeats else quiet
+        )
+        implicit = _follow(seen, explicit, follows)
         functions = friction_spectra(own, laws, implicit)
         overshot = own.held_spectrum(laws.total(explicit.astype(np.float32), size))
         friction.append(functions)
         unresolved.append(overshot - np.einsum("kceba,ka->ceba", functions[: len(size)], size))
         if on_motors:
-            between.append(on_motors[c].at(implicit if quiet is None else quiet))
+            between.append(on_motors[c].at(_of_laws(own, quiet, acceleration, follows) if repeats else quiet))
             at_end, at_once = (on_motors[c].at(one).braking()[0] for one in (implicit, explicit))
             unresolved[-1] += own.held_spectrum(at_once - at_end)
     return np.concatenate(friction, axis=1), np.concatenate(unresolved), tuple(between)
+
+
+def _follow(seen: FloatArray, explicit: FloatArray, follows: FloatArray) -> FloatArray:
+    """Speed at the end of an implicit step, from where an explicit one ends, rad/s; `follows`: in such steps."""
+    speed: FloatArray = seen + (explicit - seen) / (1.0 + follows**2 / (1.0 + follows))
+    return speed
+
+
+def _of_laws(
+    motion: MotionSpectra, quiet: FloatArray, acceleration: FloatArray, follows: FloatArray
+) -> FloatArray:
+    """Speed that laws of one shape see in a motion that repeats, rad/s: without any noise of its angles.
+
+    Noise widens what is sharp. Free functions of other widths make up for that; a law takes a wrong width and size.
+    """
+    speed = motion.fine_speed()
+    explicit = speed_between_samples(speed, acceleration, motion.angle_noise, motion.sample_time_s, quiet)
+    return _follow(quiet, explicit, follows)
 
 
 def _harmful(
