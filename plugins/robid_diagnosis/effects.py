@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from robid_core import (
+    MILESTONE,
     AxisKey,
     ConfigurationError,
     Context,
@@ -155,6 +156,9 @@ class Effects(DiagnosisStage):
         """Refit, search, extend, tell."""
         uses, whole, chain = self._known(), record, Chain.of(self.response_check)
         refuse_copies(record)
+        missing = robot.left_out(("torque_limit",)) if self.separate else ""
+        if missing:
+            context.log.log(MILESTONE, "experiments that separate ties will not be simulated: %s", missing)
         record = tuple(cut_into_parts(one, self.blocks, self.skip_s) for one in record)
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
         discard = leading_periods(record, self.discard, context.log)

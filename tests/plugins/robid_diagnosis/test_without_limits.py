@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid_core import Context, Record, Robot
+from robid_core import MILESTONE, Context, Record, Robot
 from robid_core.stage import map_in_process
 from robid_diagnosis.closed_loop import ClosedLoopSimulation
 from robid_diagnosis.effects import Effects
@@ -51,7 +51,10 @@ def test_the_torque_fit_finds_the_same(told: Robot, record: Record) -> None:
     assert (apart < 0.1 * with_limits.standard_error).all(), apart / with_limits.standard_error
 
 
-def test_a_diagnosis_says_what_it_left_out_and_why(told: Robot, record: Record) -> None:
+def test_a_diagnosis_says_what_it_left_out_and_why(
+    told: Robot, record: Record, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What takes limits is announced before the search, too: who needs it can stop and complete the robot file."""
     bare = without_limits(told)
     fit = RigidBodyFit().run((record,), bare)
     simulated = ClosedLoopSimulation().run(record, fit, bare, context())
@@ -60,7 +63,11 @@ def test_a_diagnosis_says_what_it_left_out_and_why(told: Robot, record: Record) 
     predicted = Prediction().run((record,), bare, context(), fit)
     assert f"The closed loop was not simulated: {LACKS}" in predicted.verdict
     assert {one.quantity for one in predicted.errors} == {"torque in open loop"}
-    explained = Effects(only=FRICTION, most=1, passes=4).run((record,), bare, context())
+    with caplog.at_level(MILESTONE):
+        explained = Effects(only=FRICTION, most=1, passes=4).run((record,), bare, context())
+    assert caplog.messages[0].startswith(
+        "experiments that separate ties will not be simulated: the robot file of one_axis lacks torque_limit of axis_1"
+    )
     assert f"The closed loop could not be simulated: {LACKS}"[:60] in explained.verdict
     assert explained.response_check is not None
     assert "lacks controller of axis_1" in explained.response_check.reason
