@@ -50,6 +50,7 @@ from robid_report.numbers import percent, significant, times, without_folders
 from robid_report.parameters import essential_rows, relative_error, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
+from robid_report.refitted import refitted_table
 from robid_report.residuals import residual_sections
 from robid_report.response_check import response_check_table
 from robid_report.steady_state import spectra_of, steady_state
@@ -310,6 +311,7 @@ class HtmlReport(ReportStage):
             "errors": error_sections(diagnosis),
             "runs": run_sections(diagnosis),
             "curves": curve_sections(diagnosis),
+            "refitted": refitted_table(diagnosis),
             "visible": visible_table(diagnosis),
             "response_check": response_check_table(diagnosis),
             "response": response is not None,
