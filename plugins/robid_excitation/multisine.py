@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from robid_core import (
+    MILESTONE,
     ConfigurationError,
     Configurations,
     Context,
@@ -57,7 +58,7 @@ from robid_excitation.lines import (
     missed_resonances as missed_resonances,
     samples_in_period as samples_in_period,
 )
-from robid_excitation.prediction import Level, clear
+from robid_excitation.prediction import Level, clear, factors_within_limits
 from robid_excitation.realisations import PhaseChoice, references, torque_crest, torque_response
 from robid_excitation.ripple_reach import planned_reach, reaches
 
@@ -66,7 +67,8 @@ class Multisine(ExcitationDesign):
     """Speed references from multisines with the same torque at all lines, plus a slow sine.
 
     Nothing moves before the nominal robot was simulated with it: an excitation that would break a limit of
-    torque, speed, acceleration or position is refused, with the amplitude that would do.
+    torque, speed, acceleration or position is refused, with the amplitude that would do; `beyond_limits: scale` takes
+    that amplitude.
 
     Distortion averages because phases are random. What does not depend on the phases (ripple and friction harmonics
     of the slow sine) lies on even bins as long as the sine's bin is even; where it falls on lines, the random phases of
@@ -123,6 +125,8 @@ class Multisine(ExcitationDesign):
     """Whose peaks a search lowers; the torque is that of the nominal robot."""
     margin: float = Field(default=0.9, gt=0, le=1)
     """Share of the torque, speed and acceleration limits that the prediction may use."""
+    beyond_limits: Literal["refuse", "scale"] = "refuse"
+    """An excitation that the nominal robot cannot follow is refused, or made as small as its limits need."""
     ripple_orders: tuple[PositiveFloat, ...] = (1.0, 2.0, 6.0, 12.0)
     """Ripple per motor turn to be listed beside the nominal robot's (one pole pair: resolver 1, 2, torque 6, 12)."""
     ripple_level: float = Field(default=0.01, gt=0, lt=1)
@@ -253,6 +257,13 @@ class Multisine(ExcitationDesign):
             # The same peaks of torque with the crest factor that was found, in place of that of random phases.
             gain = CREST / torque_crest(fast, torque, line)
             fast, amplitude = fast * gain, amplitude * gain
+        if self.beyond_limits == "scale":
+            smaller, slower, told = factors_within_limits(fast, slow, angle, robot, line, self.margin)
+            fast, amplitude, slow = smaller * fast, smaller * amplitude, slower * slow
+            sine_amplitude = slower * sine_amplitude
+            if told:
+                sizes = f"multisine {smaller:.3g}" + (f" and slow sine {slower:.3g}" if slower < 1 else "")
+                context.log.log(MILESTONE, "%s times as large as asked for: %s", sizes, told)
         self._tell(
             robot, angle, line, motor_speed_of(amplitude, frequency, crossover), sine_amplitude, context
         )

@@ -16,7 +16,7 @@ import numpy as np
 from robid_core import ExperimentIndex, FloatArray, IntArray, MotionRefused, Robot
 from robid_core.estimation.excitation.predicted import PredictedDeviation, SensorNoise, predicted_deviation
 from robid_excitation.gear_load import load_of_motor
-from robid_excitation.limits import excesses, factors_that_fit
+from robid_excitation.limits import Excess, excesses, factors_that_fit
 from robid_excitation.simulated import (
     Prediction,
     friction_level,
@@ -173,15 +173,13 @@ def clear(
     motor_angle = robot.motor_angle(angle)
     tell = progress or (lambda done, total, note: None)
 
-    def reference(some: Sequence[ExperimentIndex], multisine: float = 1.0, sine: float = 1.0) -> FloatArray:
-        return np.stack([multisine * fast[t] + sine * slow[t[0], t[1], 0] for t in some])
-
     def simulate(some: Sequence[ExperimentIndex], mirrored: bool = False) -> Prediction:
         parts = []
         for first in range(0, len(some), TOGETHER):
             tell(first, len(some), "experiments simulated")
             now = some[first : first + TOGETHER]
-            asked = reference(now)[:, ::-1] if mirrored else reference(now)
+            asked = _reference(fast, slow, now)
+            asked = asked[:, ::-1] if mirrored else asked
             parts.append(predict(robot, asked, motor_angle[[t[0] for t in now]], line))
         tell(len(some), len(some), "experiments simulated")
         return joined(parts)
@@ -189,17 +187,11 @@ def clear(
     prediction = simulate(chosen)
     broken = excesses(prediction, robot, margin)
     if broken:
-        worst = [chosen[lane] for lane in sorted({excess.lane for excess in broken})]
-        there = motor_angle[[t[0] for t in worst]]
-        factors = factors_that_fit(
-            lambda multisine, sine: predict(robot, reference(worst, multisine, sine), there, line),
-            robot,
-            margin,
-            broken,
-        )
-        listed = "; ".join(f"in configuration {chosen[e.lane][0]} {e.words}" for e in broken)
+        factors = _factors(broken, chosen, fast, slow, motor_angle, robot, line, margin)
         fits = "no amplitude fits: move the configuration away from the limit"
-        raise MotionRefused(f"{listed}; nothing has moved; {level.advice(factors) if factors else fits}")
+        raise MotionRefused(
+            f"{_listed(broken, chosen)}; nothing has moved; {level.advice(factors) if factors else fits}"
+        )
     deviations: list[PredictedDeviation | None] = [None] * len(angle)
     n_planned = fast.shape[1] * fast.shape[2]
     if len(line) and n_planned >= robot.n_axis:
@@ -221,6 +213,61 @@ def clear(
                 fast.shape[3],
             )
     return summary(robot, prediction, [t[0] for t in chosen], deviations, len(line))
+
+
+def factors_within_limits(
+    fast: FloatArray, slow: FloatArray, angle: FloatArray, robot: Robot, line: IntArray, margin: float
+) -> tuple[float, float, str]:
+    """Factors on multisines and slow sines with which the nominal robot breaks no limit, and what it would break.
+
+    Arguments as of `clear`. Both factors are 1, and nothing is told, where no limit is broken, and where no factor
+    helps: `clear` then refuses with the reason.
+    """
+    chosen, _ = experiments_to_simulate(fast)
+    motor_angle = robot.motor_angle(angle)
+    parts = []
+    for first in range(0, len(chosen), TOGETHER):
+        now = chosen[first : first + TOGETHER]
+        there = motor_angle[[t[0] for t in now]]
+        parts.append(predict(robot, _reference(fast, slow, now), there, line))
+    broken = excesses(joined(parts), robot, margin)
+    factors = _factors(broken, chosen, fast, slow, motor_angle, robot, line, margin) if broken else None
+    return (*factors, _listed(broken, chosen)) if factors else (1.0, 1.0, "")
+
+
+def _reference(
+    fast: FloatArray,
+    slow: FloatArray,
+    some: Sequence[ExperimentIndex],
+    multisine: float = 1.0,
+    sine: float = 1.0,
+) -> FloatArray:
+    """Speed references of some experiments, shape (n_some, n_sample, n_axis)."""
+    return np.stack([multisine * fast[t] + sine * slow[t[0], t[1], 0] for t in some])
+
+
+def _listed(broken: Sequence[Excess], chosen: Sequence[ExperimentIndex]) -> str:
+    return "; ".join(f"in configuration {chosen[e.lane][0]} {e.words}" for e in broken)
+
+
+def _factors(
+    broken: Sequence[Excess],
+    chosen: Sequence[ExperimentIndex],
+    fast: FloatArray,
+    slow: FloatArray,
+    motor_angle: FloatArray,
+    robot: Robot,
+    line: IntArray,
+    margin: float,
+) -> tuple[float, float] | None:
+    """Factors with which the experiments that break a limit break none; None where none is found."""
+    worst = [chosen[lane] for lane in sorted({excess.lane for excess in broken})]
+    there = motor_angle[[t[0] for t in worst]]
+
+    def scaled(multisine: float, sine: float) -> Prediction:
+        return predict(robot, _reference(fast, slow, worst, multisine, sine), there, line)
+
+    return factors_that_fit(scaled, robot, margin, broken)
 
 
 def sensor_noise(robot: Robot) -> SensorNoise:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from robid_core.artifacts.fit import Fit
 
 NOT_CONVERGED = "convergence"  # the one kind after which the numbers are not even an estimate
+COAXIAL_SPRINGS, WEAK_SPRING, NOT_SEEN = "coaxial springs", "weak spring", "not seen"
+MORE_CONFIGURATIONS = (COAXIAL_SPRINGS, WEAK_SPRING, NOT_SEEN)  # what more configurations help against
 
 # Corrected for few periods a right model stays below 1.03 from 12 experiments up; 1.08 leaves room for six.
 LARGEST_MISFIT = 1.08
@@ -118,7 +120,7 @@ def _unseen(fit: Fit) -> Iterator[Doubt]:
     names = _serious(fit, free & ~np.isfinite(table.standard_error) & ~table.at_bound)
     if names:
         yield Doubt(
-            "not seen", f"without a standard error: {_listed(names)}", "add configurations that show them"
+            NOT_SEEN, f"without a standard error: {_listed(names)}", "add configurations that show them"
         )
 
 
@@ -134,7 +136,7 @@ def _weak_springs(fit: Fit) -> Iterator[Doubt]:
     ]
     if names:
         yield Doubt(
-            "weak spring",
+            WEAK_SPRING,
             f"hardly seen by the data: {_listed(names)}",
             "add configurations that load these springs, or hold them",
         )
@@ -153,9 +155,9 @@ def _coaxial_springs(fit: Fit) -> Iterator[Doubt]:
     ]
     if pairs:
         yield Doubt(
-            "coaxial springs",
+            COAXIAL_SPRINGS,
             f"not separated by the data: {_listed(pairs)}",
-            "add configurations in which their axes are not parallel, or hold one of them",
+            "measure in more configurations, which load them differently, or hold one of them",
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -90,9 +91,11 @@ def project_files(folder: Path, robot: str, own_robot: bool) -> dict[str, str]:
     nominal = [name for name in PACKAGED_FILES if f"{name}_true" in PACKAGED_FILES]
     if robot not in nominal:
         raise ConfigurationError(f"no packaged robot '{robot}'; {suggestion(robot, nominal, 'there are')}")
-    files = _filled(folder, "robot.yaml" if own_robot else robot, f"{robot}_true")
+    loaded = Robot.load(robot)
+    count = configurations_for(len(loaded.stiffness_names))
+    files = _filled(folder, "robot.yaml" if own_robot else robot, f"{robot}_true", count)
     if own_robot:
-        files["robot.yaml"] = Robot.load(robot).to_yaml()
+        files["robot.yaml"] = loaded.to_yaml()
     return files
 
 
@@ -107,7 +110,7 @@ def files_of_urdf(
 
     name = project_name(folder)
     draft = draft_of(urdf, name, lock)
-    files = _filled(folder, "robot.yaml", "plant.yaml", FIRST)
+    files = _filled(folder, "robot.yaml", "plant.yaml", configurations_for(draft.n_springs), FIRST)
     files |= {
         "robot.yaml": draft.robot,
         "plant.yaml": draft.plant,
@@ -129,8 +132,23 @@ def with_mesh_places(urdf: str, meshes: Mapping[str, Path], folder: Path) -> str
     return urdf
 
 
-def _filled(folder: Path, robot: str, plant: str, first: str = "") -> dict[str, str]:
-    values = {"NAME": project_name(folder), "ROBOT": robot, "PLANT": plant, "FIRST": first}
+def configurations_for(n_springs: int) -> int:
+    """Return how many random configurations separate so many elastic coordinates: one for each three, two at least.
+
+    Springs whose axes are parallel in a configuration yield as one there, and arms have axes that always are: of
+    eleven springs of a six-axis arm two configurations left four pairs inseparable, four left none.
+    """
+    return max(2, math.ceil(n_springs / 3))
+
+
+def _filled(folder: Path, robot: str, plant: str, count: int, first: str = "") -> dict[str, str]:
+    values = {
+        "NAME": project_name(folder),
+        "ROBOT": robot,
+        "PLANT": plant,
+        "COUNT": str(count),
+        "FIRST": first,
+    }
     return {
         target: fill((TEMPLATES / source).read_text(encoding="utf-8"), values)
         for target, source in (("pipeline.yaml", "pipeline.template"), ("README.md", "readme.template"))

@@ -41,6 +41,9 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     tail += [f"verdict    {near(path)}" for path in verdict_files(pipeline, result)]
     tail += [f"robot      {near(path)}" for path in robot_files(pipeline, result)]
     tail += [f"results    {show}", f"run again  {again}"]
+    tail += [
+        f"more poses {with_setting(again, key, value)}" for key, value in more_configurations(pipeline, found)
+    ]
     verdicts = verdict_lines(pipeline, result)
     if not found:
         return [*head, *verdicts, "", *tail]
@@ -54,6 +57,29 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     if len(table) > room:
         table = [*table[: room - 1], f"... {len(table) - room + 1} more: {show} {stage}"]
     return [*head, "", *table, *beside, *told, *verdicts, "", *tail]
+
+
+def more_configurations(pipeline: Pipeline, found: list[tuple[str, Fit]]) -> list[tuple[str, int]]:
+    """Return the settings that double the configurations of a run, and to what, where a fit asks for more of them."""
+    from robid_core.artifacts.doubts import MORE_CONFIGURATIONS
+    from robid_core.stage import CandidateDesign
+
+    if not any(doubt.kind in MORE_CONFIGURATIONS for _, fit in found for doubt in fit.doubts):
+        return []
+    designs = [node for node in pipeline.stages if isinstance(node.stage, CandidateDesign)]
+    counts = [(node.name, getattr(node.stage, "count", None)) for node in designs]
+    return [(f"stages.{name}.with.count", 2 * count) for name, count in counts if isinstance(count, int)]
+
+
+def with_setting(command: str, key: str, value: object) -> str:
+    """Return a command with `--set key=value` at its end, in place of what it sets there itself."""
+    words = shlex.split(command)
+    earlier = {
+        i for i, word in enumerate(words) if i and words[i - 1] == "--set" and word.startswith(f"{key}=")
+    }
+    dropped = earlier | {i - 1 for i in earlier}
+    kept = [word for i, word in enumerate(words) if i not in dropped]
+    return shlex.join([*kept, "--set", f"{key}={value}"])
 
 
 def verdict_lines(pipeline: Pipeline, result: RunResult) -> list[str]:

@@ -57,6 +57,8 @@ class Draft:
     """What was not taken over, and what was decided."""
     to_fill_in: int
     """How many values wait."""
+    n_springs: int
+    """How many elastic coordinates are proposed, or are in the URDF already."""
     meshes: Mapping[str, Path]
     """Where the meshes are, by their names in the URDF."""
 
@@ -104,9 +106,9 @@ def draft_of(path: Path, name: str, lock: Collection[str] = ()) -> Draft:
         for body in bodies
         if len(behind := [other.joint for other in bodies if other.parent == body.joint]) > 1
     ]
-    robot, plant, told = _texts(path.name, name, model, bodies, locked, motors)
+    robot, plant, n_springs, told = _texts(path.name, name, model, bodies, locked, motors)
     meshes = {shape.name: shape.file for shape in model.shapes}
-    return Draft(robot, plant, (*remarks, *told), robot.count(f": {PLACEHOLDER}"), meshes)
+    return Draft(robot, plant, (*remarks, *told), robot.count(f": {PLACEHOLDER}"), n_springs, meshes)
 
 
 def _look(path: Path) -> tuple[dict[str, str], dict[str, UrdfMotor], list[str]]:
@@ -149,8 +151,8 @@ def _texts(
     bodies: tuple[Body, ...],
     locked: dict[str, str],
     motors: Mapping[str, UrdfMotor],
-) -> tuple[str, str, list[str]]:
-    """Return robot.yaml, plant.yaml, and what was decided about springs."""
+) -> tuple[str, str, int, list[str]]:
+    """Return robot.yaml, plant.yaml, the number of springs, and what was decided about them."""
     lines = [
         f"# Bodies, joints and limits: {file}. What is '{PLACEHOLDER}' the URDF cannot know: data sheets of motor,",
         "# gear and drive do. Springs and sensors are proposals to begin with. `robid doctor robot.yaml` looks for",
@@ -216,7 +218,8 @@ def _texts(
         "base: robot.yaml",
         f"factors: {{{softer}}}",
     ]
-    return "\n".join(lines) + "\n", "\n".join(plant) + "\n", told
+    n_springs = len(own) + sum(len(directions) for directions in springs.values())
+    return "\n".join(lines) + "\n", "\n".join(plant) + "\n", n_springs, told
 
 
 def _axis(

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from robid_core import ConfigurationError, Configurations, Context, MotionRefused, Robot, clear_motion
+from robid_core import (
+    MILESTONE,
+    ConfigurationError,
+    Configurations,
+    Context,
+    MotionRefused,
+    Robot,
+    clear_motion,
+)
 from robid_core.stage import map_in_process
 from robid_core.testing import check_stage
 from robid_excitation.multisine import Multisine, missed_resonances
@@ -140,6 +148,28 @@ def test_what_breaks_a_limit_is_refused_with_an_amplitude_that_does_not(
     cleared = run(Multisine(**{**settings, **advice}), standing, robot)
     assert (cleared.predicted_torque <= 18).all()
     assert (cleared.predicted_speed <= 360).all()
+
+
+@pytest.mark.parametrize(
+    "changes", [{"speed_rms_rad_s": 60.0}, {"speed_rms_rad_s": 2.0, "slow_sine_rad_s": 380.0}]
+)
+def test_what_breaks_a_limit_is_made_as_small_as_it_needs_where_that_is_asked(
+    robot: Robot, changes: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    standing = Configurations(robot.axis_names, np.array([[0.0]]))
+    with caplog.at_level(MILESTONE):
+        made = run(Multisine(**{**SETTINGS, **changes}, beyond_limits="scale"), standing, robot)
+    assert (made.predicted_torque <= 18).all()
+    assert (made.predicted_speed <= 360).all()
+    assert "times as large as asked for: in configuration 0 axis_1 would reach a motor" in caplog.text
+    # No smaller than it needs: one of the limits is nearly reached.
+    assert max(made.predicted_torque.max() / 18, made.predicted_speed.max() / 360) > 0.7
+
+
+def test_what_breaks_no_limit_is_the_same_whether_it_may_be_scaled(robot: Robot) -> None:
+    standing = Configurations(robot.axis_names, np.array([[0.0]]))
+    made = [run(Multisine(**SETTINGS, beyond_limits=what), standing, robot) for what in ("refuse", "scale")]
+    assert np.array_equal(made[0].reference, made[1].reference)
 
 
 def test_advice_holds_for_the_default_amplitude_too(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
