@@ -77,6 +77,10 @@ class Context:
     """Where data outside the project are read from (ROBID_DATA)."""
     scratch: Path | None = None
     """A folder of the run for logs that are no artifacts; None: keep none."""
+    run_name: str = ""
+    """Of a report: the name of the run."""
+    warnings: tuple[str, ...] = ()
+    """Of a report: what the stages before it warned of, alike ones as one sentence."""
 
     def track(self, items: Iterable[Any], total: int, note: str = "") -> Iterator[Any]:
         """Yield the items, reporting progress before each and after the last."""

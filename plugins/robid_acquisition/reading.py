@@ -279,7 +279,7 @@ class ReadFiles(Sources):
             f"({self.resample}) to {1 / step:.6g} Hz, which brings an error of about (rms, of the worst axis): {told}"
         )
         gaps = (Hole("; ".join(words), "are missing", lost, CUT),) if lost.any() else ()
-        return Samples(file, spread, step, gaps, (note,))
+        return Samples(file, spread, step, gaps, (note,), resampled=True)
 
 
 def side_of(name: str) -> str:

@@ -175,7 +175,8 @@ class RecordedAcquisition(ReadFiles):
                 if samples is None or samples.file != recording.file:
                     samples = self.read(recording.file, robot, context)
                     for note in samples.notes:
-                        held = "; its torque is no longer held from sample to sample" if self._held else ""
+                        moved = self._held and samples.resampled
+                        held = "; its torque is no longer held from sample to sample" if moved else ""
                         context.log.warning("%s%s", note, held)
                 if self.period_s == "auto" and period_s is None:
                     (values, known), _ = self._experiment(recording, samples, robot, None)

@@ -39,6 +39,8 @@ class Samples:
     holes: tuple[Hole, ...] = ()
     notes: tuple[str, ...] = field(default=())
     """What was done to them, for a warning."""
+    resampled: bool = False
+    """Whether they lie on another grid than the rows of the file: then nothing is held from sample to sample."""
     scalars: Mapping[str, float] = field(default_factory=dict)
     """Single numbers of the file that are constants of its experiments."""
 

@@ -92,8 +92,8 @@ class TimeStamps:
         if rms < JITTER:
             return ""
         return (
-            f"steps of time differ from the mean one by up to {largest:.2g} % ({rms:.2g} % rms) and are taken as even: "
-            "right where the stamps jitter and the sampling does not; where it does, set resample: cubic"
+            f"steps of time differ from the mean one by up to {largest:.2g} % ({rms:.2g} % rms) and are taken as even. "
+            "That is right where only the stamps jitter; if the sampling itself does, set resample: cubic"
         )
 
     def refusal(self) -> str:

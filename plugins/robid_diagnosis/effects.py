@@ -44,6 +44,7 @@ from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.impossible_motion import check_possible
 from robid_diagnosis.judgement import errors_of, parted
 from robid_diagnosis.parts import cut_into_parts
+from robid_diagnosis.reservations import reservations
 from robid_diagnosis.residual_curves import residual_curves
 from robid_diagnosis.response_check import Chain, disagreements, response_check_of
 from robid_diagnosis.results import (
@@ -287,6 +288,7 @@ class Effects(DiagnosisStage):
         )
         tried = outcome.searches[0].tried
         excluded = tuple(name for name in effect_names() if name not in tried)
+        left = misfit_table(problem, final.point)
         return Diagnosis(
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),
@@ -302,7 +304,8 @@ class Effects(DiagnosisStage):
                 outcome.visible,
             ),
             timing=timing,
-            left=misfit_table(problem, final.point),
+            left=left,
+            doubts=reservations(findings, final.misfit, left),
             data=data,
             residuals=residual_curves(refitted, final, outcome.motion),
             model=model,

@@ -182,6 +182,8 @@ def data_of(case: Case, final: Fitted, tests: Sequence[Record]) -> DiagnosedData
         noise=tuple(dict.fromkeys(block.noise_source for block in blocks)),
         variants=tuple(dict.fromkeys(variant for variant in variants if variant)),
         n_left_out=sum(final.problem.left_out),
+        seconds=sum(run.valid.size * run.sample_time_s for one in case.records for run in one.runs),
+        sources=tuple(dict.fromkeys(one.source for one in case.records)),
     )
 
 

@@ -39,8 +39,12 @@ def findings(
     design: Design | None,
     diagnosis: Diagnosis | None,
     truth: Truth | None,
+    warnings: Sequence[str] = (),
 ) -> list[Finding]:
-    """Return everything that limits the use of the results, serious things first; `fits` begin with the page's own."""
+    """Return everything that limits the use of the results, serious things first; `fits` begin with the page's own.
+
+    `warnings` are those of the stages before the page, as the screen has them.
+    """
     found = [
         *_of_record(record),
         *_of_frf(frf),
@@ -48,6 +52,7 @@ def findings(
         *_of_diagnosis(diagnosis),
         *_of_what_explains(fits, diagnosis),
         *_of_truth(fits[0] if fits else None, truth),
+        *(Finding(False, f"{text[:1].upper()}{text[1:].rstrip('.')}.") for text in warnings),
     ]
     if design is not None and not design.gap <= GAP_LIMIT:
         found.append(
@@ -153,12 +158,23 @@ def facts(
                 f"configurations × lines, {frf.frequency_hz[0]:.3g} to {frf.frequency_hz[-1]:.3g} Hz",
             )
         )
-    elif record is not None and fit is None:
-        seconds = sum(run.valid.size * run.sample_time_s for run in record.runs)
-        result.append(Fact(f"{significant(seconds, 3)} s", "recorded"))
+    elif fit is None and (recorded := _recorded(record, diagnosis)):
+        seconds, sources = recorded
+        several = f" in {len(sources)} recordings" if len(sources) > 1 else ""
+        result.append(Fact(f"{significant(seconds, 3)} s", f"recorded{several}"))
     if design is not None:
         result.append(Fact(str(design.n_config), "configurations chosen for the next robot"))
     return result
+
+
+def _recorded(record: Record | None, diagnosis: Diagnosis | None) -> tuple[float, tuple[str, ...]] | None:
+    """Return how long was recorded, in s, and from where: what a diagnosis looked at, or the page's own record."""
+    data = diagnosis.data if diagnosis is not None else None
+    if data is not None and data.sources:
+        return data.seconds, data.sources
+    if record is None:
+        return None
+    return sum(run.valid.size * run.sample_time_s for run in record.runs), (record.source,)
 
 
 def _fit_facts(fit: Fit, truth: Truth | None) -> list[Fact]:
@@ -198,6 +214,7 @@ def steps(
     frf: Frf | None,
     fit: Fit | None,
     design: Design | None,
+    diagnosis: Diagnosis | None = None,
 ) -> list[tuple[str, str]]:
     """Return what was done, one (noun, sentence) for each artifact that is at hand."""
     result: list[tuple[str, str]] = []
@@ -217,9 +234,13 @@ def steps(
             )
         )
     if record is not None:
-        seconds = sum(run.valid.size * run.sample_time_s for run in record.runs)
+        recorded = _recorded(record, diagnosis if fit is None else None)
+        assert recorded is not None
+        seconds, sources = recorded
         names = sorted({name for run in record.runs for name in run.channels})
-        result.append(("Record", f"{record.source}: {significant(seconds, 4)} s of {', '.join(names)}"))
+        head = sources[0] if len(sources) == 1 else f"{len(sources)} ({sources[0]} to {sources[-1]})"
+        word = "Record" if len(sources) == 1 else "Records"
+        result.append((word, f"{head}: {significant(seconds, 4)} s of {', '.join(names)}"))
     if frf is not None:
         result.append(("Frequency response", f"{frf.estimator}; uncertainty: {frf.pooling or 'none stated'}"))
     if fit is not None:

@@ -24,6 +24,7 @@ import numpy as np
 from markupsafe import Markup
 
 from robid_core import (
+    Context,
     Design,
     Diagnosis,
     Excitation,
@@ -257,7 +258,7 @@ class HtmlReport(ReportStage):
     """
 
     title: str = ""
-    """Heading of the page; by default the robot's name."""
+    """Heading of the page; by default the run's name, outside of a run the robot's."""
     date: bool = False
     """Whether the page says when it was made; then equal inputs give equal pages no more."""
     host: bool = False
@@ -274,6 +275,7 @@ class HtmlReport(ReportStage):
         excitation: Excitation | None = None,
         truth: Truth | None = None,
         fits: tuple[Fit, ...] = (),
+        context: Context | None = None,
     ) -> Report:
         """Collect what there is and write the page; of several `fits` the others stand beside `fit`."""
         others, responding = other_fits(fit, fits), fit_with_response(fit, fits)
@@ -287,12 +289,18 @@ class HtmlReport(ReportStage):
         comparisons += steady
         model = responding.model if responding is not None else None
         content = {
-            "title": self.title or robot.name,
+            "title": self.title or (context.run_name if context is not None else "") or robot.name,
             "robot": robot.name,
             "made": made(self.date, self.host),
             "axes": robot.axis_names,
             "findings": findings(
-                frf, [one for one in (fit, *others) if one is not None], record, design, diagnosis, truth
+                frf,
+                [one for one in (fit, *others) if one is not None],
+                record,
+                design,
+                diagnosis,
+                truth,
+                context.warnings if context is not None else (),
             ),
             "facts": facts(frf, fit, record, design, diagnosis, truth),
             "verdict": diagnosis.verdict.split("\n") if diagnosis is not None else [],
@@ -325,6 +333,6 @@ class HtmlReport(ReportStage):
             "body_is_fitted": model is not None,
             "time": [time_plots(comparison, title) for title, comparison in comparisons],
             "design": design_section(robot, design, responding),
-            "steps": steps(excitation, record, frf, fit, design),
+            "steps": steps(excitation, record, frf, fit, design, diagnosis),
         }
         return Report(html=render(content, {"response": response, "time": content["time"]}))

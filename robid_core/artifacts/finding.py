@@ -116,7 +116,8 @@ class DiagnosedData(Artifact):
 
     `n_test` experiments of the role `test` were kept from it. `noise` says in words what weighs the bins up to
     `highest_hz`; `variants` names the loads or tools that the robot carried, empty where it carried none. `n_left_out`
-    experiments were not used in the end, since the model that was found rattles in them.
+    experiments were not used in the end, since the model that was found rattles in them. `seconds` of motion were
+    recorded in them, from `sources`; 0 and none where an earlier version did not say.
     """
 
     n_config: int
@@ -126,6 +127,8 @@ class DiagnosedData(Artifact):
     noise: tuple[str, ...]
     variants: tuple[str, ...] = ()
     n_left_out: int = 0
+    seconds: float = 0.0
+    sources: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,9 +33,11 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
     again
         The command that runs it again.
     """
+    from robid_core.run.folded import folded
+
     show = shlex.join(["robid", "show", near(result.folder.path)])
     head = [headline(pipeline, result)]
-    head += doubt_lines((*result.warnings, *result.doubts), result.remarks)
+    head += doubt_lines((*folded(result.warnings), *result.doubts), result.remarks)
     page, found = last_page(pipeline, result), fits(pipeline, result)
     tail = [f"page       {near(page)}"] if page is not None else []
     tail += [f"verdict    {near(path)}" for path in verdict_files(pipeline, result)]

@@ -120,6 +120,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
     from robid_core.commands.last_screen import headline, last_page, last_screen, verdict_lines
     from robid_core.commands.run_screen import listening
     from robid_core.run import run_pipeline
+    from robid_core.run.folded import folded
     from robid_core.standard_streams import never_failing
 
     never_failing("stdout")  # what it shows comes after the results are stored
@@ -127,7 +128,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
         with listening(quiet, verbose) as listener:
             result = run_pipeline(pipeline, options, listener)
     except RobidError as error:
-        for warning in error.warnings:
+        for warning in folded(error.warnings):
             typer.echo(f"! {warning}", err=True)
         raise
     except KeyboardInterrupt as interrupt:
@@ -139,7 +140,7 @@ def run_and_tell(pipeline: Pipeline, options: RunOptions, again: str, quiet: boo
         typer.echo(headline(pipeline, result) + (f"; {page}" if page else ""))
         for line in filter(None, verdict_lines(pipeline, result)):
             typer.echo(line)
-        for doubt in (*result.warnings, *result.doubts, *result.remarks):
+        for doubt in (*folded(result.warnings), *result.doubts, *result.remarks):
             typer.echo(doubt, err=True)
     else:
         typer.echo("\n".join(last_screen(pipeline, result, again)))

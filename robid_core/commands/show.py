@@ -86,6 +86,7 @@ def verification_line(path: Path) -> str:
 def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
     """Return what a run made: one line per stage; and why its results should be doubted."""
     from robid_core.commands.fit_screen import doubt_lines
+    from robid_core.run.folded import folded
     from robid_core.run.verification import changed_files
 
     lines = [
@@ -111,7 +112,7 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
             text = f"stage {name}: {doubt['sentence']}; {doubt['remedy']}"
             found[doubt.get("degree", "doubt")].append(text)
     if any(found.values()):
-        lines += ["", *doubt_lines(found["doubt"], found["remark"])]
+        lines += ["", *doubt_lines(folded(found["doubt"]), found["remark"])]
     changed = changed_files(folder, manifest)
     if changed:
         lines += ["", *changed]

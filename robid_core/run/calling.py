@@ -34,7 +34,7 @@ from robid_core.run.log import NAME
 from robid_core.run.options import RunOptions
 from robid_core.run.process_state import state_taken_back
 from robid_core.run.progress import Listener
-from robid_core.stage import Context, MapTasks, Progress
+from robid_core.stage import Context, MapTasks, Progress, ReportStage
 from robid_core.store import Entry, Store, failures_named
 
 
@@ -71,10 +71,17 @@ class Caller:
                     ProcessMap(1) if _has_drives(node) else self._tasks,
                     self._progress(node),
                     self._raw_folder(node),
+                    *self._told(node),
                 )
         self._compile_ahead(node)
         with state_taken_back(log), compilation_told(lambda kernel: self._tell_compilation(node, kernel)):
             return self._checked(node, node.stage.run(**arguments))
+
+    def _told(self, node: StageNode) -> tuple[str, tuple[str, ...]]:
+        """Return the run's name, and what the stages before this one warned of: reports print both."""
+        if not isinstance(node.stage, ReportStage):
+            return "", ()
+        return self._shared.pipeline.name, self._shared.warnings_before(node)
 
     def _is_confined(self, node: StageNode) -> bool:
         """Tell whether a stage gets a process of its own: under a limit, or where code of a third party is in it."""
@@ -172,6 +179,7 @@ class Caller:
                 ),
                 result=result,
                 has_drives=_has_drives(node),
+                told=self._told(node),
             )
             self._compile_ahead(node)
             run_confined(job, self._options.deadline_s, self._options.memory_mb, self._hear(node))
@@ -209,6 +217,8 @@ def make_context(
     tasks: MapTasks,
     progress: Progress,
     scratch: Path | None = None,
+    run_name: str = "",
+    warnings: tuple[str, ...] = (),
 ) -> Context:
     """Return what a run lends to the stage of this name."""
     return Context(
@@ -218,4 +228,6 @@ def make_context(
         log=logging.getLogger(f"{NAME}.{name}"),
         data_root=data_root,
         scratch=scratch,
+        run_name=run_name,
+        warnings=warnings,
     )

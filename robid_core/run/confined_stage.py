@@ -56,6 +56,7 @@ class Job:
     executor: tuple[Callable[..., Any], Mapping[str, Any]]
     result: Path
     has_drives: bool = False  # then it is asked to end before it is killed
+    told: tuple[str, tuple[str, ...]] = ("", ())  # name of the run and warnings, of a report
 
 
 def crash_file(job: Job) -> Path:
@@ -188,7 +189,9 @@ def _work(job: Job, memory_mb: int | None, line: _Line) -> None:
         arguments: dict[str, Any] = {**arguments_of(job.stage, artifacts, log), **job.lent}
         if job.context is not None:
             parameter, seed, data_root, scratch = job.context
-            arguments[parameter] = make_context(job.name, seed, data_root, tasks, progress, scratch)
+            arguments[parameter] = make_context(
+                job.name, seed, data_root, tasks, progress, scratch, *job.told
+            )
         result = checked_result(job.name, job.plugin, job.stage, job.stage.run(**arguments))
     with failures_named("write", job.result):
         Files().write(job.result, result.write)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,10 @@ from robid_core.drives import Drives
 from robid_core.pipeline import Pipeline, StageNode
 from robid_core.registry import DYNAMICS, Plugin, registry
 from robid_core.robot import Robot
+from robid_core.run.folded import folded
 from robid_core.run.lent_robot import possible_effects
 from robid_core.run.sources import core_hash, sources_hash
-from robid_core.stage import Context, Stage
+from robid_core.stage import Context, ReportStage, Stage
 from robid_core.store import canonical_json, failures_named, text_hash
 
 KEY_FORMAT = 1
@@ -43,6 +44,8 @@ class Surroundings:
 
     pipeline: Pipeline
     robot: Robot
+    warnings: dict[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
+    """What stages warned of while they were made, by stage: reports print it."""
 
     @functools.cached_property
     def robot_hash(self) -> str:
@@ -56,6 +59,23 @@ class Surroundings:
             return None
         settings = self.pipeline.drives.settings
         return settings if isinstance(settings, Drives) else None
+
+    def warnings_before(self, node: StageNode) -> tuple[str, ...]:
+        """Return what the stages before one warned of, in the order of the file, alike ones as one sentence."""
+        before, waiting = set[str](), list(node.feeds)
+        while waiting:
+            name = waiting.pop()
+            if name not in before:
+                before.add(name)
+                waiting += self.pipeline.stage(name).feeds
+        return tuple(
+            folded(
+                f"stage {stage.name}: {text}"
+                for stage in self.pipeline.stages
+                if stage.name in before
+                for text in self.warnings.get(stage.name, ())
+            )
+        )
 
     def moves_hardware(self, stage: Stage) -> bool:
         """Tell whether running this stage moves a machine."""
@@ -91,6 +111,8 @@ def ingredients_of(node: StageNode, inputs: Mapping[str, InputHash], shared: Sur
         found["plugins"] = {p.name: plugin_identity(p, versioned=not hardware) for p in others}
     if Context in lent:
         found["seed"] = f"{child_seed(shared.pipeline.seed, node.name):032x}"
+    if Context in lent and isinstance(stage, ReportStage):
+        found["told"] = {"run": shared.pipeline.name, "warnings": list(shared.warnings_before(node))}
     if lent & {Robot, Truth}:
         found["robot"] = {"sha256": shared.robot_hash, "dynamics": _dynamics(shared.pipeline, hardware)}
         effects = possible_effects(node, shared.pipeline, shared.robot)

@@ -104,6 +104,12 @@ class Manifest:
             raise DamagedManifest(folder, f"{type(error).__name__}: {error}") from error
 
 
+def warnings_of(manifest: Manifest | None) -> dict[str, tuple[str, ...]]:
+    """Return what the stages of a run warned of, by stage."""
+    stages = manifest.stages.items() if manifest is not None else ()
+    return {name: tuple(record.warnings) for name, record in stages if record.warnings}
+
+
 def ending_told(manifest: Manifest) -> str:
     """Return in words how a run ended that nobody saw to its end; empty where it was done."""
     where = f" while stage {manifest.making} was made" if manifest.making else ""

@@ -10,7 +10,7 @@ from robid_core.pipeline import Pipeline
 from robid_core.run.beginning import hold_to, new_manifest
 from robid_core.run.folder import RunFolder
 from robid_core.run.identity import Surroundings
-from robid_core.run.manifest import Manifest
+from robid_core.run.manifest import Manifest, warnings_of
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, preview, selection
 from robid_core.store import Store
@@ -25,7 +25,8 @@ def kept_without_writing(pipeline: Pipeline, options: RunOptions) -> RunResult |
     folder = RunFolder.of(pipeline)
     if not folder.manifest.is_file():
         return None
-    manifest, shared = Manifest.read(folder), Surroundings(pipeline, pipeline.robot.load())
+    manifest = Manifest.read(folder)
+    shared = Surroundings(pipeline, pipeline.robot.load(), warnings_of(manifest))
     if manifest is None:
         return None
     if options.locked:

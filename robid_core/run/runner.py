@@ -34,7 +34,13 @@ from robid_core.run.guard import named_errors
 from robid_core.run.identity import Surroundings, file_hashes
 from robid_core.run.lock import run_lock
 from robid_core.run.log import NAME, log_file, warnings_kept
-from robid_core.run.manifest import StageRecord, ending_told, readable_manifest, refuse_damaged_manifest
+from robid_core.run.manifest import (
+    StageRecord,
+    ending_told,
+    readable_manifest,
+    refuse_damaged_manifest,
+    warnings_of,
+)
 from robid_core.run.motion import MotionRecords
 from robid_core.run.options import RunOptions, RunResult
 from robid_core.run.plan import Action, Decision, decide, input_hashes, preview, refuse_unmade, selection
@@ -87,8 +93,8 @@ def preview_run(pipeline: Pipeline, options: RunOptions) -> list[Decision]:
     """Say what `run_pipeline` would do, and why; nothing is run or written."""
     folder = RunFolder.of(pipeline)
     chosen = selection(pipeline, options.first, options.last)
-    shared = Surroundings(pipeline, pipeline.robot.load())
     previous, damage = readable_manifest(folder)
+    shared = Surroundings(pipeline, pipeline.robot.load(), warnings_of(previous))
     if options.locked:
         refuse_damaged_manifest(damage)
         hold_to(previous, folder, new_manifest(shared, options), shared)
@@ -110,8 +116,8 @@ class _Run:
     ) -> None:
         self.pipeline, self.options, self.listener, self.store = pipeline, options, listener, store
         self.folder = RunFolder.of(pipeline)
-        self.shared = Surroundings(pipeline, pipeline.robot.load())
         self.previous, self.damage = readable_manifest(self.folder, store.files)
+        self.shared = Surroundings(pipeline, pipeline.robot.load(), warnings_of(self.previous))
         if options.locked:
             refuse_damaged_manifest(self.damage)
         self.manifest = new_manifest(self.shared, options)
@@ -282,6 +288,7 @@ class _Run:
         elif earlier is not None and earlier.key == entry.key:
             raw, warned = earlier.raw, earlier.warnings
         self.warnings += [f"stage {node.name}: {text}" for text in warned]
+        self.shared.warnings[node.name] = tuple(warned)
         self.manifest.stages[node.name] = StageRecord(
             outcome=outcome,
             key=entry.key,
@@ -314,6 +321,7 @@ class _Run:
         self.store.withdraw(node.name)
         drop_robot(node, self.shared, self.store)
         self.outcomes[node.name] = "refused"
+        self.shared.warnings.pop(node.name, None)
         self.manifest.stages[node.name] = StageRecord("refused", inputs=node.inputs, note=why)
         self.doubts.append(f"stage {node.name}: {why}")
         self.unusable = True

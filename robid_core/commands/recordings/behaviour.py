@@ -10,6 +10,7 @@ from robid_core.arrays import FloatArray
 
 LOOKED_AT = 20_000  # samples, of a long recording
 GAP = 1.5  # of the usual step: a longer one is a gap
+JITTER = 0.01  # likewise: less is what rounding to microseconds does to stamps
 EVEN = 0.1  # share of the usual step by which the steps of an even clock may differ; as `acquisition.recorded` takes it
 OF_CLOCK = 0.5  # scatter of the steps over their mean, below which a rising column may be a clock
 ALIKE = 0.98  # correlation of a column with a derivative
@@ -37,7 +38,12 @@ class Clock:
     @property
     def even(self) -> bool:
         """Whether no step differs by more than a tenth from the usual one."""
-        return max(self.greatest_s - self.step_s, self.step_s - self.least_s) <= EVEN * self.step_s
+        return self.unevenness <= EVEN
+
+    @property
+    def unevenness(self) -> float:
+        """The largest deviation of a step from the usual one, as a share of it."""
+        return max(self.greatest_s - self.step_s, self.step_s - self.least_s) / self.step_s
 
 
 def clock_of(name: str, values: FloatArray, unit: str = "") -> Clock | None:

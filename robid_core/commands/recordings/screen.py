@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from robid_core.commands.recordings.behaviour import Clock
+from robid_core.commands.recordings.behaviour import JITTER, Clock
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
 
@@ -65,12 +65,21 @@ def clock_text(clock: Clock) -> str:
     least, usual, greatest = (f"{1e3 * step:.6g}" for step in (clock.least_s, clock.step_s, clock.greatest_s))
     text = f"{clock.name} [{clock.unit}], {1 / clock.step_s:.6g} Hz, "
     text += (
-        f"even steps of {usual} ms"
+        _even_steps(usual, clock)
         if clock.even
         else f"uneven: steps of {least} to {greatest} ms, usual {usual} ms"
     )
     text += f", {clock.n_gap} gaps" if clock.n_gap else ", no gaps"
     return text + (f", stands or runs back {clock.n_back} times" if clock.n_back else "")
+
+
+def _even_steps(usual: str, clock: Clock) -> str:
+    """Say how even steps are that are taken as even; `acquisition.recorded` warns of the same."""
+    return (
+        f"even steps of {usual} ms"
+        if clock.unevenness < JITTER
+        else (f"steps of {usual} ms, off by up to {100 * clock.unevenness:.2g} %, taken as even")
+    )
 
 
 def _row(channel: Guess) -> list[str]:

@@ -7,10 +7,16 @@ from html import unescape
 import numpy as np
 import pytest
 
-from robid_core import Diagnosis, Finding, Robot, SeparatingExperiment
+from robid_core import DiagnosedData, Diagnosis, Finding, Robot, SeparatingExperiment
+from robid_core.testing import example_record
 from robid_report.html import HtmlReport
 
 NONE = np.empty(0)
+
+
+@pytest.fixture
+def robot() -> Robot:
+    return Robot.load("one_axis")
 
 
 @pytest.mark.parametrize("ratio", [3.7, 0.2])
@@ -40,3 +46,28 @@ def test_the_next_experiment_stands_below_the_ties(ratio: float) -> None:
     assert f"The next experiment: {experiment.sentence}." in told
     assert "cannot distinguish it from friction.lugre at axis_1 (motor)" in without
     assert "next experiment" not in without
+
+
+def test_an_unknown_cause_has_no_empty_table(robot: Robot) -> None:
+    finding = Finding(
+        "unknown", "a function of motor speed", "axis_1", "", 50.0, 1e-9, np.nan, (), (),
+        NONE, NONE, NONE, NONE, NONE, NONE,
+    )  # fmt: skip
+    page = HtmlReport().run(robot, diagnosis=Diagnosis("effects", "", findings=(finding,))).html
+    assert "Unknown cause: a function of motor speed" in page
+    assert '<table class="cause-numbers">' not in page
+
+
+def test_the_time_is_that_of_all_recordings_of_a_diagnosis(robot: Robot) -> None:
+    """Its page takes one of the records, for channels and poses."""
+    data = DiagnosedData(
+        4, 4, 0, 100.0, ("noise",), seconds=28.0, sources=("a.csv", "b.csv", "c.csv", "d.csv")
+    )
+    record = example_record(robot)
+    page = unescape(
+        HtmlReport().run(robot, record=record, diagnosis=Diagnosis("effects", "", data=data)).html
+    )
+    assert "<dt>recorded in 4 recordings</dt><dd>28.0 s</dd>" in page
+    assert "<dt>Records</dt><dd>4 (a.csv to d.csv): 28.00 s of" in page
+    older = HtmlReport().run(robot, record=record, diagnosis=Diagnosis("effects", "")).html
+    assert "<dt>recorded</dt>" in older

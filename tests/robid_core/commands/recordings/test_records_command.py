@@ -15,6 +15,7 @@ from faults.fault import fault
 from hypothesis import given, strategies as st
 from ruamel.yaml import YAML
 
+from robid_acquisition.time_stamps import TimeStamps
 from robid_core import Channel, Context, DenseRun, Record, Robot
 from robid_core.commands import records
 from robid_core.commands.recordings.acquisition import data_root, scalar, stage_lines
@@ -384,3 +385,17 @@ def test_numbers_near_the_largest_of_all_move_nothing(tmp_path: Path) -> None:
     values = np.full((300, 2), 1.7e308) * np.where(np.arange(300)[:, None] % 2, 1.0, -1.0)
     np.savez(tmp_path / "wild.npz", t=0.01 * np.arange(300), q=values, tau=values)
     assert inspect(tmp_path / "wild.npz").repeats is None
+
+
+def test_steps_that_the_reading_warns_of_are_not_called_even(tmp_path: Path) -> None:
+    """Stamps off by 8 % of a step are taken as even, and both `records` and `acquisition.recorded` say by how much."""
+    draw = np.random.default_rng(1)
+    for share, told in ((0.04, ", off by up to "), (0.0, "even steps of 2 ms, no gaps")):
+        time = 2e-3 * (np.arange(500) + draw.uniform(-share, share, 500))
+        file = tmp_path / f"run_{share}.csv"
+        rows = zip(time, np.sin(9 * time), strict=True)
+        file.write_text("t,q\n" + "\n".join(f"{a:.9f},{b:.9f}" for a, b in rows))
+        one = inspect(file)
+        (line,) = [text for text in recording_lines(one) if "no gaps" in text]
+        assert told in line
+        assert ("taken as even" in line) == bool(TimeStamps.of(time).jitter())
