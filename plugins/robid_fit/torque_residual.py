@@ -49,6 +49,7 @@ from robid_core.residual import (
     torque_problem,
     variant_robots,
 )
+from robid_core.residual.misfit_freedom import with_freedom
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_doubts import doubts, with_rests
 from robid_fit.torque_gain import common_scale_problem
@@ -331,7 +332,7 @@ class TorqueResidualFit(Estimator):
             status=status,
             converged=solution.converged,
             misfit=misfit(problem, point),
-            misfit_table=misfit_table(problem, point),
+            misfit_table=with_freedom(misfit_table(problem, point), problem),
             n_starts=n_starts,
             n_agree=solution.n_agree,
             parameters=table,

@@ -22,13 +22,15 @@ class MisfitTable(Artifact):
     """Misfit per degree of freedom (1 where the model is right) by axis and band; NaN where a band has no such bin.
 
     Band b reaches from `band_edges_hz[b]` to `band_edges_hz[b + 1]`; `lines` is of the excited lines, `other` of all
-    other bins.
+    other bins. `line_freedom` and `other_freedom` are the degrees of freedom of each, where they are known.
     """
 
     axis_names: tuple[str, ...]
     band_edges_hz: FloatArray = array("n_edge", "Hz")
     lines: FloatArray = array("n_axis n_band", finite=False)
     other: FloatArray = array("n_axis n_band", finite=False)
+    line_freedom: FloatArray | None = array("n_axis n_band", optional=True, least=0.0)
+    other_freedom: FloatArray | None = array("n_axis n_band", optional=True, least=0.0)
 
     def __post_init__(self) -> None:
         """Check that axes and bands are as many as the rows and columns."""
