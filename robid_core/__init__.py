@@ -14,8 +14,8 @@ _HOME = {
         "Doubt", "EssentialParameters", "Excitation", "ExcitedRange", "Finding", "Fit", "FrictionCurve", "Frf",
         "MisfitTable", "Model", "ParameterTable", "PredictionCurve", "PredictionErrors", "Record", "Report",
         "ResidualCurve", "ResponseComparison", "RunErrors", "SearchRecord", "SeparatingExperiment", "Table",
-        "TimeComparison", "Timing", "Truth", "VisibleSize", "ResponseCheck", "array", "frozen", "mean_travel",
-        "QUANTITIES", "UNITS",
+        "TimeComparison", "Timing", "Truth", "VisibleSize", "ResponseCheck", "array", "frozen", "is_determined",
+        "mean_travel", "QUANTITIES", "UNITS",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -107,6 +107,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         VisibleSize as VisibleSize,
         array as array,
         frozen as frozen,
+        is_determined as is_determined,
         mean_travel as mean_travel,
     )
     from robid_core.drives import (

@@ -60,6 +60,7 @@ RELAID = 3  # times that functions of speed are laid anew
 FAR = 2.0  # misfit of what did not converge: not just short of the minimum
 STARTS_THEN = 8  # where the nominal robot's leads nowhere
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
+LAGS = 3.0  # standard errors: a lag below is told by nobody
 
 
 def _why_not_free(robot: Robot, name: str) -> str:
@@ -69,6 +70,14 @@ def _why_not_free(robot: Robot, name: str) -> str:
     if name.startswith("friction.") and name.endswith(REPLACED):
         return "free functions of speed stand in its place; free friction.*.viscous alone"
     return ""
+
+
+def lag_words(lag: FloatArray, error: FloatArray) -> str:
+    """Say by how much the torque lags, us, where any lag is more than chance makes of none; else nothing."""
+    if not (np.abs(lag) > LAGS * error).any():
+        return ""
+    told = (f"{1e6 * own:.3g} ± {1e6 * sure:.2g}" for own, sure in zip(lag, error, strict=True))
+    return f"; torque lags by {', '.join(told)} us"
 
 
 def _at_bound(problem: TorqueProblem, point: FloatArray) -> npt.NDArray[np.bool_]:
@@ -322,11 +331,13 @@ class TorqueResidualFit(Estimator):
         n_pass, last = len(solution.changes), solution.changes[-1]
         passes = "1 pass" if n_pass == 1 else f"{n_pass} passes"
         status = f"converged after {passes}" if solution.converged else f"{passes} did not suffice"
-        status += f"; the last one changed springs, dampers and effects by at most {last:.2g} standard errors"
-        if np.isfinite(solution.contraction):
-            status += f", and each leaves {100 * solution.contraction:.2g} % of the way to the end"
-        delay = problem.delay(point)
-        status += f"; torque lags by {', '.join(f'{1e6 * own:.3g}' for own in delay)} us"
+        if not solution.converged:
+            status += (
+                f"; the last one changed springs, dampers and effects by at most {last:.2g} standard errors"
+            )
+            if np.isfinite(solution.contraction):
+                status += f", and each leaves {100 * solution.contraction:.2g} % of the way to the end"
+        status += lag_words(problem.delay(point), error[len(error) - problem.n_delay :])
         return Fit(
             method="torque residual in all bins, friction as free functions of speed",
             status=status,

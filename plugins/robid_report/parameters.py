@@ -5,19 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robid_core import EssentialParameters, ParameterTable, Truth
+from robid_core import EssentialParameters, ParameterTable, Truth, is_determined
 from robid_report.numbers import percent, significant
 
 LIMITS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
-
-
-UNDETERMINED = 10.0
-"""A standard error of so many times the value and more says nothing as a percentage."""
-
-
-def is_determined(error: float, value: float) -> bool:
-    """Tell whether a standard error is of the size of the value at most, or there is none to compare."""
-    return not (value != 0 and error >= UNDETERMINED * abs(value))
 
 
 def relative_error(error: float, value: float) -> str:

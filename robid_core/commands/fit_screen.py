@@ -7,11 +7,11 @@ import shutil
 import sys
 import textwrap
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robid_core.artifacts import EssentialParameters, Fit, MisfitTable
+    from robid_core.artifacts import EssentialParameters, Fit, MisfitTable, ParameterTable
 
 
 DIGITS = 4
@@ -37,7 +37,16 @@ def fit_line(fit: Fit) -> str:
 
 def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> list[str]:
     """Return a fit's parameters as aligned text, the reported ones or all."""
-    table = fit.parameters
+    return parameter_lines(fit.parameters, true, everything)
+
+
+def parameter_lines(
+    table: ParameterTable, true: Mapping[str, float] | None = None, everything: bool = True
+) -> list[str]:
+    """Return parameters as aligned text; "not determined" stands where the page has it (`is_determined`)."""
+    from robid_core.artifacts import is_determined
+
+    true = true or {}
     head = ["parameter", "unit", *(["true"] if true else []), "start", "estimate", "std error"]
     head += ["off / std error"] if true else []
     rows = [head]
@@ -46,12 +55,21 @@ def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> lis
             continue
         value, size = float(table.estimate[index]), float(table.standard_error[index])
         error = "at bound" if table.at_bound[index] else f"{size:.2g}" if size == size else "held"
-        truth = [_number(true[name], size) if name in true else "-"] if true else []
+        error += "" if is_determined(size, value) or table.at_bound[index] else ", not determined"
+        truth = [number_text(true[name], size) if name in true else "-"] if true else []
         off = [f"{(value - true[name]) / size:.2f}" if name in true and size > 0 else "-"] if true else []
         rows.append(
-            [name, table.units[index], *truth, _number(table.start[index]), _number(value, size), error, *off]
+            [
+                name,
+                table.units[index],
+                *truth,
+                number_text(table.start[index]),
+                number_text(value, size),
+                error,
+                *off,
+            ]
         )
-    return _aligned(rows, n_left=2)
+    return aligned(rows, n_left=2)
 
 
 def unshown_text(fit: Fit) -> str:
@@ -73,15 +91,15 @@ def essential_lines(found: EssentialParameters) -> list[str]:
     rows = [["essential parameter", "unit", "estimate", "std error"]]
     numbers = zip(found.estimate.tolist(), found.standard_error.tolist(), strict=True)
     for name, unit, (value, error) in zip(found.names, found.units, numbers, strict=True):
-        rows.append([name, unit, _number(value), _number(error)])
-    lines = _aligned(rows, n_left=2)
+        rows.append([name, unit, number_text(value), number_text(error)])
+    lines = aligned(rows, n_left=2)
     if not found.removed:
         return lines
     rows = [["left out", "std error / size", "residual grows by", "chance"]]
     columns = found.relative_error.tolist(), found.increase.tolist(), found.probability.tolist()
     for name, relative, increase, chance in zip(found.removed, *columns, strict=True):
         rows.append([name, f"{relative:.3g}", f"{100 * increase:.2g} %", f"{chance:.2g}"])
-    return [*lines, "", *_aligned(rows, n_left=1)]
+    return [*lines, "", *aligned(rows, n_left=1)]
 
 
 def misfit_lines(table: MisfitTable) -> list[str]:
@@ -90,10 +108,10 @@ def misfit_lines(table: MisfitTable) -> list[str]:
     for name, lines, other in zip(table.axis_names, table.lines.tolist(), table.other.tolist(), strict=True):
         pairs = zip(lines, other, strict=True)
         rows.append([name, *(" | ".join(f"{x:.3g}" if x == x else "-" for x in pair) for pair in pairs)])
-    return _aligned(rows, n_left=1)
+    return aligned(rows, n_left=1)
 
 
-def _aligned(rows: list[list[str]], n_left: int) -> list[str]:
+def aligned(rows: list[list[str]], n_left: int) -> list[str]:
     """Return rows with their columns under one another, the first few to the left and the others to the right."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return [
@@ -105,7 +123,7 @@ def _aligned(rows: list[list[str]], n_left: int) -> list[str]:
     ]
 
 
-def _number(value: float, error: float = math.nan) -> str:
+def number_text(value: float, error: float = math.nan) -> str:
     """Return a number with four digits, or with as many as show its standard error: two of that."""
     if value != value:
         return "held"  # it was not estimated

@@ -29,10 +29,13 @@ def command(
     ] = None,
 ) -> None:
     """Show a result: its fields with axes, units and ranges; a fit as its table. Without a stage: what a run made."""
+    from robid_core.errors import ConfigurationError
     from robid_core.run.results import manifest_of, read_artifact, result_path
 
     if where == DEFAULT_PIPELINE or where.exists():
         wanted = where
+    elif stage is not None or len(where.parts) > 1:
+        raise ConfigurationError(no_such_run(where))
     else:  # `robid show fit`
         wanted, stage = DEFAULT_PIPELINE, str(where)
     if wanted.suffix in (".h5", ".html") and stage is None:
@@ -45,6 +48,15 @@ def command(
         return
     path = result_path(folder, manifest, stage)
     typer.echo("\n".join([*artifact_lines(read_artifact(path), path), verification_line(path)]))
+
+
+def no_such_run(where: Path) -> str:
+    """Say that a path is no run, and which runs there are beside it, or else here."""
+    for folder in (where.parent, Path("runs")):
+        found = sorted(str(path.parent) for path in folder.glob("*/manifest.json"))
+        if found:
+            return f"{where}: no such run; there are: {', '.join(found)}"
+    return f"{where}: no such run; robid run makes one in {Path('runs')}"
 
 
 def run_of(where: Path) -> RunFolder:
@@ -124,9 +136,10 @@ def run_lines(folder: RunFolder, manifest: Manifest) -> list[str]:
 
 
 def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
-    """Return an artifact as text: what is special about its kind first, then every field."""
+    """Return an artifact as text: what is special about its kind first, then every field; of a diagnosis its tables."""
     from robid_core.artifacts import Design, Diagnosis, Excitation, Fit, Frf, Report
     from robid_core.artifacts.fields import field_lines
+    from robid_core.commands.diagnosis_screen import diagnosis_lines
     from robid_core.commands.excitation_screen import advice_lines
     from robid_core.commands.fit_screen import essential_lines, fit_line, fit_table, misfit_lines
 
@@ -152,7 +165,12 @@ def artifact_lines(artifact: Artifact, path: Path | None = None) -> list[str]:
     elif isinstance(artifact, Design):
         lines += _design_lines(artifact)
     elif isinstance(artifact, Diagnosis):
-        lines += [f"  {artifact.method}: {artifact.verdict}", *_degrees(artifact), ""]
+        return [
+            *lines,
+            *_degrees(artifact),
+            "",
+            *(f"  {line}".rstrip() for line in diagnosis_lines(artifact)),
+        ]
     return [*lines, *field_lines(artifact)]
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import re
 
-from robid_core.artifacts import Model
+from robid_core.artifacts import Model, is_determined
 from robid_core.robot.file.changes import described
 from robid_core.robot.file.named_parameters import layout_of
 
@@ -59,6 +59,7 @@ def known_of(model: Model) -> dict[str, str]:
         if name in errors:
             error = errors[name]
             told.append(f"standard error {error:.3g}" if error == error else "standard error unknown")
+            told += [] if is_determined(error, value) else ["not determined"]
         elif before != value:
             told.append("no standard error")
         told.append(f"before {before:.6g}" if before != value else "as before")

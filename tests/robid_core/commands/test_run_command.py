@@ -405,7 +405,7 @@ def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -
     "words, message",
     [
         (("show",), "not a run"),
-        (("show", "nowhere", "fit"), "not a run"),
+        (("show", "nowhere", "fit"), "nowhere: no such run; robid run makes one"),
         (("diff", "a", "b"), "not a run"),
     ],
 )

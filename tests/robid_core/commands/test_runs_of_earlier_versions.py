@@ -28,7 +28,7 @@ SHOWN = {
     "frf": "  response: 1 n_config x 3 n_freq x 1 n_out x 1 n_in, size 842.7 to 956.7 (rad/s^2)/(N m)",
     "fit": "    estimate: 3 n_parameter, 1.03 to 5.877e+04",
     "choose": "  information: 1 n_parameter x 1 n_parameter, 4.85e+07 to 4.85e+07",
-    "verify": "    measured: 200 n_sample x 1 n_axis, -6.852 to 6.355",
+    "verify": "  motor_torque                200 samples          3.72 %",
 }
 
 
