@@ -7,6 +7,7 @@ frequency response. Motions without lines (trajectories, sweeps) are for other u
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -174,6 +175,11 @@ def check_axes(configurations: Configurations, excitation: Excitation, robot: Ro
         )
 
 
+def name_in_words(drives: type[Drives]) -> str:
+    """Return what drives are called, of the name of their class: `simulated drives`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", drives.__name__).lower()
+
+
 class DriveAcquisition(Acquisition):
     """Measure through the drives: each reference runs some periods to settle, then the traced ones.
 
@@ -216,7 +222,7 @@ class DriveAcquisition(Acquisition):
         )
         plan = RecordPlan(
             axis_names=robot.axis_names,
-            source=type(drives).__name__,
+            source=name_in_words(type(drives)),
             sample_time_s=excitation.sample_time_s,
             n_block=n_block,
             n_exp=n_exp,

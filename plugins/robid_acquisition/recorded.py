@@ -20,7 +20,7 @@ from pydantic import PositiveFloat, model_validator
 from robid_acquisition.arrangement import Arrangement, arrange, listed
 from robid_acquisition.assembly import Assembly, Index, name_file
 from robid_acquisition.before_run import channel_problems, period_problems
-from robid_acquisition.data_file import advice, find_file, reader_of, refuse_others
+from robid_acquisition.data_file import advice, find_file, reader_name, reader_of, refuse_others
 from robid_acquisition.first_file import file_problems
 from robid_acquisition.lines_setting import Lines
 from robid_acquisition.own_record import read_own_record
@@ -326,8 +326,7 @@ class RecordedAcquisition(ReadFiles):
 
     def _source(self, arrangement: Arrangement) -> str:
         """Say where the record comes from."""
-        reader = reader_of(arrangement.recordings[0][0][0].file, self.format)
-        kind = reader.__name__ if isinstance(reader, type) else type(reader).__name__
+        kind = reader_name(arrangement.recordings[0][0][0].file, self.format)
         count = int(np.prod(arrangement.shape))
         recordings = f"{count} recordings, " if count > 1 else ""
         torque = self.channels.get("motor_torque")

@@ -46,8 +46,9 @@ from robid_report.causes import cause_sections
 from robid_report.correlation import correlation_of
 from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
+from robid_report.meshes import told_once
 from robid_report.misfits import misfit_sections
-from robid_report.numbers import percent, significant, times, without_folders
+from robid_report.numbers import percent, significant, times, with_code, without_folders
 from robid_report.parameters import essential_rows, relative_error, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
@@ -158,7 +159,7 @@ def body_section(
     if found is None:
         return None
     data, meshes = found
-    return {"data": json_for_script(data), "drawing": meshes.in_words(), "remarks": meshes.remarks}
+    return {"data": json_for_script(data), "drawing": meshes.in_words(), "remarks": told_once(meshes.remarks)}
 
 
 def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict[str, Any] | None:
@@ -237,6 +238,7 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
         lstrip_blocks=True,
         finalize=lambda part: without_folders(part) if type(part) is str else part,
     )
+    environment.filters["code"] = with_code
     page: str = environment.from_string(text["page.html.j2"]).render(
         **content,
         data=json_for_script(pooled({**data, "dark": DARK})),

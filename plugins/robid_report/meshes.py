@@ -7,7 +7,8 @@ few as are turned without delay and as the page has room for.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ NUMBER_BYTES = 7  # of a coordinate, at most -50000 and a comma; of a corner's n
 UNITS = 5000  # of coordinates in the robot's size: the finest cell
 OUTSIZE = 10.0  # of the robot's size: a mesh in millimetres is a thousand times too large
 COARSER = 1.25
+SEVERAL = 3  # remarks of one kind that are told as one
 
 Mesh = tuple[FloatArray, IntArray]
 
@@ -106,6 +108,22 @@ def drawn_meshes(robot: Robot, meshes: list[LinkMesh], remarks: list[str], size:
         told,
         merged=found is not whole,
     )
+
+
+def told_once(remarks: Sequence[str]) -> list[str]:
+    """Return remarks of which several that differ in quoted names only are one, with the names of the first.
+
+    >>> told_once([f"link '{name}': 'x/{name}.stl' is not found; look" for name in "abc"])
+    ["link 'a': 'x/a.stl' is not found; look (and 2 more of the kind)"]
+    """
+    groups: dict[str, list[str]] = {}
+    for remark in remarks:
+        groups.setdefault(re.sub(r"'[^']*\.\w+'|(?<=^link )'[^']*'", "", remark), []).append(remark)
+    told = []
+    for alike in groups.values():
+        several = len(alike) >= SEVERAL
+        told += [f"{alike[0]} (and {len(alike) - 1} more of the kind)"] if several else alike
+    return told
 
 
 def _too_many(meshes: Iterable[Mesh]) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 
+from markupsafe import Markup, escape
+
 _FOLDERS = re.compile(
     r"(?<![\w.)\]}/\\:])(?:file://)?(?:/|[A-Za-z]:[/\\])(?:[^\s/\\:;,'\"()<>]+[/\\])+(?=[^\s/\\])"
 )
@@ -55,3 +57,18 @@ def without_folders(text: str) -> str:
     'read from cell 3.csv, a.mat; 5 N m/rad, (rad/s)/(N m)'
     """
     return _FOLDERS.sub("", text)
+
+
+def with_code(text: str) -> Markup:
+    """Return a sentence for the page, with what stands between backticks as code, folders left out.
+
+    >>> with_code("allow more steps (`passes` of the stage)")
+    Markup('allow more steps (<code>passes</code> of the stage)')
+    """
+    parts = without_folders(text).split("`")
+    if len(parts) % 2 == 0:  # one that is not closed stays as it is
+        parts[-2:] = ["`".join(parts[-2:])]
+    tagged = (
+        Markup("<code>{}</code>").format(part) if i % 2 else escape(part) for i, part in enumerate(parts)
+    )
+    return Markup("").join(tagged)

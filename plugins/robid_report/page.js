@@ -1,6 +1,14 @@
 "use strict";
 // Draws the page's figures, which robid made, from #page-data (`figuresIn` stands in figures.js). Text from there is only ever written as text.
 (async () => {
+  // On paper nothing can be unfolded: all is but what takes pages (.screen), and folded again afterwards.
+  let folded = [];
+  addEventListener("beforeprint", () => {
+    folded = Array.from(document.querySelectorAll("details:not([open]):not(.screen)"));
+    folded.forEach((one) => { one.open = true; });
+  });
+  addEventListener("afterprint", () => { folded.forEach((one) => { one.open = false; }); folded = []; });
+
   const {pool, value} = JSON.parse(document.getElementById("page-data").textContent);
   const press = (buttons, chosen) => buttons.forEach((b) => b.setAttribute("aria-pressed", String(b === chosen)));
 

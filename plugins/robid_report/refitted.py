@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robid_core import Diagnosis
+from robid_core import Diagnosis, is_determined
 from robid_report.numbers import percent, significant
-from robid_report.parameters import is_determined
 
 BY_TOLERANCE = (
     0.5  # of a tolerance: a standard error above it is the tolerance's rather than that of the data

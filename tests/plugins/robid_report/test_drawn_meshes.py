@@ -15,7 +15,7 @@ from robid_core import FloatArray, IntArray, LinkMesh, Robot, link_meshes
 from robid_core.testing import example_fit, example_frf
 from robid_report.body import body_data
 from robid_report.html import HtmlReport
-from robid_report.meshes import MOST_TRIANGLES, UNITS, clustered, drawn_meshes
+from robid_report.meshes import MOST_TRIANGLES, UNITS, clustered, drawn_meshes, told_once
 
 INERTIAL = """<inertial><origin xyz="0.2 0 0"/><mass value="4"/>
 <inertia ixx="0.02" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -222,3 +222,12 @@ def test_what_is_not_drawn_is_told_and_its_link_stays_a_capsule(arm: Robot, tmp_
     assert "link &#39;tool&#39;: &#39;stand.stl&#39; is not found" in page
     assert "Links are drawn as rods" in page
     assert str(tmp_path) not in page
+
+
+def test_missing_meshes_of_one_kind_are_one_sentence() -> None:
+    """Seven links whose meshes are not there, and one that cannot be read."""
+    missing = [
+        f"link 'link_{i}': 'package://arm/link_{i}.stl' is not found; name its folder" for i in range(7)
+    ]
+    told = told_once([*missing, "'x.dae' is not drawn: damaged"])
+    assert told == [f"{missing[0]} (and 6 more of the kind)", "'x.dae' is not drawn: damaged"]

@@ -74,6 +74,13 @@ function look() {
     words, faint, errors,
     ground: getComputedStyle(document.body).backgroundColor, cut: cut.length,
     plots: plots.length, drawn: plots.filter((one) => one.querySelector(".main-svg")).length};
+  const error = document.querySelector("#parameters tbody td:nth-child(3)");
+  if (error) {
+    const scroll = error.closest(".scroll"), name = error.parentElement.firstElementChild;
+    result.error = error.getBoundingClientRect().right;
+    scroll.scrollLeft = 200;
+    result.name = name.getBoundingClientRect().left - scroll.getBoundingClientRect().left;
+  }
   const body = document.getElementById("body-canvas");
   if (body) {
     const before = body.toDataURL();
@@ -173,6 +180,13 @@ def test_nothing_is_wider_than_the_window_and_no_name_is_broken(
     assert light[width]["wide"] <= width, light[width]["beyond"]
     assert light[width]["words"] == []
     assert light[width]["cut"] == 0 or width == 390  # a phone's tables are moved sideways, paper's cannot be
+
+
+def test_a_phone_shows_estimate_and_error_beside_the_name_which_stays(
+    light: dict[int, dict[str, Any]],
+) -> None:
+    assert light[390]["error"] <= 390
+    assert light[390]["name"] == pytest.approx(0, abs=1)  # moved sideways by 200 pixels
 
 
 @pytest.mark.parametrize("width", [390, 1400, A4_TEXT_PX])

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from robid_report.numbers import percent, significant
+from robid_report.numbers import percent, significant, with_code
 
 
 @pytest.mark.parametrize(
@@ -43,3 +43,8 @@ def test_significant_digits(value: float, digits: int, text: str) -> None:
 )
 def test_percent(share: float, signed: bool, text: str) -> None:
     assert percent(share, signed) == text
+
+
+def test_code_in_a_sentence_is_marked_up_and_nothing_else_is() -> None:
+    text = "allow `passes` & <more> of /home/anna/lab/a.csv; one ` alone"
+    assert with_code(text) == "allow <code>passes</code> &amp; &lt;more&gt; of a.csv; one ` alone"
