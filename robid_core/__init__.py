@@ -14,7 +14,8 @@ _HOME = {
         "Doubt", "EssentialParameters", "Excitation", "ExcitedRange", "Finding", "Fit", "FrictionCurve", "Frf",
         "MisfitTable", "Model", "ParameterTable", "PredictionCurve", "PredictionErrors", "Record", "Report",
         "ResidualCurve", "ResponseComparison", "RunErrors", "SearchRecord", "SeparatingExperiment", "Table",
-        "TimeComparison", "Timing", "Truth", "VisibleSize", "ResponseCheck", "array", "frozen", "is_determined",
+        "TimeComparison", "Timing", "Truth", "VisibleSize", "ResponseCheck", "array", "frozen", "is_by_tolerance",
+        "is_determined",
         "mean_travel", "QUANTITIES", "UNITS",
     ),
     "robid_core.stage": (
@@ -107,6 +108,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         VisibleSize as VisibleSize,
         array as array,
         frozen as frozen,
+        is_by_tolerance as is_by_tolerance,
         is_determined as is_determined,
         mean_travel as mean_travel,
     )

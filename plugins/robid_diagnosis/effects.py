@@ -32,7 +32,6 @@ from robid_core import (
 )
 from robid_core.estimation.copies import refuse_copies
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
-from robid_core.residual.misfit_freedom import with_freedom
 from robid_diagnosis.asked import asked_lines, nearest_lines
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
@@ -289,7 +288,7 @@ class Effects(DiagnosisStage):
         )
         tried = outcome.searches[0].tried
         excluded = tuple(name for name in effect_names() if name not in tried)
-        left = with_freedom(misfit_table(problem, final.point), problem)
+        left = misfit_table(problem, final.point)
         return Diagnosis(
             method="effects held against the torque residual",
             verdict="\n".join(line for line in lines if line),

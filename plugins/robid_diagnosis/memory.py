@@ -12,7 +12,7 @@ import numpy as np
 from robid_core import FloatArray
 
 STRIDE = (
-    4  # points of the finer grid in one step of the sliders: no more reverses within it than within a sample
+    4  # points of the finer grid in one step of the sliders: a sample, within which hardly anything reverses
 )
 ROUNDS = 2  # of motions that repeat: after the first all sliders have slipped, or never do
 

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robid_core import DiagnosedData, Finding, FloatArray, ParameterTable, PredictionErrors, ResponseCheck
+from robid_core import (
+    DiagnosedData,
+    Finding,
+    FloatArray,
+    ParameterTable,
+    PredictionErrors,
+    ResponseCheck,
+    is_by_tolerance,
+)
 from robid_diagnosis.intervals import over_axes
 
 SURE = 5.0  # standard errors from zero, or from what was told: what is read out
@@ -23,7 +31,6 @@ LOADED = 0.1  # of the largest gravity torque that was recorded: less has no sig
 MORE = 1.2  # times the largest, or less than the smallest over this: another load
 TOGETHER = 3  # numbers of a body that are read out where none moved by itself
 RESTING = 0.005  # share of the samples at rest: less is not a percent
-SEEN = 0.5  # of a tolerance: a standard error above it is the tolerance's rather than that of the data
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
@@ -162,7 +169,7 @@ def values_line(values: ParameterTable, misfit: float) -> str:
         by_tolerance = [
             values.names[i]
             for i in furthest
-            if bodies[i] and values.standard_error[i] > SEEN * values.prior[i]
+            if bodies[i] and is_by_tolerance(values.standard_error[i], values.prior[i])
         ]
         furthest = [i for i in furthest if values.names[i] not in by_tolerance]
     lines = [

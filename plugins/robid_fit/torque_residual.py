@@ -49,7 +49,6 @@ from robid_core.residual import (
     torque_problem,
     variant_robots,
 )
-from robid_core.residual.misfit_freedom import with_freedom
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_doubts import doubts, with_rests
 from robid_fit.torque_gain import common_scale_problem
@@ -343,7 +342,7 @@ class TorqueResidualFit(Estimator):
             status=status,
             converged=solution.converged,
             misfit=misfit(problem, point),
-            misfit_table=with_freedom(misfit_table(problem, point), problem),
+            misfit_table=misfit_table(problem, point),
             n_starts=n_starts,
             n_agree=solution.n_agree,
             parameters=table,

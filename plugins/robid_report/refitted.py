@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from robid_core import Diagnosis, is_determined
+from robid_core import Diagnosis, is_by_tolerance, is_determined
 from robid_report.numbers import percent, significant
 
-BY_TOLERANCE = (
-    0.5  # of a tolerance: a standard error above it is the tolerance's rather than that of the data
-)
 SURE = 5.0  # standard errors from the robot file: what has moved
 OPEN = ("stiffness", "effect")  # groups that stand on the page; the others are folded
 
@@ -41,7 +38,7 @@ def refitted_table(diagnosis: Diagnosis | None) -> dict[str, list[Any]] | None:
     ):
         in_file = not name.startswith(added)
         limited = group == "inertia" and np.isfinite(tolerance)
-        by_data = is_determined(error, estimate) and not (limited and error > BY_TOLERANCE * tolerance)
+        by_data = is_determined(error, estimate) and not (limited and is_by_tolerance(error, tolerance))
         row = (
             name,
             "" if unit == "1" else unit,

@@ -16,10 +16,8 @@ from robid_core.estimation.rigid.regression import differentiate, smooth
 
 STICK_S, STICK = 0.02, 5  # an angle that stays for that long, and so many samples, may stick
 RANGE = 4.0  # standard deviations of its noise within which it stays then
-ABRUPT, LOST = (
-    6.0,
-    0.2,
-)  # deviations of its noise, and share of the rms acceleration, that a low-pass takes off a motion
+ABRUPT = 6.0  # likewise, that a low-pass takes off a motion where friction stops a motor at once
+LOST = 0.2  # of the rms acceleration: likewise
 SPAN_S = 0.1  # an axis that turns back is slow for less
 NOISE = 2.0  # standard deviations of the speed's noise
 OF_MOTION_HZ = 20.0  # motion below it, where nobody says another edge
@@ -69,9 +67,7 @@ def at_rest(
     cutoff_hz
         Edge of that low-pass.
     """
-    total = sum((speed**2).sum(axis=0) for speed in speeds)
-    rms = np.sqrt(total / sum(len(speed) for speed in speeds))
-    found = []
+    rms, found = _rms(speeds), []
     for angle, speed, quiet, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
         noise = _noise_of_speed(angle - quiet, sample_time, cutoff_hz)
         slow = np.clip(NOISE * noise, SLOWEST * rms, SLOW * rms)
@@ -99,12 +95,9 @@ def may_stick(
     that is left amounts to within the cutoff's period, and the instant at which friction changed is not known.
     Arguments are those of `at_rest`.
     """
-    n_sample = sum(len(speed) for speed in speeds)
-    rms = np.sqrt(sum((speed**2).sum(axis=0) for speed in speeds) / n_sample)
-    gained = [differentiate(speed, step) for speed, step in zip(speeds, sample_times, strict=True)]
-    acceleration = np.sqrt(sum((one**2).sum(axis=0) for one in gained) / n_sample)
-    lost = LOST * acceleration / (2 * np.pi * cutoff_hz) ** 2
-    found = []
+    acceleration = [differentiate(speed, step) for speed, step in zip(speeds, sample_times, strict=True)]
+    lost = LOST * _rms(acceleration) / (2 * np.pi * cutoff_hz) ** 2
+    rms, found = _rms(speeds), []
     for angle, speed, quiet, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
         nyquist = 0.5 / sample_time
         noise = np.sqrt(_density(angle - quiet, sample_time, cutoff_hz) * nyquist)
@@ -119,6 +112,12 @@ def may_stick(
         off = scipy.ndimage.maximum_filter1d(off, max(round(1 / (cutoff_hz * sample_time)), 1), axis=0)
         found.append(stays | (np.abs(speed) < 2 * np.pi * cutoff_hz * off))
     return found
+
+
+def _rms(values: Sequence[FloatArray]) -> FloatArray:
+    """Over all samples of all experiments, (n_axis,)."""
+    result: FloatArray = np.sqrt(sum((one**2).sum(axis=0) for one in values) / sum(map(len, values)))
+    return result
 
 
 def _noise_of_speed(above: FloatArray, sample_time: float, cutoff_hz: float) -> FloatArray:

@@ -49,21 +49,37 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
     edges = np.array([*(edge for edge in EDGES_HZ if edge < highest), highest * (1 + 1e-9)])
     axes = problem.free.robot.axis_names
     names = (*axes, *(f"{one.channel}.{axes[one.axis]}" for one in problem.sensors))
-    n_row, n_band = len(names), len(edges) - 1
-    total, count = np.zeros((2, n_row, n_band)), np.zeros((2, n_row, n_band))
+    total, count, freedom = np.zeros((3, 2, len(names), len(edges) - 1))
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         noise = np.einsum("faa->fa", block.noise(robot, size)).real
-        counted, share = block.counted(residual)[_used(block)], block.share[_used(block)].sum(axis=0)
-        ratio = (np.abs(counted) ** 2 / noise * _correction(block)).sum(axis=0)
-        band = np.searchsorted(edges, block.motion.frequency_hz, side="right") - 1
-        for which, bins in enumerate((block.motion.excited, ~block.motion.excited)):
-            for b in range(n_band):
-                chosen = bins & (band == b) & (block.motion.bin > 0)
-                total[which, :, b] += ratio[chosen].sum(axis=0)
-                count[which, :, b] += share[chosen].sum(axis=0)
+        power = np.abs(block.counted(residual)[_used(block)]) ** 2
+        total += _by_band(block, (power / noise * _correction(block)).sum(axis=0), edges)
+        count += _by_band(block, block.share[_used(block)].sum(axis=0), edges)
+        freedom += freedom_of(block, edges)
     values = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
-    return MisfitTable(names, edges, values[0], values[1])
+    return MisfitTable(names, edges, *values, *freedom)
+
+
+def freedom_of(block: TorqueBlock[Any], edges: FloatArray) -> FloatArray:
+    """Degrees of freedom of lines and of other bins in each band, (2, n_row, n_band), zero where there is no bin.
+
+    A bin of one axis is a complex number, two of them; what was fitted takes a share of each (`block.share`). Where the
+    noise is estimated from periods, the ratio of both powers has an F distribution in place of chi-square: its relative
+    variance is ``m / (m - 2)`` times as large for a noise of 2 m degrees of freedom, and it counts as one of so many
+    fewer. So far chance alone lets a misfit be from one.
+    """
+    of_noise = block.noise_freedom
+    fewer = max(of_noise - 2.0, 0.0) / of_noise if np.isfinite(of_noise) else 1.0
+    return 2 * fewer * _by_band(block, block.share[_used(block)].sum(axis=0), edges)
+
+
+def _by_band(block: TorqueBlock[Any], values: FloatArray, edges: FloatArray) -> FloatArray:
+    """Sums of (n_bin, n_row) over lines and over other bins of each band, the mean left out, (2, n_row, n_band)."""
+    band = np.searchsorted(edges, block.motion.frequency_hz, side="right") - 1
+    kinds = (block.motion.excited, ~block.motion.excited)
+    chosen = [[bins & (band == b) & (block.motion.bin > 0) for b in range(len(edges) - 1)] for bins in kinds]
+    return np.array([[values[one].sum(axis=0) for one in own] for own in chosen]).swapaxes(1, 2)
 
 
 def _used(block: TorqueBlock[Any]) -> npt.NDArray[np.bool_]:
