@@ -8,7 +8,7 @@ import numpy as np
 
 from robid_core import RobidError
 from robid_diagnosis.candidates import Candidate
-from robid_diagnosis.columns import WHOLE, Columns, Motion
+from robid_diagnosis.columns import WHOLE, Motion
 from robid_diagnosis.hypothesis import Addition, Hypothesis
 from robid_diagnosis.search import Hit, Search, parameters_of
 from robid_diagnosis.structures import CONTINUOUS
@@ -23,11 +23,11 @@ TOLD = 1.0  # standard deviations per logarithm: likewise, where the robot itsel
 def addition_of(hit: Hit, search: Search, label: str) -> Addition:
     """Return the effect with the values that the search found."""
     candidate = hit.candidate
-    scaled = scaled_parameters(candidate, hit.values, hit.columns, search.motion)
+    scaled = scaled_parameters(candidate, hit.values, search.motion)
     values = parameters_of(hit, scaled)
     rows = {row.name: row for row in candidate.effect.parameters}
-    free = {hit.columns.names[i] for i in hit.gain.chosen if hit.columns.names[i] != WHOLE}
-    free |= {*candidate.shape, *scaled} | ({"phase"} if hit.columns.paired else set())
+    free = {hit.meaning.names[i] for i in hit.gain.chosen if hit.meaning.names[i] != WHOLE}
+    free |= {*candidate.shape, *scaled} | ({"phase"} if hit.meaning.paired else set())
     free |= {row.name for row in candidate.effect.parameters if row.unit == "1" and row.default > 0}
     free -= set(candidate.effect.smoothest)
     whole = search.motion.whole(candidate, values)
@@ -61,26 +61,23 @@ def label_of(hit: Hit, hypothesis: Hypothesis) -> str:
 
 def is_fixed(hit: Hit, search: Search) -> bool:
     """Whether a law is in proportion to none of its parameters: its size is told by its shape alone."""
-    if hit.columns.names != (WHOLE,):
+    if hit.meaning.names != (WHOLE,):
         return False
-    return not scaled_parameters(hit.candidate, hit.values, hit.columns, search.motion)
+    return not scaled_parameters(hit.candidate, hit.values, search.motion)
 
 
-def scaled_parameters(
-    candidate: Candidate, values: Mapping[str, float], columns: Columns, motion: Motion
-) -> tuple[str, ...]:
+def scaled_parameters(candidate: Candidate, values: Mapping[str, float], motion: Motion) -> tuple[str, ...]:
     """Parameters to which, all together, a law is proportional that is linear in none; empty where it is not.
 
     Parameters
     ----------
     candidate, values
         The law at its place, and values in place of the candidate's.
-    columns
-        Its columns with these.
     motion
-        Along which they were evaluated.
+        Along which it is evaluated.
     """
-    if WHOLE not in columns.names:
+    columns = motion.columns(candidate, values)
+    if WHOLE not in columns.meaning.names:
         return ()
     rows = candidate.effect.parameters
 
@@ -96,7 +93,7 @@ def scaled_parameters(
 
     if candidate.signed:
         return tuple(row.name for row in rows if is_proportional((row.name,)))
-    if columns.paired:
+    if columns.meaning.paired:
         names = tuple(row.name for row in rows if row.name not in ("order", "phase"))
     else:
         names = tuple(row.name for row in rows if row.unit.startswith("N m"))

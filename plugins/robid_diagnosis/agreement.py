@@ -33,7 +33,7 @@ def differs_between(projection: Projection, hit: Hit, groups: Sequence[Sequence[
 
     Of laws in proportion to a parameter: others have other sizes wherever their shape is a little off.
     """
-    if WHOLE in hit.columns.names or hit.candidate.springs:
+    if WHOLE in hit.meaning.names or hit.candidate.springs:
         return ""
     beyond, freedom = projection.disagreement(hit.sums, hit.gain, groups)
     if not _differ(beyond, freedom, hit.gain.total):

@@ -33,15 +33,14 @@ PHASES = (0.0, np.pi / 2)
 TORQUES = ("torque", "torque_measurement")
 MERE_DELAY = 1e-3  # of a law's power: one that leaves less beside a delay is a delay
 ALIKE = 0.01  # of what laws see and do at a place: torques of the search before are those of this one
+REMEMBERED = 10**9  # bytes of torques that the next search need not evaluate again
 ALIGNING = 6  # rounds of Newton's method
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
-    """Weighted derivatives of the torque for one candidate's parameters, and the names of these."""
+class ColumnMeaning:
+    """What the columns of one candidate are derivatives for."""
 
-    rows: Rows
-    """(n_column, n_row)."""
     names: tuple[str, ...]
     """Parameter of each; `*` for all that a law does."""
     phases: tuple[float, ...]
@@ -58,6 +57,15 @@ class Columns:
 
 
 @dataclass(frozen=True, eq=False)
+class Columns:
+    """Weighted derivatives of the torque for one candidate's parameters. Large: a search keeps their meaning only."""
+
+    rows: Rows
+    """(n_column, n_row)."""
+    meaning: ColumnMeaning
+
+
+@dataclass(frozen=True, eq=False)
 class Added:
     """Torque that a candidate adds."""
 
@@ -66,7 +74,7 @@ class Added:
     spectra: tuple[list[ComplexArray], ...]
     """Of each column in each block, N m, (n_config, n_exp, n_bin, n_axis), in single precision: there are many."""
     delay: FloatArray | None
-    """As of `Columns`."""
+    """As of `ColumnMeaning`."""
 
 
 class Motion:
@@ -95,6 +103,7 @@ class Motion:
         self._alike: dict[Spot, bool] = {}
         self._at_spot: dict[tuple[str, Spot], list[Candidate]] = {}
         self._known: dict[Candidate, Added] = {}
+        self._known_bytes = 0
         self._scales: dict[tuple[int, str, bytes, bool], Scales] = {}
 
     @property
@@ -194,7 +203,7 @@ class Motion:
             if all(old.values[name] in orders for name in counted):
                 found.append(replace(old, place=place))
                 if old in before._known:
-                    self._known[found[-1]] = before._known[old]
+                    self._remember(found[-1], before._known[old])
         if counted and orders != known:
             made = self._at(use, effect, spot, place)
             found += [one for one in made if any(one.values[name] not in known for name in counted)]
@@ -227,24 +236,37 @@ class Motion:
             size = np.linalg.norm(each, axis=1)
             felt = size > UNFELT * size.max()
             n = len(each)
-            return Columns(np.array(each) * felt[:, None], candidate.springs, (0.0,) * n, (True,) * n)
+            meaning = ColumnMeaning(candidate.springs, (0.0,) * n, (True,) * n)
+            return Columns(np.array(each) * felt[:, None], meaning)
         if candidate.place is None:
             every = self.whole(candidate, values or {})[None]
-            return Columns(every, (WHOLE,), (0.0,), (not candidate.signed,))
+            return Columns(every, ColumnMeaning((WHOLE,), (0.0,), (not candidate.signed,)))
         added = self._known.get(candidate) if not values else None
         if added is None:
             added = self._added(candidate, values or {})
             if not values:
-                self._known[candidate] = added
+                self._remember(candidate, added)
         rows = {row.name: row for row in candidate.effect.parameters}
         paired = len({phase for _, phase in added.keys}) > 1
-        return Columns(
-            np.stack([self.weighted(spectra) for spectra in added.spectra]),
+        meaning = ColumnMeaning(
             tuple(name for name, _ in added.keys),
             tuple(phase for _, phase in added.keys),
             tuple(not paired and (name == WHOLE or rows[name].lower >= 0) for name, _ in added.keys),
             added.delay,
         )
+        return Columns(np.stack([self.weighted(spectra) for spectra in added.spectra]), meaning)
+
+    def _remember(self, candidate: Candidate, added: Added) -> None:
+        """Keep torques for the next search, as long as all of them are not too large: 48 experiments have 3 GB."""
+        size = sum(one.nbytes for spectra in added.spectra for one in spectra)
+        if self._known_bytes + size <= REMEMBERED:
+            self._known[candidate] = added
+            self._known_bytes += size
+
+    def forget_torques(self) -> None:
+        """Free the memory of torques that were kept for another search: there will be none."""
+        self._known.clear()
+        self._known_bytes = 0
 
     def _added(self, candidate: Candidate, values: Mapping[str, float]) -> Added:
         has_phase = any(row.name == "phase" for row in candidate.effect.parameters)

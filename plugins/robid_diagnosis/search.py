@@ -19,7 +19,7 @@ import scipy
 
 from robid_core import ConfigurationError, FloatArray, RobidError, SignalEffect
 from robid_diagnosis.candidates import Candidate
-from robid_diagnosis.columns import WHOLE, Columns, Motion
+from robid_diagnosis.columns import WHOLE, ColumnMeaning, Columns, Motion
 from robid_diagnosis.projection import Gain, Projection
 from robid_diagnosis.structures import softened, unseen
 from robid_diagnosis.sums import Sums, inverse
@@ -46,7 +46,8 @@ class Hit:
     candidate: Candidate
     values: dict[str, float]
     """Shape with which it gains most."""
-    columns: Columns
+    meaning: ColumnMeaning
+    """Of the columns."""
     sums: Sums
     gain: Gain
 
@@ -58,7 +59,7 @@ class Hit:
     @property
     def names(self) -> list[str]:
         """Parameter of each column that takes part."""
-        return [self.columns.names[i] for i in self.gain.chosen]
+        return [self.meaning.names[i] for i in self.gain.chosen]
 
     @property
     def worth(self) -> float:
@@ -142,7 +143,8 @@ class Search:
                 for hit, by_chance in self._together(wanted[first : first + TOGETHER], failures):
                     candidate = hit.candidate
                     matrix, _ = self.projection.normal(hit.sums)
-                    power = power_of(candidate, hit.columns, matrix, self.blind)
+                    square = np.diag(hit.sums.own.sum(axis=0))
+                    power = power_of(candidate, hit.meaning.names, square, matrix, self.blind)
                     powers.setdefault(candidate.key, []).append(power)
                     if not hit.gain.freedom:
                         continue
@@ -159,7 +161,7 @@ class Search:
     def hit(self, candidate: Candidate, values: dict[str, float]) -> Hit:
         """Evaluate one candidate at a shape."""
         columns = self._columns(candidate, values)
-        return self._hit(candidate, values, columns, self.projection.sums(columns.rows))
+        return self._hit(candidate, values, columns.meaning, self.projection.sums(columns.rows))
 
     def _together(
         self, candidates: Sequence[Candidate], failures: list[Failure]
@@ -184,7 +186,7 @@ class Search:
         for candidate, columns in done:
             own = range(first, first + len(columns.rows))
             first = own.stop
-            yield self._hit(candidate, {}, columns, sums.of_columns(own)), by_chance[own]
+            yield self._hit(candidate, {}, columns.meaning, sums.of_columns(own)), by_chance[own]
 
     def _columns(self, candidate: Candidate, values: dict[str, float]) -> Columns:
         columns = self.motion.columns(candidate, values)
@@ -192,12 +194,12 @@ class Search:
             raise ConfigurationError("the law gives NaN or infinite values along this motion")
         return columns
 
-    def _hit(self, candidate: Candidate, values: dict[str, float], columns: Columns, sums: Sums) -> Hit:
-        linear = issubclass(candidate.effect, SignalEffect) and WHOLE not in columns.names
+    def _hit(self, candidate: Candidate, values: dict[str, float], meaning: ColumnMeaning, sums: Sums) -> Hit:
+        linear = issubclass(candidate.effect, SignalEffect) and WHOLE not in meaning.names
         blind = EXACT if linear else self.blind
-        gain = self.projection.gain(sums, columns.positive, blind, columns.paired)
+        gain = self.projection.gain(sums, meaning.positive, blind, meaning.paired)
         shape = {name: float(candidate.values[name]) for name in candidate.shape}
-        return Hit(candidate, {**shape, **values}, columns, sums, gain)
+        return Hit(candidate, {**shape, **values}, meaning, sums, gain)
 
     def refined(self, hit: Hit, *, as_it_is: bool = False) -> Hit:
         """Move the shape of a candidate to where it gains most; `as_it_is`: with the law neither grown nor shrunk."""
@@ -316,15 +318,15 @@ def parameters_of(hit: Hit, scaled: Sequence[str]) -> dict[str, float]:
     """
     rows = {row.name: row for row in hit.candidate.effect.parameters}
     found = {**hit.candidate.values, **hit.values}
-    columns, gain = hit.columns, hit.gain
-    sizes = dict.fromkeys(range(len(columns.names)), 0.0) | dict(
+    meaning, gain = hit.meaning, hit.gain
+    sizes = dict.fromkeys(range(len(meaning.names)), 0.0) | dict(
         zip(gain.chosen, gain.size.tolist(), strict=True)
     )
-    if columns.paired:
-        names = list(dict.fromkeys(columns.names))
+    if meaning.paired:
+        names = list(dict.fromkeys(meaning.names))
         waves = {
             name: sum(
-                size * np.exp(1j * columns.phases[i]) for i, size in sizes.items() if columns.names[i] == name
+                size * np.exp(1j * meaning.phases[i]) for i, size in sizes.items() if meaning.names[i] == name
             )
             for name in names
         }
@@ -337,8 +339,8 @@ def parameters_of(hit: Hit, scaled: Sequence[str]) -> dict[str, float]:
             found |= turned
     elif hit.candidate.springs:
         pass  # values are those with which sizes are one
-    elif columns.names == (WHOLE,):
+    elif meaning.names == (WHOLE,):
         found |= {name: sizes[0] * found[name] for name in scaled}
     else:
-        found |= {name: sizes[i] for i, name in enumerate(columns.names)}
+        found |= {name: sizes[i] for i, name in enumerate(meaning.names)}
     return {name: float(np.clip(value, rows[name].lower, rows[name].upper)) for name, value in found.items()}

@@ -103,10 +103,11 @@ class Selection:
         left = sorted(free, key=lambda one: -one.gain)
         visible = visible_sizes(
             seen.found.powers,
-            lambda one: scaled_parameters(one, {}, seen.motion.columns(one), seen.motion),
+            lambda one: scaled_parameters(one, {}, seen.motion),
             LeastGains.beside(current, [step.gain for step in steps]).of_candidate,
             LEVEL / seen.found.trials,
         )
+        motion.forget_torques()
         self.log.named_all(steps)
         told = with_final_ties(self.case, current, steps, self.failures, self._of("ties"))
         written = as_written(current, self.failures, self._of("zero-speed width for the robot file"))
@@ -304,7 +305,7 @@ class Selection:
         beside it.
         """
         assert isinstance(trial.hit, Hit)
-        place, wave = trial.hit.candidate.place, trial.hit.columns.paired
+        place, wave = trial.hit.candidate.place, trial.hit.meaning.paired
         axes = tuple(range(self.case.told.n_axis)) if place is None else (place.axis,)
         free = [
             one
@@ -355,7 +356,7 @@ def _stands_out(value: ValueHit, hits: Sequence[Hit], least: LeastGains) -> bool
 def _is_another_wave(hit: Hit, waves: Sequence[Addition]) -> bool:
     """Whether it is a wave of another order than those that a robot has there: of one kind there may be several."""
     there = [one.values["order"] for one in waves if (one.use, one.on, one.side) == hit.candidate.key]
-    return hit.columns.paired and all(abs(hit.values["order"] - order) > APART for order in there)
+    return hit.meaning.paired and all(abs(hit.values["order"] - order) > APART for order in there)
 
 
 def _varied(hits: Sequence[Hit]) -> list[Hit]:

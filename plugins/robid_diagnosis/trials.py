@@ -262,7 +262,7 @@ class Trials:
         hits = [one for one in hits if one.gain.freedom]
         if is_fixed(hit, self.search):
             hits = hits[::-1]
-        if hit.columns.paired:
+        if hit.meaning.paired:
             hits.sort(key=lambda one: -one.gain.total)
         for one in hits[:STARTS]:
             yield one, self.current, False
@@ -281,7 +281,7 @@ class Trials:
                 hypothesis = before.with_widened(hit.names)
             else:
                 hypothesis = before.with_addition(addition_of(hit, self.search, label_of(hit, before)))
-                delay = None if begin is None else hit.columns.delay
+                delay = None if begin is None else hit.meaning.delay
             fitted = self.case.fit_what_is_seen(
                 hypothesis, self.progress, begin, delay, roughly=roughly, as_told=as_told
             )

@@ -15,7 +15,7 @@ import scipy
 
 from robid_core import FloatArray, VisibleSize
 from robid_diagnosis.candidates import Candidate
-from robid_diagnosis.columns import WHOLE, Columns
+from robid_diagnosis.columns import WHOLE
 
 NINE_OF_TEN = 1.28  # standard deviations
 
@@ -29,24 +29,27 @@ class Power:
     """Gain per square of each parameter in its unit; of `*` for the law as it is."""
 
 
-def power_of(candidate: Candidate, columns: Columns, matrix: FloatArray, blind: float) -> Power:
+def power_of(
+    candidate: Candidate, names: Sequence[str], square: FloatArray, matrix: FloatArray, blind: float
+) -> Power:
     """Return the powers of one candidate.
 
     Parameters
     ----------
-    candidate, columns
-        The candidate, and its columns.
+    candidate, names
+        The candidate, and the parameter of each of its columns.
+    square
+        Of these, (n_column,).
     matrix
         Their normal equations, the fit projected out, (n_column, n_column).
     blind
         Share of a column's square: where less is left, the fit's own unknowns can do the same.
     """
     found = {}
-    for name in dict.fromkeys(columns.names):
-        rows = [i for i, own in enumerate(columns.names) if own == name]
+    for name in dict.fromkeys(names):
+        rows = [i for i, own in enumerate(names) if own == name]
         least = float(np.linalg.eigvalsh(matrix[np.ix_(rows, rows)])[0])  # of a wave: at its worst phase
-        square = float((columns.rows[rows] ** 2).sum(axis=1).min())
-        if least > blind * square:
+        if least > blind * float(square[rows].min()):
             found[name] = least
     return Power(candidate, found)
 

@@ -120,6 +120,25 @@ def test_torques_serve_the_next_search_where_the_motion_is_the_same(
             assert (candidate in second._known) == (not changed)
 
 
+def test_torques_are_kept_up_to_a_bound(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where only one candidate's torques are granted memory the others are evaluated anew, to the same columns."""
+
+    def columns_of_next(first: Motion) -> tuple[Motion, list[FloatArray]]:
+        for candidate in first.candidates(USES[0]):
+            first.columns(candidate)
+        again = Motion(fitted.problem, fitted.point, fitted.about.weights, first)
+        return again, [again.columns(candidate).rows for candidate in again.candidates(USES[0])]
+
+    every, expected = columns_of_next(Motion(fitted.problem, fitted.point, fitted.about.weights))
+    one = next(iter(every._known.values()))
+    size = sum(spectra.nbytes for of_column in one.spectra for spectra in of_column)
+    monkeypatch.setattr("robid_diagnosis.columns.REMEMBERED", size)
+    few, found = columns_of_next(Motion(fitted.problem, fitted.point, fitted.about.weights))
+    assert len(few._known) == 1 < len(every._known)
+    for own, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
 def test_a_level_of_friction_that_falls_above_the_rms_speed_is_found(
     told: Robot, plant_of: Callable[[Robot, int], Robot], measured: Callable[..., Record]
 ) -> None:
@@ -138,6 +157,6 @@ def test_a_level_of_friction_that_falls_above_the_rms_speed_is_found(
     assert found.log_p(fitted.misfit) < np.log(1e-6)
     assert found.values["stribeck_speed"] == pytest.approx(10.0, rel=0.1)
     trial = case.fit(
-        Hypothesis((addition_of(found, search, "hidden"),)), told_nothing, fitted, found.columns.delay
+        Hypothesis((addition_of(found, search, "hidden"),)), told_nothing, fitted, found.meaning.delay
     )
     assert trial.misfit < 1.1 < 10 < fitted.misfit

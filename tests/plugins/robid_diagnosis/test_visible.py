@@ -8,7 +8,7 @@ import pytest
 from robid_core import Robot
 from robid_core.residual import effect_class
 from robid_diagnosis.candidates import Candidate, Spot, place_at
-from robid_diagnosis.columns import WHOLE, Columns
+from robid_diagnosis.columns import WHOLE
 from robid_diagnosis.projection import Projection
 from robid_diagnosis.visible import NINE_OF_TEN, power_of, threshold, visible_sizes
 
@@ -28,14 +28,11 @@ def candidate(robot: Robot, use: str, side: str, **values: float) -> Candidate:
 
 def test_a_linear_size_is_seen_where_its_square_times_the_power_is_needed(robot: Robot) -> None:
     """Of two shapes the worse one counts; a parameter that the fit can do itself is not told."""
-    generator = np.random.default_rng(1)
     own = candidate(robot, "friction.stribeck", "motor")
     powers = []
     for factor in (1.0, 0.5):
-        rows = factor * generator.standard_normal((2, 50))
-        rows /= np.linalg.norm(rows, axis=1, keepdims=True) / factor
-        columns = Columns(rows, ("breakaway", "coulomb"), (0.0, 0.0), (True, True))
-        powers.append(power_of(own, columns, np.diag([factor**2, 1e-9]), 1e-4))
+        square, left = np.full(2, factor**2), np.diag([factor**2, 1e-9])
+        powers.append(power_of(own, ("breakaway", "coulomb"), square, left, 1e-4))
     (found,) = visible_sizes({own.key: powers}, lambda one: (), lambda one: 100.0, 1.0)
     assert (found.effect, found.parameter, found.unit_symbol) == ("friction.stribeck", "breakaway", "N m")
     assert found.size == pytest.approx(np.sqrt(NEEDED) / 0.5)
@@ -43,8 +40,7 @@ def test_a_linear_size_is_seen_where_its_square_times_the_power_is_needed(robot:
 
 def test_a_wave_is_seen_at_its_worst_phase(robot: Robot) -> None:
     own = candidate(robot, "drive.cogging", "torque")
-    columns = Columns(np.eye(2), ("amplitude", "amplitude"), (0.0, np.pi / 2), (False, False))
-    power = power_of(own, columns, np.diag([1.0, 0.25]), 1e-4)
+    power = power_of(own, ("amplitude", "amplitude"), np.ones(2), np.diag([1.0, 0.25]), 1e-4)
     (found,) = visible_sizes({own.key: [power]}, lambda one: (), lambda one: 100.0, 1.0)
     assert found.size == pytest.approx(np.sqrt(NEEDED / 0.25))
 
@@ -55,8 +51,8 @@ def test_a_gap_is_seen_from_where_its_power_is_enough(robot: Robot) -> None:
     powers = []
     for gap in gaps:
         own = candidate(robot, "transmission.backlash", "gear", gap=gap)
-        rows = np.full((1, 1), 1e6 * gap)
-        powers.append(power_of(own, Columns(rows, (WHOLE,), (0.0,), (True,)), rows**2, 1e-4))
+        square = np.full(1, (1e6 * gap) ** 2)
+        powers.append(power_of(own, (WHOLE,), square, np.diag(square), 1e-4))
     (found,) = visible_sizes({own.key: powers}, lambda one: (), lambda one: 100.0, 1.0)
     assert found.size == pytest.approx(np.sqrt(NEEDED) / 1e6)
 
@@ -83,8 +79,8 @@ def test_a_law_of_that_size_is_found_in_nine_of_ten_records(robot: Robot) -> Non
         projection = Projection(fitted, residual, fitted.T @ fitted, np.zeros(5), [slice(0, n_row)])
         sums = projection.sums(column)
         if not size:
-            columns = Columns(column, ("breakaway",), (0.0,), (False,))
-            power = power_of(own, columns, projection.normal(sums)[0], 1e-4)
+            square = np.diag(sums.own.sum(axis=0))
+            power = power_of(own, ("breakaway",), square, projection.normal(sums)[0], 1e-4)
             (found,) = visible_sizes({own.key: [power]}, lambda one: (), lambda one: 100.0, 1.0)
             size = found.size
             continue
