@@ -15,6 +15,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
+from robid_core.robot.file.clock import COULOMB_SPEED
 from robid_core.robot.file.part import LARGEST, NonNegative, Number, Part, Positive, Vector, refusal
 from robid_core.robot.file.rotation import IDENTITY, Rotation
 
@@ -53,7 +54,7 @@ class Friction(Part):
     """Viscous coefficient, N m s/rad."""
     offset: Number = 0.0
     """Constant torque that the motor works against, N m."""
-    speed: Positive = 0.5
+    speed: Positive = COULOMB_SPEED
     """Speed scale v_s of tanh(v / v_s), rad/s: below it friction is not resolved."""
 
 

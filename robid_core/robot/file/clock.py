@@ -1,14 +1,22 @@
-"""Samples and steps of a robot file: a sample has a whole number of integration steps."""
+"""Samples and steps of a robot file: a sample has a whole number of integration steps.
+
+A light motor behind an elastic gear follows its friction within a fraction of a sample: its speed fades in ``J v / c``
+about standstill, J the rotor's inertia, c the Coulomb level, v the speed within which that turns round. Steps that do
+not resolve this give another friction than the file's, by more than sensors' noise.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from robid_core.yaml_file.problems import KeyPath
 
 LONGEST_STEP_S = 0.00025  # of the steps that a file leaves to robid
+SHORTEST_STEP_S = LONGEST_STEP_S / 16  # likewise: friction that turns faster is left unresolved
+FOLLOWING = 2.5  # steps within the time in which a motor follows its friction, or more
+COULOMB_SPEED = 0.5  # rad/s: the zero-speed width of friction that tells none
 LONGEST_SAMPLE_S = 10.0  # no drive is slower; a rate in Hz is larger
 SHORTEST_SAMPLE_S = 1e-7  # no drive is faster
 MOST_STEPS = 10_000  # in a sample: more take hours for a motion of seconds
@@ -16,7 +24,7 @@ MOST_STEPS = 10_000  # in a sample: more take hours for a motion of seconds
 
 def clock_contradictions(sample_time: Any, step: Any) -> Iterator[tuple[KeyPath, str]]:
     """Yield what is wrong with a step, with the one that would be right."""
-    if not (_is_time(sample_time) and _is_time(step)):
+    if not (_is_positive(sample_time) and _is_positive(step)):
         return
     if not SHORTEST_SAMPLE_S <= sample_time <= LONGEST_SAMPLE_S:
         yield (
@@ -41,14 +49,42 @@ def clock_contradictions(sample_time: Any, step: Any) -> Iterator[tuple[KeyPath,
         )
 
 
-def whole_step(sample_time: Any) -> float:
-    """Return the longest step up to LONGEST_STEP_S of which a sample has a whole number."""
-    if not _is_time(sample_time) or not SHORTEST_SAMPLE_S <= sample_time <= LONGEST_SAMPLE_S:
+def default_step(sample_time: Any, axes: Any) -> float:
+    """Return the step of a file that gives none, s: a sample has a whole number, and motors follow their friction.
+
+    `axes`: of the file as it was read. Steps are halved until motors follow, so that a friction that a fit changes by a
+    tenth seldom changes the step.
+    """
+    if not _is_positive(sample_time) or not SHORTEST_SAMPLE_S <= sample_time <= LONGEST_SAMPLE_S:
         return LONGEST_STEP_S  # no time: told elsewhere
     count = math.ceil(sample_time / LONGEST_STEP_S * (1 - 1e-9))
     step = float(sample_time / count)
-    return LONGEST_STEP_S if math.isclose(step, LONGEST_STEP_S, rel_tol=1e-9) else step
+    step = LONGEST_STEP_S if math.isclose(step, LONGEST_STEP_S, rel_tol=1e-9) else step
+    wanted = min(step, max(following_time(axes) / FOLLOWING, SHORTEST_STEP_S))
+    return step * 2.0 ** math.floor(math.log2(wanted / step))
 
 
-def _is_time(value: Any) -> bool:
+def following_time(axes: Any) -> float:
+    """Return the shortest time in which a motor behind an elastic gear follows its friction, s; infinite without any.
+
+    Entries of the file that are no numbers are told elsewhere.
+    """
+    entries = axes.values() if isinstance(axes, Mapping) else ()
+    return min((_following_time(entry) for entry in entries if isinstance(entry, Mapping)), default=math.inf)
+
+
+def _following_time(axis: Mapping[str, Any]) -> float:
+    friction = axis.get("friction", {})
+    if (
+        not isinstance(friction, Mapping) or axis.get("gear") is None
+    ):  # before a rigid gear the arm moves, too
+        return math.inf
+    values = (axis.get("rotor_inertia"), friction.get("coulomb"), friction.get("speed", COULOMB_SPEED))
+    if not all(_is_positive(value) for value in values):  # above zero
+        return math.inf
+    inertia, coulomb, speed = values
+    return float(inertia * speed / coulomb)
+
+
+def _is_positive(value: Any) -> bool:
     return isinstance(value, float | int) and not isinstance(value, bool) and 0 < value < math.inf

@@ -19,7 +19,7 @@ from pydantic_core import InitErrorDetails
 
 from robid_core.robot.file.axis import Axis, ControllerEntry, Friction, Sensors, Spring, VoltageServo
 from robid_core.robot.file.body import Body, Direction, FlexibleLink
-from robid_core.robot.file.clock import LONGEST_STEP_S, whole_step
+from robid_core.robot.file.clock import LONGEST_STEP_S, default_step
 from robid_core.robot.file.contradictions import contradictions
 from robid_core.robot.file.part import (
     Identifier,
@@ -88,7 +88,8 @@ class RobotDescription(Part):
     sample_time_s: Positive = 0.001
     """Control, torque hold and trace share this time."""
     step_s: Positive = LONGEST_STEP_S
-    """Integration step inside a sample; by default the longest up to 0.25 ms of which a sample has a whole number."""
+    """Integration step inside a sample; by default the longest up to 0.25 ms of which a sample has a whole number,
+    halved until a motor follows its friction in 2.5 steps or more."""
     bodies: Annotated[tuple[Body, ...], Field(min_length=1, max_length=MOST_JOINTS)]
     """The chain or tree, parents before children."""
     axes: Annotated[dict[str, Axis], Field(min_length=1, max_length=MOST_JOINTS)]
@@ -105,7 +106,7 @@ class RobotDescription(Part):
     def _without_contradictions(cls, data: Any, handler: ValidatorFunctionWrapHandler) -> RobotDescription:
         data = with_tuples(data)
         if isinstance(data, dict) and "step_s" not in data:
-            data = {**data, "step_s": whole_step(data.get("sample_time_s", 0.001))}
+            data = {**data, "step_s": default_step(data.get("sample_time_s", 0.001), data.get("axes"))}
         errors: list[InitErrorDetails] = []
         try:
             description: RobotDescription = handler(data)

@@ -39,6 +39,7 @@ def test_a_bearing_on_the_line_of_the_next_gear_is_remarked() -> None:
         ({"torque_limit": 1.0}, "torque_limit", r"gravity asks for 1.97\d N m of the motor, 1.97 times", True),
         ({"torque_limit": 1.9, "friction": {}}, "torque_limit", r"for more than it in \d\d% of the poses", False),
         ({"torque_limit": 0.4}, "friction.coulomb", "0.5 N m is 125 % of the torque limit 0.4 N m", True),
+        ({"friction": {"coulomb": 0.5, "speed": 0.2}}, "step_s", "follows its friction in 0.48 ms", False),
         ({"speed_limit": 6000.0}, "speed_limit", "6000 rad/s are 60 rad/s at the joint", False),
         ({"gear": SOFT, "position_limits": [-0.5, 0.5]}, "axes", "gravity bends the springs over", True),
         ({"gear": {"stiffness": 8e8, "damping": 60.0}}, "axes", "lies at 1.22e.03 to .* too stiff", False),
