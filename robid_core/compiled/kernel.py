@@ -7,6 +7,7 @@ from typing import Any
 
 import numba
 
+import robid_core.compiled.collector  # noqa: F401 - it rests while kernels are compiled
 from robid_core.compiled.machine_code import kept_by_content
 
 

@@ -6,7 +6,6 @@ What a simulation does not need is compiled when it is called.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable
 
 import numpy as np
@@ -58,13 +57,8 @@ def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int
 
 
 def _compile(wave: int, chain: int) -> None:
-    """Compile without looking for garbage in between, an eighth of the time: the process ends soon."""
-    gc.disable()
-    try:
-        for call in _WAVES[wave][chain]:
-            call()
-    finally:
-        gc.enable()
+    for call in _WAVES[wave][chain]:
+        call()
 
 
 def _processors(tasks: ProcessMap, most: int) -> str:

@@ -123,7 +123,8 @@ def check_stage(
             robot = _robot(n_axis)
             given = artifacts(robot) if artifacts is not None else _enough_for(cls, robot)
             arguments = {
-                entry.name: [_of_type(given, entry.artifact, n_axis)] * (2 if entry.many else 1)
+                entry.name: [_of_type(given, entry.artifact, n_axis)]
+                * _how_many(cls, entry.many, n_axis, for_axes)
                 for entry in cls.inputs()
             }
             _check_run(stage, arguments, robot, data_root)
@@ -209,6 +210,11 @@ def check_settings(cls: type[Stage], **settings: Any) -> Stage:
     except ValidationError:
         return stage
     raise ContractBroken(f"{name} is mutable; keep model_config of robid_core.Stage")
+
+
+def _how_many(cls: type[Stage], many: bool, n_axis: int, for_axes: Sequence[int]) -> int:
+    """Return how many artifacts an input gets: two where it takes many, of a diagnosis on the smallest robot only."""
+    return 2 if many and (n_axis == min(for_axes) or not issubclass(cls, DiagnosisStage)) else 1
 
 
 def _enough_for(cls: type[Stage], robot: Robot) -> Mapping[type[Artifact], Artifact]:

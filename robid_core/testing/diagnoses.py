@@ -1,7 +1,8 @@
 """What a diagnosis owes: silence where nothing is wrong, and a sign of a cause that was planted.
 
 The null case is a record of the very robot that the stage is told; the planted one is of the same robot with a friction
-at its first motor that rises as it slows down, several times what it has.
+at its first motor that rises as it slows down, several times what it has. Both stand in two poses near each other:
+what repeats with the angle is then looked for over a short travel.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from robid_core.testing.known_plant import made_of
 
 CAUSE = "friction.stribeck"
 BREAKAWAY = 3.0  # of the motor's Coulomb level
+NEAR = (0.49, 0.51)  # of each axis' range: a search over the travel between poses far apart takes seconds
 GROWTH = 1.2  # of an error that a cause must show in, where a stage tells errors and no findings
 
 
@@ -52,7 +54,9 @@ def check_null_and_cause(stage: DiagnosisStage, robot: Robot, data: Data | None)
     """
     name = type(stage).__name__
     right, wrong = (
-        _diagnosed(stage, robot, data(plant, 1) if data else {Record: example_record(plant, seed=1)})
+        _diagnosed(
+            stage, robot, data(plant, 1) if data else {Record: example_record(plant, seed=1, within=NEAR)}
+        )
         for plant in (robot, with_cause(robot))
     )
     if right.findings:

@@ -36,12 +36,15 @@ SLOW_SINE_BIN = 2
 LINES = np.arange(5, 42, 2, dtype=np.int64)  # odd bins of half a second: 10 to 82 Hz
 SPEED_RMS = 2.0  # rad/s of a motor
 SLOW_SPEED = 5.0  # rad/s amplitude: the motors do not stand still
+MIDDLE = (1 / 3, 2 / 3)  # of each axis' range, where the configurations lie
 
 
-def example_configurations(robot: Robot, n_config: int = 2) -> Configurations:
-    """Return configurations in the middle third of each axis' range."""
+def example_configurations(
+    robot: Robot, n_config: int = 2, within: tuple[float, float] = MIDDLE
+) -> Configurations:
+    """Return configurations in a part of each axis' range, by default the middle third."""
     lower, upper = robot.drives.lower, robot.drives.upper
-    share = np.random.default_rng(1).uniform(1 / 3, 2 / 3, (n_config, robot.n_axis))
+    share = np.random.default_rng(1).uniform(*within, (n_config, robot.n_axis))
     return Configurations(robot.axis_names, lower + share * (upper - lower))
 
 
@@ -69,10 +72,15 @@ def example_excitation(robot: Robot, configurations: Configurations, n_block: in
 
 
 def example_record(
-    robot: Robot, n_config: int = 2, n_block: int = 2, n_period: int = 3, seed: int = 3
+    robot: Robot,
+    n_config: int = 2,
+    n_block: int = 2,
+    n_period: int = 3,
+    seed: int = 3,
+    within: tuple[float, float] = MIDDLE,
 ) -> Record:
     """Return a measurement of the robot itself, simulated in closed loop with noise, once it has settled."""
-    configurations = example_configurations(robot, n_config)
+    configurations = example_configurations(robot, n_config, within)
     reference = example_excitation(robot, configurations, n_block).reference
     shape = (*reference.shape[:3], n_period + N_SETTLE, N_SAMPLE, robot.n_axis)
     lanes = np.broadcast_to(reference[:, :, :, None], shape).reshape(

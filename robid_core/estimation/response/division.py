@@ -1,8 +1,8 @@
 """Matrices divided by matrices, line by line: least squares and inverses for thousands of lines at once.
 
 ``X = B A^+`` is what every estimator of a response does with its spectra: outputs divided by inputs, directly or by
-way of the references. The work is done by `division_kernel`, eight lines at a time; its plain twins
-stand in its tests.
+way of the references. The work is done by `division_kernel`, eight lines at a time, and by numpy where there are few
+lines; twins by singular values stand in its tests.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from robid_core.arrays import ComplexArray, FloatArray, IntArray
 
 SMALLEST = 1e-9
 """Of the largest axis: one below that moved by rounding errors only, and is not scaled up to the others."""
+
+FEW = 200
+"""Lines up to which numpy divides: compiling the kernel takes two seconds, once, and saves milliseconds there."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ def divide(
     *,
     parts: bool = False,
     equalise: bool = True,
+    compiled: bool | None = None,
 ) -> Quotient:
     """Divide b by a at each line, ``B A^+`` with ``A^+ = A^H (A A^H)^-1``.
 
@@ -53,13 +57,13 @@ def divide(
         Lines above it are refused.
     equalise
         Whether the rows of A are brought to equal size before its condition is judged.
+    compiled
+        Whether the kernel divides; None: from `FEW` lines on.
 
     Returns
     -------
     Shapes (..., n_line, m, n), (..., n_line, n, n) and (..., n_line). What is not a number in a or b spreads.
     """
-    from robid_core.estimation.response.division_kernel import divide_lines
-
     shape, n_part = _lines_of(a.shape, parts)
     n, n_each = a.shape[-2:]
     n_line, m = int(np.prod(shape)), 0 if b is None else b.shape[-2]
@@ -68,7 +72,14 @@ def divide(
     value = np.empty((n_line, m if m else n_part * n_each, n), dtype=np.complex128)
     gram, square = np.empty((n_line, n, n), dtype=np.complex128), np.empty((n_line, n))
     sizes = np.array([n_part, n, n_each, m])
-    divide_lines(flat, start, stride, *other, sizes, _real(value), _real(gram), square)
+    if n_line > FEW if compiled is None else compiled:
+        from robid_core.estimation.response.division_kernel import divide_lines
+
+        divide_lines(flat, start, stride, *other, sizes, _real(value), _real(gram), square)
+    else:
+        left = _matrices(flat, start, stride, (n_part, n, n_each))
+        right = None if b is None else _matrices(other[0], other[1], other[2], (n_part, m, n_each))
+        value[:], gram[:], square[:] = _divide_few(left, right)
 
     def norms(line: int, size: FloatArray) -> float:
         matrix = _matrix(flat, start[line], stride, (n_part, n, n_each)) / size[:, None]
@@ -79,6 +90,23 @@ def divide(
     size = _sizes(squares) if equalise else np.ones((*shape[:-1], n))
     condition = _judge(squares, gram, size, norms, condition_limit, value)
     return Quotient(value.reshape(*shape, *value.shape[1:]), gram.reshape(*shape, n, n), condition)
+
+
+def _divide_few(a: ComplexArray, b: ComplexArray | None) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """``B A^+`` (``A^+`` without B), ``(A A^H)^-1`` and the squares of A's rows, by QR decompositions of numpy.
+
+    Takes (n_line, n, n_column) and (n_line, m, n_column); returns (n_line, m, n), (n_line, n, n) and (n_line, n). Lines
+    whose A has rows that depend on one another, or no number, are NaN.
+    """
+    q, r = np.linalg.qr(a.conj().swapaxes(-1, -2))
+    diagonal = np.einsum("lii->li", r)
+    known = np.isfinite(r).all(axis=(-2, -1)) & (diagonal != 0).all(axis=-1)
+    inverse = np.linalg.inv(np.where(known[:, None, None], r, np.eye(r.shape[-1], dtype=np.complex128)))
+    inverse[~known] = np.nan
+    adjoint = inverse.conj().swapaxes(-1, -2)
+    value = np.asarray((q if b is None else b @ q) @ adjoint, dtype=np.complex128)
+    gram = np.asarray(inverse @ adjoint, dtype=np.complex128)
+    return value, gram, np.sum(np.abs(a) ** 2, axis=-1)
 
 
 def divide_jointly(u: ComplexArray, y: ComplexArray, r: ComplexArray, condition_limit: float) -> Quotient:
@@ -177,7 +205,16 @@ def _real(matrices: ComplexArray) -> FloatArray:
 
 
 def _matrix(flat: FloatArray, start: int, stride: IntArray, sizes: tuple[int, int, int]) -> ComplexArray:
-    part, row, column = (np.arange(size) for size in sizes)
-    place = start + part[:, None] * stride[0] + row[:, None, None] * stride[1] + column * stride[2]
-    whole: ComplexArray = flat.view(np.complex128)[place].reshape(sizes[1], -1)
+    """Matrix of one line, (n_row, n_part n_column)."""
+    whole: ComplexArray = _matrices(flat, np.array([start]), stride, sizes)[0]
     return whole
+
+
+def _matrices(
+    flat: FloatArray, start: IntArray, stride: IntArray, sizes: tuple[int, int, int]
+) -> ComplexArray:
+    """Matrices of the lines that start there, parts side by side, (n_line, n_row, n_part n_column)."""
+    part, row, column = (np.arange(size) for size in sizes)
+    inside = part[:, None] * stride[0] + row[:, None, None] * stride[1] + column * stride[2]
+    whole: ComplexArray = flat.view(np.complex128)[start[:, None] + inside.ravel()]
+    return whole.reshape(len(start), sizes[1], -1)

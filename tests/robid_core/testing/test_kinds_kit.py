@@ -26,6 +26,7 @@ from robid_core import (
     ReportStage,
     Robot,
     TimeComparison,
+    simulate_record,
 )
 from robid_core.testing import (
     ContractBroken,
@@ -208,13 +209,13 @@ def test_promised_errors_must_follow_from_the_information(monkeypatch: pytest.Mo
 
 
 class Compared(DiagnosisStage):
-    """Root mean square of the torque against that of the robot's own record: an error that grows with a cause."""
+    """Root mean square of the torque against that of the robot in the same motion: an error that grows with a cause."""
 
     def told(self, error: float, comparison: TimeComparison) -> Diagnosis:
         return Diagnosis("compared", "done", (comparison.replace(relative_error=error),))
 
     def run(self, record: Record, robot: Robot) -> Diagnosis:
-        own = example_record(robot).run.values("motor_torque")
+        own = simulate_record(robot, record, "motion").run.values("motor_torque")
         rms = np.sqrt((record.run.values("motor_torque") ** 2).mean() / (own**2).mean())
         return self.told(abs(float(rms) - 1), example_diagnosis(robot).time[0])
 
@@ -417,16 +418,17 @@ def test_a_fit_that_cannot_be_fed_says_how() -> None:
         check_stage(OfDesigns, for_axes=(1,))
 
 
-class Sized(Compared):
-    """Notes how many configurations and blocks it is given, by the number of axes."""
+class Sized(DiagnosisStage):
+    """Notes how many records, configurations and blocks it is given, by the number of axes."""
 
-    given: ClassVar[dict[int, tuple[int, int]]] = {}
+    given: ClassVar[dict[int, tuple[int, int, int]]] = {}
 
-    def run(self, record: Record, robot: Robot) -> Diagnosis:
-        self.given[robot.n_axis] = record.run.values("motor_torque").shape[:2]
-        return self.told(0.1, example_diagnosis(robot).time[0])
+    def run(self, record: tuple[Record, ...], robot: Robot) -> Diagnosis:
+        n_config, n_block = record[0].run.values("motor_torque").shape[:2]
+        self.given[robot.n_axis] = (len(record), n_config, n_block)
+        return Diagnosis("sized", "done", (example_diagnosis(robot).time[0],))
 
 
-def test_several_poses_and_blocks_are_diagnosed_on_small_robots_and_large_ones_are_tried_once() -> None:
-    check_stage(Sized, for_axes=(2, 6), recovery=False)
-    assert Sized.given == {2: (2, 2), 6: (1, 1)}
+def test_many_records_poses_and_blocks_are_diagnosed_on_small_robots_and_large_ones_are_tried_once() -> None:
+    check_stage(Sized, for_axes=(1, 2, 6), recovery=False)
+    assert Sized.given == {1: (2, 2, 2), 2: (1, 2, 2), 6: (1, 1, 1)}

@@ -1,4 +1,4 @@
-"""Division of matrices line by line: the kernel against its twins by singular values, and what both refuse."""
+"""Division of matrices line by line: kernel and numpy against twins by singular values, and what both refuse."""
 
 from __future__ import annotations
 
@@ -62,15 +62,16 @@ def divide_jointly_by_svd(u: np.ndarray, y: np.ndarray, r: np.ndarray, condition
     n_line=st.integers(1, 17),
     n_config=st.integers(1, 2),
     seed=st.integers(0, 2**32 - 1),
+    compiled=st.booleans(),
 )
-def test_kernel_divides_as_singular_values_do(
-    n: int, extra: int, n_line: int, n_config: int, seed: int
+def test_lines_are_divided_as_singular_values_do(
+    n: int, extra: int, n_line: int, n_config: int, seed: int, compiled: bool
 ) -> None:
     generator = np.random.default_rng(seed)
     a = numbers(generator, n_config, n_line, n, n + extra)
     a *= np.geomspace(1e-3, 1e3, n)[:, None]  # units of the axes
     for b in (numbers(generator, n_config, n_line, 3, n + extra), None):
-        ours, twin = dv.divide(a, b, LIMIT), divide_by_svd(a, b, LIMIT)
+        ours, twin = dv.divide(a, b, LIMIT, compiled=compiled), divide_by_svd(a, b, LIMIT)
         # Orthogonalisation is backward stable: relative errors of a few n times the condition number in ulps.
         # Frobenius norms are at most n times the spectral ones, never below.
         error = 1e-15 * 20 * n * twin.condition[..., None, None]
@@ -84,16 +85,35 @@ def test_kernel_divides_as_singular_values_do(
         assert (ours.condition <= n * twin.condition * (1 + 1e-9)).all()
 
 
-def test_blocks_stand_side_by_side() -> None:
+def test_few_lines_take_no_kernel_and_many_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    from robid_core.estimation.response import division_kernel
+
+    calls = list[int]()
+    kernel = division_kernel.divide_lines
+
+    def heard(*arguments: Any) -> None:
+        calls.append(len(arguments[1]))
+        kernel(*arguments)
+
+    monkeypatch.setattr(division_kernel, "divide_lines", heard)
+    a = numbers(np.random.default_rng(6), dv.FEW + 1, 2, 3)
+    few, many = dv.divide(a[:-1], None, LIMIT), dv.divide(a, None, LIMIT)
+    assert calls == [dv.FEW + 1]
+    assert few.value == pytest.approx(many.value[:-1], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_blocks_stand_side_by_side(compiled: bool) -> None:
     generator = np.random.default_rng(1)
     u, y, r = (numbers(generator, 2, 3, 11, 4, 2) for _ in range(3))
     joined = [np.concatenate(list(np.moveaxis(x, 1, 0)), axis=-1) for x in (u, y, r)]
-    ours, twin = dv.divide(u, y, LIMIT, parts=True), divide_by_svd(joined[0], joined[1], LIMIT)
+    ours = dv.divide(u, y, LIMIT, parts=True, compiled=compiled)
+    twin = divide_by_svd(joined[0], joined[1], LIMIT)
     assert ours.value == pytest.approx(twin.value, rel=1e-9, abs=1e-12)
     assert ours.gram_inverse == pytest.approx(twin.gram_inverse, rel=1e-9, abs=1e-12)
     # Not contiguous arrays are what a record yields.
     turned = [np.moveaxis(np.ascontiguousarray(np.moveaxis(x, -1, 0)), 0, -1) for x in (u, y)]
-    assert (dv.divide(turned[0], turned[1], LIMIT, parts=True).value == ours.value).all()
+    assert (dv.divide(turned[0], turned[1], LIMIT, parts=True, compiled=compiled).value == ours.value).all()
 
 
 @pytest.mark.parametrize("n", [1, 2, 6])
@@ -111,8 +131,8 @@ def test_joint_division_is_the_formula_of_the_thesis(n: int) -> None:
     assert (ours.condition <= n * twin.condition * (1 + 1e-9)).all()
 
 
-@pytest.mark.parametrize("joint", [False, True])
-def test_both_refuse_the_same_lines(joint: bool) -> None:
+@pytest.mark.parametrize(("joint", "compiled"), [(False, False), (False, True), (True, True)])
+def test_both_refuse_the_same_lines(joint: bool, compiled: bool) -> None:
     # Conditions on both sides of the limit, some within the factor n that Frobenius norms leave open.
     generator = np.random.default_rng(3)
     n, condition = 4, np.concatenate((np.geomspace(1e4, 1e8, 40), [np.inf]))
@@ -125,7 +145,7 @@ def test_both_refuse_the_same_lines(joint: bool) -> None:
         # R with the inputs' own row space: A is their pseudo-inverse.
         ours, twin = dv.divide_jointly(a[None], b[None], right[None], LIMIT), divide_by_svd(a, b, LIMIT)
     else:
-        ours, twin = dv.divide(a, b, LIMIT), divide_by_svd(a, b, LIMIT)
+        ours, twin = dv.divide(a, b, LIMIT, compiled=compiled), divide_by_svd(a, b, LIMIT)
     refused = np.isnan(twin.value).any(axis=(1, 2))
     assert 10 < refused.sum() < 31
     assert (np.isnan(ours.value).any(axis=(1, 2)) == refused).all()
@@ -136,23 +156,25 @@ def test_both_refuse_the_same_lines(joint: bool) -> None:
     assert (error <= 1e-13 * twin.condition[kept] * np.abs(twin.value)[kept].max(axis=(1, 2))).all()
 
 
-def test_an_axis_that_does_not_move_and_one_line_that_is_zero_are_refused() -> None:
+@pytest.mark.parametrize("compiled", [False, True])
+def test_an_axis_that_does_not_move_and_one_line_that_is_zero_are_refused(compiled: bool) -> None:
     generator = np.random.default_rng(4)
     a = numbers(generator, 9, 2, 2)
     a[3] = 0.0
-    quotient = dv.divide(a, None, LIMIT)
+    quotient = dv.divide(a, None, LIMIT, compiled=compiled)
     assert (np.isnan(quotient.value).any(axis=(1, 2)) == (np.arange(9) == 3)).all()
     assert np.isinf(quotient.condition[3])
     a[:, 1] = 1e-12 * a[:, 0]  # crosstalk at the level of rounding
-    assert np.isnan(dv.divide(a, None, LIMIT).value).any(axis=(1, 2)).all()
+    assert np.isnan(dv.divide(a, None, LIMIT, compiled=compiled).value).any(axis=(1, 2)).all()
 
 
-def test_what_is_not_a_number_spreads_over_its_line_only() -> None:
+@pytest.mark.parametrize("compiled", [False, True])
+def test_what_is_not_a_number_spreads_over_its_line_only(compiled: bool) -> None:
     generator = np.random.default_rng(5)
     a, b = numbers(generator, 20, 3, 3), numbers(generator, 20, 3, 3)
-    clean = dv.divide(a, b, LIMIT).value
+    clean = dv.divide(a, b, LIMIT, compiled=compiled).value
     b[7, 1, 0] = np.nan
-    value = dv.divide(a, b, LIMIT).value
+    value = dv.divide(a, b, LIMIT, compiled=compiled).value
     assert np.isnan(value[7, 1]).all()
     others = np.arange(20) != 7
     assert (value[others] == clean[others]).all()
