@@ -13,6 +13,7 @@ from robid_core import DenseRun, FloatArray, Record, RobidError, Robot
 from robid_core.estimation.rigid.coupled_axes import Coupling, coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
+from robid_core.estimation.rigid.speeds_for_angles import speeds_in
 from robid_core.estimation.rigid.torque_offsets import offsets_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
 from robid_core.residual import rigid_drives
@@ -28,6 +29,10 @@ PERIODS = 4  # of the band's edge: a shorter experiment is not looked at
 _REMEDY = (
     "look at torque_constant or scale, gear ratio, rotor inertia, and at a load that the robot file lacks"
 )
+_OF_SPEED = (
+    "motor_position: the column of the angle; this one is motor_speed, unit: rad/s; where only speeds were recorded, "
+    "add a column with their integral, from the angle on at which the recording began"
+)
 SLOWEST_HZ = 2.0  # resonances below are pendulums, not springs
 
 
@@ -36,7 +41,11 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
     try:
         recorded = _recorded(record, robot)
         slips = [] if recorded is None else slips_in(recorded, robot.axis_names)
-        if recorded is None or not slips:
+        if recorded is None:
+            return []
+        if speeds := _speeds(record, robot, explained_by(recorded, slips[0]) if slips else 0.0):
+            return [speeds]
+        if not slips:
             return []
         doubts = [one.explained for one in (counts_in(recorded), coupling_in(recorded)) if one]
         if doubts and max(doubts) > explained_by(recorded, slips[0]):
@@ -45,6 +54,22 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
         return [replace(slips[0], ties=slips[0].ties + zeros), *slips[1:]]
     except (RobidError, ArithmeticError):  # nothing is known against the record
         return []
+
+
+def _speeds(record: Record, robot: Robot, explained: float) -> Slip | None:
+    """Return that angles are speeds, where this explains more than anything else does."""
+    step, cutoff = record.runs[0].sample_time_s, _cutoff(record, robot)
+    found = speeds_in(rigid_drives(robot), _long(record, cutoff), step, cutoff)
+    if found is None or found.explained < explained:
+        return None
+    names = ", ".join(robot.axis_names[a] for a in found.axes)
+    what = (
+        f"the angle of {names} looks like a speed"
+        if len(found.axes) == 1
+        else f"the angles of {names} look like speeds"
+    )
+    same = np.eye(robot.n_axis)
+    return Slip(what, _OF_SPEED, same, same, found.before, found.after)
 
 
 def unsigned_torques(record: Record, robot: Robot) -> list[str]:
@@ -173,11 +198,16 @@ def _found(ask: Callable[[Recorded], list[Found]], record: Record, robot: Robot)
 def _recorded(record: Record, robot: Robot) -> Recorded | None:
     """Motion and torque below the robot's first resonance; None where no experiment is long enough."""
     cutoff = _cutoff(record, robot)
-    sample_time = record.runs[0].sample_time_s
-    experiments = [one for one in _experiments(record) if len(one[0]) * sample_time * cutoff > PERIODS]
+    experiments = _long(record, cutoff)
     if not experiments:
         return None
-    return Recorded.of_experiments(rigid_drives(robot), experiments, sample_time, cutoff)
+    return Recorded.of_experiments(rigid_drives(robot), experiments, record.runs[0].sample_time_s, cutoff)
+
+
+def _long(record: Record, cutoff: float) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the experiments that are long enough to be looked at."""
+    step = record.runs[0].sample_time_s
+    return [one for one in _experiments(record) if len(one[0]) * step * cutoff > PERIODS]
 
 
 def sentence(slips: list[Slip]) -> str:
