@@ -118,8 +118,6 @@ def solve(
     changes: list[float] = []
     about: Linearisation | None = None
     best, at_best = point, list[FloatArray]()
-    lowest, least = point, np.inf
-    unhurried = point  # where the last pass ended, less what the acceleration went ahead
     fresh, settled, doubted, before, gained, left = True, False, False, 0.0, 0.0, 1.0
     for number in range(passes):
         progress(number + 1, passes + 1, "torque of the measured motion")
@@ -133,11 +131,6 @@ def solve(
             if reached > ASTRAY * before:
                 point, fresh = best + RETREAT * (point - best), True
                 history = History(MEMORY)
-                continue
-            hurried = changes[-1] < NEARLY and not np.array_equal(point, unhurried)
-            if hurried and reached > before + LOST * max(left, 1.0):
-                point, history = unhurried, History(MEMORY)
-                fresh |= thorough and _better_derivatives(problem, "all")
                 continue
             if changes[-1] > NEARLY and before - reached < KEPT * gained * before:
                 better = _better_derivatives(problem, "all" if thorough else "bent")
@@ -153,8 +146,6 @@ def solve(
             seen.check(np.isin(np.arange(problem.n_free), asked))
         best, at_best = point, problem.weighted(point, about.weights)
         before = problem.cost(point, at_best)
-        if before < least:
-            lowest, least = point, before
         found = minimised(problem, point, about)
         gained = 1 - problem.cost(found, problem.weighted(found, about.weights)) / before
         left = misfit(problem, found)
@@ -170,19 +161,18 @@ def solve(
         # Masses and centres of mass act by their products: derivatives of bodies that move hold nowhere else.
         fresh = gained > MUCH or gained <= 0 or loose.size > 0
         if settled and reweigh and not doubted and left > DOUBTFUL:
-            settled, doubted, fresh, least = False, True, True, np.inf  # by other weights costs are others
+            settled, doubted, fresh = False, True, True
         elif settled and thorough and _is_bent(problem, point) and _better_derivatives(problem, "all"):
             settled, fresh = False, True  # in a valley of nonlinear springs fewer derivatives may stand still
         elif settled:
             break
-        unhurried = found
         if number + 1 < passes:
             ahead = _within(problem, history.next_point(about.whole))
             point = ahead if all(robot.is_possible for robot in problem.robots(ahead)) else found
     progress(passes + 1, passes + 1, "")
     assert about is not None
     if not settled:
-        point = _best(problem, lowest, best, point, about, before, model_error)
+        point = _better(problem, best, point, about, before, model_error)
     covariance = _covariance(problem, point, about) + np.outer(last, last)
     return Solution(point, covariance, tuple(changes), contraction, settled, agree, seen)
 
@@ -193,31 +183,25 @@ def _counted(problem: TorqueProblem, weighted: Sequence[FloatArray]) -> list[Flo
     return [own if block.used is None else own * block.used[..., None] for own, block in pairs]
 
 
-def _best(
+def _better(
     problem: TorqueProblem,
-    lowest: FloatArray,
-    last: FloatArray,
-    end: FloatArray,
+    best: FloatArray,
+    point: FloatArray,
     about: Linearisation,
     cost: float,
     model_error: float,
 ) -> FloatArray:
-    """Return where passes ended, or that point before at which the motion leaves least; blocks are renewed there.
+    """Return where passes ended, or the best point before, if the motion there shows that its `cost` was less.
 
-    What a linear model promises of the last step need not be there, and the pass before it, whose `cost` is known, need
-    not be the best of all: near the corners of a gap one may lose what three have gained. `lowest` is that of all.
+    What a linear model promises of a long step need not be there; the next pass would have shown it.
     """
-
-    def cost_at(point: FloatArray) -> float:
-        _renew_signals(problem, point)
-        _renew(problem, point, model_error, improve=False)
-        return problem.cost(point, problem.weighted(point, about.weights))
-
-    costs = [np.inf if lowest is last else cost_at(lowest), cost, cost_at(end)]
-    best = int(np.argmin(costs[::-1]))  # of equal ones the end
-    if best:
-        cost_at((end, last, lowest)[best])
-    return (end, last, lowest)[best]
+    _renew_signals(problem, point)
+    _renew(problem, point, model_error, improve=False)
+    if problem.cost(point, problem.weighted(point, about.weights)) <= cost:
+        return point
+    _renew_signals(problem, best)
+    _renew(problem, best, model_error, improve=False)
+    return best
 
 
 def linearise_at(
