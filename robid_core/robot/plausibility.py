@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
-from robid_core.robot.file.clock import FOLLOWING
+from robid_core.robot.file.clock import FOLLOWING, following_time
 from robid_core.robot.file.coaxial import coaxial_springs
 from robid_core.robot.file.meeting import meeting_springs
 from robid_core.robot.remark import Remark
@@ -32,9 +32,7 @@ _SLOWEST_RATIO = 0.2  # motor turns per joint turn; motors turn faster than join
 _NO_INERTIA = 1e-9
 _JOINT_SPEED = (0.1, 40.0)  # rad/s
 _RESONANCE_HZ = (1.0, 200.0)
-_HARDLY = (
-    0.9  # of the steps that a file without step_s gets: friction a little larger than told is no mistake
-)
+_HARDLY = 0.9  # of the steps that a file without step_s gets: friction may be a little larger than told
 _LONGEST_M = 20.0
 _FRICTION_SHARE = 0.3  # of the torque limit
 _GRAVITY = (20.0, 30.0)  # m/s^2: of no place where robots stand, and of no planet that one could stand on
@@ -341,16 +339,12 @@ def _controller(robot: Robot, pose: FloatArray) -> Iterator[Remark]:
 
 
 def _friction_steps(robot: Robot) -> Iterator[Remark]:
-    d, elastic = robot.drives, robot.mechanism.elastic_gear
-    rubs = elastic & (d.coulomb > 0)
-    following = np.full(robot.n_axis, np.inf)
-    following[rubs] = d.rotor_inertia[rubs] * d.friction_speed[rubs] / d.coulomb[rubs]
-    fastest = int(np.argmin(following))
-    if following[fastest] < _HARDLY * FOLLOWING * robot.step_s:
+    times = {name: following_time(axis.model_dump()) for name, axis in robot.description.axes.items()}
+    fastest = min(times, key=lambda name: times[name])
+    if times[fastest] < _HARDLY * FOLLOWING * robot.step_s:
         yield Remark(
             "step_s",
-            f"the motor of {robot.axis_names[fastest]} follows its friction in {1e3 * following[fastest]:.2g} ms "
-            f"(rotor_inertia times friction: speed over coulomb), which steps of {1e3 * robot.step_s:.3g} ms do not "
-            "resolve: what is simulated has another friction than this file; give shorter steps, or a larger friction: "
-            "speed",
+            f"the motor of {fastest} follows its friction in {1e3 * times[fastest]:.2g} ms (rotor_inertia times "
+            f"friction: speed over coulomb), which steps of {1e3 * robot.step_s:.3g} ms do not resolve: what is "
+            "simulated has another friction than this file; give shorter steps, or a larger friction: speed",
         )

@@ -60,27 +60,24 @@ def default_step(sample_time: Any, axes: Any) -> float:
     count = math.ceil(sample_time / LONGEST_STEP_S * (1 - 1e-9))
     step = float(sample_time / count)
     step = LONGEST_STEP_S if math.isclose(step, LONGEST_STEP_S, rel_tol=1e-9) else step
-    wanted = min(step, max(following_time(axes) / FOLLOWING, SHORTEST_STEP_S))
+    entries = axes.values() if isinstance(axes, Mapping) else ()
+    fastest = min(
+        (following_time(entry) for entry in entries if isinstance(entry, Mapping)), default=math.inf
+    )
+    wanted = min(step, max(fastest / FOLLOWING, SHORTEST_STEP_S))
     return step * 2.0 ** math.floor(math.log2(wanted / step))
 
 
-def following_time(axes: Any) -> float:
-    """Return the shortest time in which a motor behind an elastic gear follows its friction, s; infinite without any.
+def following_time(axis: Mapping[str, Any]) -> float:
+    """Return the time in which a motor follows its friction, s; infinite without any, or before a rigid gear.
 
-    Entries of the file that are no numbers are told elsewhere.
+    There the arm moves, too. Entries of the file that are no numbers are told elsewhere.
     """
-    entries = axes.values() if isinstance(axes, Mapping) else ()
-    return min((_following_time(entry) for entry in entries if isinstance(entry, Mapping)), default=math.inf)
-
-
-def _following_time(axis: Mapping[str, Any]) -> float:
     friction = axis.get("friction", {})
-    if (
-        not isinstance(friction, Mapping) or axis.get("gear") is None
-    ):  # before a rigid gear the arm moves, too
+    if not isinstance(friction, Mapping) or axis.get("gear") is None:
         return math.inf
     values = (axis.get("rotor_inertia"), friction.get("coulomb"), friction.get("speed", COULOMB_SPEED))
-    if not all(_is_positive(value) for value in values):  # above zero
+    if not all(_is_positive(value) for value in values):
         return math.inf
     inertia, coulomb, speed = values
     return float(inertia * speed / coulomb)
