@@ -12,12 +12,12 @@ runs it lane after lane.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import os
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,65 +43,88 @@ N_OUTPUT = 3  # rows of what comes out: force, slope in position, slope in veloc
 ENTRY = numba.types.void(*[numba.types.intp] * 4, numba.types.float64)
 
 
-@dataclass(frozen=True, eq=False)
 class Entries:
-    """A compiled law: void entry(place, state, next_state, arguments, step), all addresses but the step.
+    """The compiled entries of a law: void entry(place, state, next_state, arguments, step), all addresses but the step.
 
     `place` has rows of inputs and outputs, `state` and `next_state` a row a state, each as wide as the lanes;
-    `arguments` are numbers, or rows as wide as the lanes.
+    `arguments` are numbers, or rows as wide as the lanes. Each is compiled, or found on disk, when it is asked for:
+    most sessions take one of the two. Addresses are good as long as this object lives.
+
+    Raises
+    ------
+    PluginError
+        Of each attribute, in the name of `label`, where the law does not compile.
     """
 
-    single: int
-    """Address of the entry for one experiment."""
-    lanes: int
-    """Address of the entry for all lanes; their arguments stand side by side where they were asked for so."""
-    vectorized: bool
-    """Whether the law runs on all lanes at once."""
-    keep: tuple[Any, ...]
-    """What must live as long as the addresses are used."""
+    def __init__(self, law: Law, kind: Kind, n_state: int, label: str, n_argument: int | None) -> None:
+        self.law = law if is_jitted(law) else numba.njit(law)
+        self._label = label
+        for function in reached(self.law):  # what numba keeps of these may be older than what they call
+            if not function.py_func.__module__.startswith("robid_core."):
+                function._cache = NullCache()
+        self._name = _importable(self.law)
+        self._digest = content_hash(self.law.py_func)
+        ways: tuple[Way, ...] = ("single", "lanes", "lane_after_lane")
+        self._sources = {
+            way: _source(self._name, way, kind, n_state, None if way == "single" else n_argument)
+            for way in ways
+        }
 
+    @functools.cached_property
+    def single(self) -> int:
+        """Address of the entry for one experiment."""
+        return int(self._single.address)
 
-_compiled: dict[tuple[int, str, int, int | None], tuple[Law, Entries]] = {}
+    @functools.cached_property
+    def lanes(self) -> int:
+        """Address of the entry for all lanes; their arguments stand side by side where they were asked for so."""
+        return int(self._all_lanes[0].address)
 
+    @functools.cached_property
+    def vectorized(self) -> bool:
+        """Whether the law runs on all lanes at once."""
+        return self._all_lanes[1]
 
-def entries_of(law: Law, kind: Kind, n_state: int, label: str, n_argument: int | None = None) -> Entries:
-    """Compile a law, or find it compiled.
+    @functools.cached_property
+    def _single(self) -> Any:
+        return self._compiled("single")
 
-    `n_argument` is the number of its arguments where each lane has its own; None: all lanes share them. Raises
-    PluginError, in the name of `label`, where the law does not compile at all.
-    """
-    key = (id(law), kind, n_state, n_argument)
-    if key not in _compiled:
+    @functools.cached_property
+    def _all_lanes(self) -> tuple[Any, bool]:
+        """The entry for all lanes, and whether it is vectorized."""
         try:
-            _compiled[key] = (law, _compile(law, kind, n_state, n_argument))
+            return self._entry("lanes"), True
+        except NumbaError:
+            return self._compiled("lane_after_lane"), False
+
+    def _compiled(self, way: Way) -> Any:
+        """Compile an entry whose errors are the law's own."""
+        try:
+            return self._entry(way)
         except NumbaError as error:
             reason = next((line for line in str(error).splitlines() if line.strip()), "")
             raise PluginError(
-                f"effect '{label}': its law does not compile: {reason}; a law is one function of numbers, see "
+                f"effect '{self._label}': its law does not compile: {reason}; a law is one function of numbers, see "
                 f"robid_core.effect\n{error}"
             ) from error
-    return _compiled[key][1]
+
+    def _entry(self, way: Way) -> Any:
+        return _entry(self.law, self._name, self._sources[way], self._digest)
 
 
-def _compile(law: Law, kind: Kind, n_state: int, n_argument: int | None) -> Entries:
-    if not is_jitted(law):
-        law = numba.njit(law)
-    for function in reached(law):  # what numba keeps of these may be older than what they call
-        if not function.py_func.__module__.startswith("robid_core."):
-            function._cache = NullCache()
-    name = _importable(law)
-    ways: tuple[Way, ...] = ("single", "lanes", "lane_after_lane")
-    sources = {
-        way: _source(name, way, kind, n_state, None if way == "single" else n_argument) for way in ways
-    }
-    digest = content_hash(law.py_func)
-    try:
-        single, lanes, vectorized = _entry(law, name, sources["single"], digest), None, True
-        lanes = _entry(law, name, sources["lanes"], digest)
-    except NumbaError:
-        single = _entry(law, name, sources["single"], digest)  # an error here is the law's own
-        lanes, vectorized = _entry(law, name, sources["lane_after_lane"], digest), False
-    return Entries(single.address, lanes.address, vectorized, (law, single, lanes))
+_known: dict[tuple[int, str, int, int | None], tuple[Law, Entries]] = {}
+
+
+def entries_of(law: Law, kind: Kind, n_state: int, label: str, n_argument: int | None = None) -> Entries:
+    """Return the entries of a law, the same ones for the same law.
+
+    `n_argument` is the number of its arguments where each lane has its own; None: all lanes share them. `label` names
+    its effect where it does not compile.
+    """
+    key = (id(law), kind, n_state, n_argument)
+    if key not in _known:
+        _known[key] = (law, Entries(law, kind, n_state, label, n_argument))
+    return _known[key][1]
 
 
 # Entries -------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from robid_core.errors import ConfigurationError
 from robid_core.robot.file.changes import Changes, base_of, changes, place_of, with_effects
 from robid_core.robot.file.description import RobotDescription
 from robid_core.robot.file.named_parameters import named_parameters
-from robid_core.robot.file.writing import robot_sha256, robot_yaml
+from robid_core.robot.file.writing import robot_yaml, text_sha256
 
 if TYPE_CHECKING:
     from robid_core.robot.robot import Robot
@@ -72,10 +72,11 @@ class Identified:
         known = {**change.numbers, **values}
         numbers = {name: known[name] for name in robot.layout if name in known}
         free = tuple(free_names)
+        text = robot_yaml(change.base)
         return Model(
             base=change.base.name,
-            base_sha256=robot_sha256(change.base),
-            base_text=robot_yaml(change.base),
+            base_sha256=text_sha256(text),
+            base_text=text,
             effects=json.dumps(change.effects),
             names=tuple(numbers),
             start=np.array([robot.parameter(name) for name in numbers], dtype=np.float64),

@@ -13,6 +13,7 @@ import functools
 import inspect
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ from robid_core.run.arguments import arguments_of
 from robid_core.stage import KINDS, Context, DiagnosisStage, Estimator, FrfEstimator, ReportStage, Stage
 from robid_core.testing.acquisitions import check_record
 from robid_core.testing.broken import ContractBroken
+from robid_core.testing.compiling import compiled_beside
 from robid_core.testing.designs import check_design
 from robid_core.testing.diagnoses import check_null_and_cause
 from robid_core.testing.estimators import (
@@ -118,7 +120,7 @@ def check_stage(
     >>> check_stage(Zero, for_axes=(1,))
     """
     stage = check_settings(cls, **settings)
-    with compilation_told():
+    with compilation_told(), compiled_beside() if issubclass(cls, DiagnosisStage) else nullcontext():
         for n_axis in for_axes:
             robot = _robot(n_axis)
             given = artifacts(robot) if artifacts is not None else _enough_for(cls, robot)

@@ -1,8 +1,8 @@
 """What a diagnosis owes: silence where nothing is wrong, and a sign of a cause that was planted.
 
-The null case is a record of the very robot that the stage is told; the planted one is of the same robot with a friction
-at its first motor that rises as it slows down, several times what it has. Both stand in two poses near each other:
-what repeats with the angle is then looked for over a short travel.
+The null case is a record of the very robot that the stage is told; the planted one is of the same robot whose first
+motor has more friction forwards than backwards, which no value of the file expresses and which a short record shows.
+Both stand in two poses near each other: what repeats with the angle is then looked for over a short travel.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from robid_core.testing.fits import Data
 from robid_core.testing.inputs import example_of, example_record
 from robid_core.testing.known_plant import made_of
 
-CAUSE = "friction.stribeck"
-BREAKAWAY = 3.0  # of the motor's Coulomb level
+CAUSE = "friction.asymmetric"
+FORWARDS = 0.3  # of the motor's Coulomb level, on top of it
 NEAR = (0.49, 0.51)  # of each axis' range: a search over the travel between poses far apart takes seconds
 GROWTH = 1.2  # of an error that a cause must show in, where a stage tells errors and no findings
 
 
 def with_cause(robot: Robot) -> Robot:
     """Return the robot with the planted cause at its first motor."""
-    axis = robot.axis_names[0]
-    level = robot.parameters().get(f"friction.{axis}.coulomb", 0.0) or 0.1 * float(
-        robot.drives.torque_limit[0]
-    )
-    settings = {"coulomb": level, "breakaway": BREAKAWAY * level}
+    axis, values = robot.axis_names[0], robot.parameters()
+    level = values.get(f"friction.{axis}.coulomb", 0.0) or 0.1 * float(robot.drives.torque_limit[0])
+    settings = {"coulomb_forwards": FORWARDS * level, "coulomb_backwards": 0.0}
+    if (speed := f"friction.{axis}.speed") in values:
+        settings["speed"] = values[speed]
     return robot.with_effect("planted", CAUSE, axis, "motor", settings)
 
 
@@ -68,7 +68,7 @@ def check_null_and_cause(stage: DiagnosisStage, robot: Robot, data: Data | None)
     if wrong.findings:
         return
     before, after = errors_of(right), errors_of(wrong)
-    cause = f"{CAUSE} at {robot.axis_names[0]}, {BREAKAWAY:g} times the Coulomb level"
+    cause = f"{CAUSE} at {robot.axis_names[0]}, {FORWARDS:g} of its Coulomb level forwards"
     if not before and not after:
         raise ContractBroken(
             f"{name}: a planted cause ({cause}) is not found, and the diagnosis states no error either; put what "

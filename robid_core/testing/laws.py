@@ -71,11 +71,11 @@ class TriedLaw:
         ]
         try:
             entries = entries_of(term.law, "force" if self.is_force else "signal", term.n_state, term.label)
+            self._single, self._lanes = _ENTRY(entries.single), _ENTRY(entries.lanes)
         except PluginError as error:
             raise ContractBroken(f"{name}: {error}") from error
         self._entries = entries  # keeps the machine code
         self.vectorized = entries.vectorized
-        self._single, self._lanes = _ENTRY(entries.single), _ENTRY(entries.lanes)
 
     def __call__(self, point: Point, step: float) -> tuple[FloatArray, FloatArray]:
         """Return outputs (force and slopes, or the signal) and the next state.

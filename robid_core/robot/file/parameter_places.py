@@ -125,12 +125,14 @@ def motor_slides(description: RobotDescription, axis: str | None) -> bool:
 
 def _of_axes(description: RobotDescription) -> list[ParameterPlace]:
     found = []
+    joint_slides = {name for name in description.axes if is_prismatic(description, name)}
+    motor_too = {name for name in joint_slides if motor_slides(description, name)}
     for pattern, kind, group, unit, path in _AXIS:
         for name, axis in description.axes.items():
             if getattr(axis, path[0]) is None:
                 continue
-            slides = is_prismatic if path[0] == "gear" else motor_slides
-            here = linear_unit(unit) if slides(description, name) else unit
+            slides = name in (joint_slides if path[0] == "gear" else motor_too)
+            here = linear_unit(unit) if slides else unit
             if path == ("sensors", "encoder_counts"):
                 here = "1"  # a motor turn, or a metre
             found.append(ParameterPlace(pattern.format(name), kind, group, here, ("axes", name, *path)))

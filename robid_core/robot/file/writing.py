@@ -23,4 +23,9 @@ def robot_yaml(description: RobotDescription) -> str:
 
 def robot_sha256(description: RobotDescription) -> str:
     """Return the hash of `robot_yaml`."""
-    return hashlib.sha256(robot_yaml(description).encode("utf-8")).hexdigest()
+    return text_sha256(robot_yaml(description))
+
+
+def text_sha256(text: str) -> str:
+    """Return the hash of the text of a robot file."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()

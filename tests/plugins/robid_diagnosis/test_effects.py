@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import robid_core as robid
 from robid_core import (
     Channel,
     ConfigurationError,
@@ -20,7 +21,9 @@ from robid_core import (
     Robot,
 )
 from robid_core.stage import map_in_process
-from robid_core.testing import check_stage
+from robid_core.testing import check_stage, example_record
+from robid_core.testing.diagnoses import CAUSE, NEAR, with_cause
+from robid_core.testing.robots import example_robot
 from robid_diagnosis.effects import Effects
 from robid_diagnosis.wording import place_text
 
@@ -345,3 +348,16 @@ def test_the_stage_keeps_the_contract(told: Robot, plant_of: Plants, measured: M
         most=0,
         passes=3,
     )
+
+
+@pytest.mark.parametrize("n_axis", [1, 2])
+def test_it_names_the_cause_that_the_contract_kit_plants(n_axis: int) -> None:
+    """Alone, with its place, and its size within 3.3 stated errors, as `check_stage` asks of no other diagnosis."""
+    robot = example_robot(n_axis)
+    plant = with_cause(robot)
+    record = example_record(plant, seed=1, within=NEAR)
+    (found,) = robid.use("diagnosis.effects")(record, robot).findings
+    assert (found.kind, found.effect, found.where) == ("cause", CAUSE, f"{robot.axis_names[0]} (motor)")
+    index = found.names.index("coulomb_forwards")
+    true = plant.parameters()["effect.planted.coulomb_forwards"]
+    assert abs(found.value[index] - true) < 3.3 * found.standard_error[index]
