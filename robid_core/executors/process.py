@@ -161,6 +161,7 @@ class ProcessMap:
         if pool is None:
             return
         workers = list((pool._processes or {}).values())
+        manager: threading.Thread | None = pool._executor_manager_thread  # type: ignore[assignment]
         pool.shutdown(wait=False, cancel_futures=True)
         for worker in workers:
             worker.terminate()
@@ -168,6 +169,8 @@ class ProcessMap:
             worker.join(END_S)
             worker.kill()  # one that has ended is not touched
             worker.join(END_S)
+        if manager is not None:  # an interpreter that ends writes to its pipe, which it closes as it ends
+            manager.join(END_S)
 
 
 def start_resource_tracker() -> None:
