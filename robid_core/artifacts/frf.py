@@ -230,7 +230,7 @@ class Frf(Artifact):
             estimator=estimator,
             pooling="stated with the arrays" if deviation is not None else "none stated",
             sample_time_s=sample_time_s,
-            torque_hold=torque_hold,
+            torque_hold=arrays.hold(torque_hold),
             angle=arrays.angles(angle, robot, None, n_config, n_axis),
             frequency_hz=frequency,
             response=full,

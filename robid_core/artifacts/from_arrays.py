@@ -13,6 +13,9 @@ from robid_core.artifacts.dense_run import Channel
 from robid_core.artifacts.units import QUANTITIES, UNITS, symbols_of
 from robid_core.errors import DataRejected
 
+HOLDS = ("zero_order_hold", "continuous")
+"""How torque goes from sample to sample."""
+
 AXES = ("n_config", "n_block", "n_exp", "n_period", "n_sample", "n_axis")
 RESPONSE_AXES = ("n_config", "n_freq", "n_out", "n_in")
 ACCELERATION = "(rad/s^2)/(N m)"
@@ -125,6 +128,13 @@ def angles(
             "angle=, joint side, (n_config, n_axis)"
         )
     return robot.joint_angle(np.nanmean(position, axis=(1, 2, 3, 4)))
+
+
+def hold(name: str) -> str:
+    """Return how torque goes from sample to sample; DataRejected where there is no such way."""
+    if name not in HOLDS:
+        raise DataRejected(f"torque_hold: '{name}', not {' or '.join(HOLDS)}")
+    return name
 
 
 def common_shape(channels: Mapping[str, FloatArray]) -> tuple[int, ...]:

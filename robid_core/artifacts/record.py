@@ -22,7 +22,6 @@ MOTOR_TORQUE = "motor_torque"
 SPEED_REFERENCE = "speed_reference"
 POSITION_REFERENCE = "position_reference"
 MEASURED = (MOTOR_POSITION, MOTOR_TORQUE)
-HOLDS = ("zero_order_hold", "continuous")  # of torques between samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +147,7 @@ class Record(Artifact):
         return cls(
             axis_names=arrays.names_of_axes(robot, axis_names, shape[5]),
             source=source,
-            torque_hold=torque_hold or "continuous",
+            torque_hold=arrays.hold(torque_hold or "continuous"),
             runs=(DenseRun(sample_time_s, made, time_s, valid),),
             angle=arrays.angles(angle, robot, position, shape[0], shape[5]),
             line=arrays.bins(wanted, shape[4] * sample_time_s) if wanted else None,

@@ -20,7 +20,8 @@ from robid_core.artifacts.artifact import Artifact
 from robid_core.artifacts.declared import declarations, other_than
 from robid_core.artifacts.dense_run import DenseRun
 from robid_core.artifacts.fit import Fit
-from robid_core.artifacts.record import HOLDS, Record
+from robid_core.artifacts.from_arrays import HOLDS
+from robid_core.artifacts.record import Record
 from robid_core.artifacts.units import symbols_of
 from robid_core.errors import DataRejected
 

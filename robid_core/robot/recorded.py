@@ -10,19 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from robid_core.arrays import FloatArray
 from robid_core.artifacts import Channel, DenseRun, Record, frozen
-from robid_core.errors import DataRejected
+from robid_core.errors import ConfigurationError, DataRejected
 from robid_core.estimation.local_motion import local_motion
 from robid_core.mechanics import SimulationDiverged
 from robid_core.robot.plant import check_once, continue_simulation, controller_of, standing
 from robid_core.robot.recorded_lanes import DRIVE_ENABLED, RecordedLanes, recorded_lanes, side_by_side
 from robid_core.robot.restarts import cut_into_windows, join_windows, window_starts
 from robid_core.robot.sampling import check_sampling
+from robid_core.yaml_file.problems import suggestion
 
 if TYPE_CHECKING:
     from robid_core.mechanics import SimulationState
@@ -71,7 +72,7 @@ def simulate_record(
     Raises
     ------
     ConfigurationError
-        If record and drives are not sampled alike.
+        If record and drives are not sampled alike, or there is no such `start`.
     DataRejected
         If there is no reference, or a sample is missing.
     SimulationDiverged
@@ -121,6 +122,8 @@ def simulate_records(
     >>> [one.source for one in robid.simulate_records(robot, records)]
     ['arrays, simulated with one_axis', 'arrays, simulated with one_axis']
     """
+    if start not in get_args(Start):
+        raise ConfigurationError(f"start '{start}': {suggestion(str(start), get_args(Start), 'give one of')}")
     runs = [(run, record.line is not None) for record in records for run in record.runs]
     courses = [_course(robot, *run, start, horizon_s, half_window) for run in runs]
     outputs: dict[int, Outputs] = {}

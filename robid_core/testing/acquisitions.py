@@ -8,7 +8,8 @@ import numpy as np
 
 from robid_core.artifacts import Artifact, Configurations, Excitation, Record
 from robid_core.artifacts.dense_run import DenseRun
-from robid_core.artifacts.record import HOLDS, MEASURED, MOTOR_POSITION
+from robid_core.artifacts.from_arrays import HOLDS
+from robid_core.artifacts.record import MEASURED, MOTOR_POSITION
 from robid_core.artifacts.units import symbols_of
 from robid_core.robot import Robot
 from robid_core.testing.broken import ContractBroken

@@ -81,6 +81,7 @@ TEN = np.zeros((10, 2))
         ({"angle": [[0.0, 0.0]] * 2}, "angle: 2 rows for 1 configurations"),
         ({"axis_names": ("one",)}, "the arrays have 2 axes, and 1 are named"),
         ({"period_s": 4e-3}, "no whole number of periods of 4 samples"),
+        ({"torque_hold": "linear"}, "torque_hold: 'linear', not zero_order_hold or continuous"),
         ({"excited_hz": [100.0]}, "torque_hold is missing, which excited_hz goes with"),
         (
             {"excited_hz": [150.0], "torque_hold": "continuous"},

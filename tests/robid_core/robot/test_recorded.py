@@ -85,6 +85,12 @@ def test_a_record_that_begins_at_rest_is_given_back(six: Robot) -> None:
     assert again.source == f"made up, simulated with {six.name}"
 
 
+def test_a_start_that_does_not_exist_is_refused(six: Robot) -> None:
+    record = record_of(np.zeros((1, 9, 6)), np.zeros((1, 9, 6)), 1, speed_reference=np.zeros((1, 9, 6)))
+    with pytest.raises(ConfigurationError, match="start 'measured': give one of: rest, motion"):
+        simulate_record(six, record, "measured")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("how", "calls"),
     [
