@@ -134,6 +134,15 @@ class Recorded:
         moved |= {"torque": self.torque @ slip.torque.T, "direction": direction}
         return replace(self, **moved, reversals=reversals)
 
+    def expected(self, slip: Slip, undone: Recorded) -> Recorded:
+        """Return what the robot of the file, with its friction, would have recorded with a slip in this motion."""
+        drives = undone.drives
+        friction = undone.direction * drives.coulomb + undone.velocity * drives.viscous
+        torque = (undone.rigid + friction) @ np.linalg.inv(slip.torque).T
+        recorded = replace(self, torque=torque)
+        recorded.__dict__["rigid"] = self.rigid  # the motion is the same
+        return recorded
+
     @cached_property
     def left(self) -> FloatArray:
         """Share of each torque's variance that the robot leaves with the friction that suits it best, (n_axis,)."""
@@ -253,6 +262,8 @@ def _helping(
         spoiled = (after[others] > np.maximum(SPOILS * before[others], FITS)).any()
         if gain < np.log(GAIN) or np.median(after[wrong]) > LEFT or spoiled:
             continue
+        if np.median(recorded.expected(slip, undone).left[wrong]) < FITS:
+            continue  # with this slip the robot's own torque would fit: something else is wrong
         worst = max(wrong, key=lambda a: before[a])
         told = replace(slip, before=float(np.sqrt(before[worst])), after=float(np.sqrt(after[worst])))
         yield float(np.log(before / after).sum()), told, undone

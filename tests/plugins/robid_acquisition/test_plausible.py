@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from robid_acquisition.plausible import slips_of
 from robid_acquisition.recorded import RecordedAcquisition
 from robid_core import Context, DataRejected, Record, Robot
 from robid_core.stage import map_in_process
+from robid_core.testing import example_record
+from robid_core.testing.robots import example_robot
 
 ROBOT = Robot.load("one_axis")
 N_SAMPLE = 3000
@@ -74,3 +78,27 @@ def test_it_is_taken_as_it_is_with_a_warning_or_without(
 def test_a_list_of_another_length_is_refused(folder: Path) -> None:
     with pytest.raises(DataRejected, match="motor_torque.sign: 2 numbers for 1 axes"):
         read(folder, "deg", [-1, 1])
+
+
+@pytest.mark.parametrize("n_config", [1, 2])
+def test_no_exchange_is_named_where_the_robots_own_torques_would_fit_exchanged(n_config: int) -> None:
+    """All axes move alike, and friction is most of their torque: elasticity leaves 12 % of one torque's variance.
+
+    With two torques exchanged less would be left, and with exchanged torques of the robot itself, too.
+    """
+    robot = example_robot(6)
+    record = example_record(robot, n_config=n_config, n_block=1, seed=1)
+    assert slips_of(record, robot) == []
+
+
+def test_an_exchange_is_named_where_axes_move_differently() -> None:
+    robot = example_robot(6)
+    record = example_record(robot, n_config=4, n_block=1, seed=1)
+    torque = record.run.channels["motor_torque"]
+    order = [0, 1, 2, 3, 5, 4]
+    exchanged = {
+        **record.run.channels,
+        "motor_torque": replace(torque, values=torque.values[..., order].copy()),
+    }
+    (slip,) = slips_of(record.replace(runs=(replace(record.run, channels=exchanged),)), robot)
+    assert "the torques of axis_5 and axis_6 are exchanged" in (slip.what, *slip.ties)
