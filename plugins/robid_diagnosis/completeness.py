@@ -14,11 +14,10 @@ import scipy
 
 from robid_diagnosis.ceilings import Ceiling
 from robid_diagnosis.least_gains import LeastGains
-from robid_diagnosis.remainder import chance_of_remainders
+from robid_diagnosis.remainder import REMAINS, chance_of_remainders
 from robid_diagnosis.selection import APART, LEVEL
 from robid_diagnosis.steps import Outcome, Step
 
-REMAINS = 1e-4  # probability that noise leaves so much where a cause acts: less is no chance
 CAUSE = 0.9  # of the gain of free functions: what explains less is a part of the cause
 
 

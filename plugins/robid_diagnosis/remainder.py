@@ -15,6 +15,8 @@ from robid_core import FloatArray
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.trials import SAME, WRONG
 
+REMAINS = 1e-4  # probability that noise leaves so much where a cause acts: less is no chance
+
 
 def chance_of_remainders(base: Fitted, final: Fitted, places: list[str | None]) -> list[float]:
     """Probability that noise alone leaves so much where each cause acts; one where noise is not what is left.

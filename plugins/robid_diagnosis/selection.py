@@ -20,6 +20,7 @@ from robid_diagnosis.columns import Motion
 from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
+from robid_diagnosis.other_shapes import from_other_shapes
 from robid_diagnosis.pictures import picture_of
 from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
@@ -163,7 +164,7 @@ class Selection:
         waiting = [*rivals, *others]
         taken: tuple[Fitted, Step] | None = None
         while rivals and taken is None:
-            trials = fits.run(rivals, others)
+            trials = from_other_shapes(fits, fits.run(rivals, others))
             good = [trial for trial in trials if not self._refused_as_worse(trial, current)]
             judged = ((trial, self._taken(trial, trials, current, seen, len(values))) for trial in good)
             taken = next(((trial.fitted, step) for trial, step in judged if step is not None), None)

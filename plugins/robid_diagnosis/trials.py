@@ -94,13 +94,13 @@ class Trials:
     def run(self, rivals: Sequence[Rival], others: Sequence[Rival]) -> list[Trial]:
         """Return the rivals that gain, the best first; `others` have their turn where these leave much."""
         trials = self._settled(self._each(rivals, []))
-        if self._leaves_much(trials):
+        if self.leaves_much(trials):
             trials = self._settled(self._each(others, trials))
-        if self._leaves_much(trials):
+        if self.leaves_much(trials):
             own = [self._with_own_width(trial) for trial in trials]
             trials = trials if own == trials else self._settled(own)
         trials = self._from_smooth((*rivals, *others), trials)
-        if self._leaves_much(trials):
+        if self.leaves_much(trials):
             shaped = [
                 hit
                 for hit in (*rivals, *others)
@@ -111,7 +111,7 @@ class Trials:
             ]
             for hit in sorted(shaped, key=total, reverse=True)[:AGAIN]:
                 trials = self._restarted(hit, trials)
-                if not self._leaves_much(trials):
+                if not self.leaves_much(trials):
                     break
         return trials
 
@@ -136,7 +136,7 @@ class Trials:
                 reach = max(reach, trial.gain / total(hit))
         return found
 
-    def _leaves_much(self, trials: Sequence[Trial], much: float = MUCH) -> bool:
+    def leaves_much(self, trials: Sequence[Trial], much: float = MUCH) -> bool:
         """Whether the best leaves more than noise and a small part of what there was to explain."""
         if not trials:
             return self.current.misfit > WRONG
@@ -155,7 +155,9 @@ class Trials:
         *before, last = trial.fitted.hypothesis.additions
         hypothesis = replace(trial.fitted.hypothesis, additions=(*before, last.with_own_width()))
         try:
-            own = self._of(self.case.fit_what_is_seen(hypothesis, self.progress, trial.fitted), trial.hit)
+            own = self.trial_of(
+                self.case.fit_what_is_seen(hypothesis, self.progress, trial.fitted), trial.hit
+            )
         except RobidError as error:
             self.failures.append(Failure(*key_of(trial.hit), str(error)))
             return trial
@@ -186,24 +188,24 @@ class Trials:
             try:
                 settled = trial
                 if not (_has_ended(trial.fitted) or trial in self._ended):
-                    settled = self._to_the_end(trial)
+                    settled = self.to_the_end(trial)
                 if len(near) > 1 and settled.fitted.misfit < WRONG:
                     fitted = with_own_width(settled.fitted, self.failures, self.progress)
-                    settled = self._of(fitted, trial.hit)
+                    settled = self.trial_of(fitted, trial.hit)
                 found.append(settled)
                 self._ended.add(settled)
             except RobidError as error:
                 self.failures.append(Failure(*key_of(trial.hit), str(error)))
-        return _plainest_first(sorted(found, key=lambda trial: -trial.worth))
+        return plainest_first(sorted(found, key=lambda trial: -trial.worth))
 
-    def _to_the_end(self, trial: Trial) -> Trial:
+    def to_the_end(self, trial: Trial) -> Trial:
         """Fit until passes end by themselves, or gain no more: over a gap the way is long, beside noise it is not."""
         for _ in range(ROUNDS):
             before = trial.fitted
             fitted = self.case.fit_what_is_seen(
                 before.hypothesis, self.progress, before, thorough=not before.leaves_noise
             )
-            further = self._of(fitted, trial.hit)
+            further = self.trial_of(fitted, trial.hit)
             if further.gain < trial.gain:  # an accelerated pass may leave the minimum, and be the last
                 break
             trial = further
@@ -214,7 +216,7 @@ class Trials:
     def _from_smooth(self, hits: Sequence[Rival], trials: list[Trial]) -> list[Trial]:
         """Fit a law with corners from where they are round, where fits went astray or its robot rattles."""
         rattles = bool(trials) and any(trials[0].fitted.problem.left_out)
-        if not (rattles or self._leaves_much(trials)):
+        if not (rattles or self.leaves_much(trials)):
             return trials
         cornered = (hit for hit in hits if isinstance(hit, Hit) and hit.candidate.effect.smoothest)
         hit = next((hit for hit in cornered if _acts_there(hit, trials)), None)
@@ -228,7 +230,7 @@ class Trials:
         except RobidError as error:
             self.failures.append(Failure(*key_of(hit), str(error)))
             return trials
-        rounded, plain = (self._of(fitted, hit) for fitted in fits)
+        rounded, plain = (self.trial_of(fitted, hit) for fitted in fits)
         trial = plain if plain.worth > rounded.worth - nearness(rounded.fitted) else rounded
         others = [one for one in trials if key_of(one.hit) != key_of(hit)]
         same = [one for one in trials if one not in others]
@@ -245,7 +247,7 @@ class Trials:
             trial = self._fitted(start, begin, as_told=as_told)
             if trial is not None and trial.gain > max(self.least.of(hit), best.gain if best else 0.0):
                 best = trial
-                if not self._leaves_much([best], PROMISING):
+                if not self.leaves_much([best], PROMISING):
                     break
         if best is None or any(key_of(one.hit) == key_of(hit) and one.gain > best.gain for one in trials):
             return trials
@@ -285,12 +287,13 @@ class Trials:
             fitted = self.case.fit_what_is_seen(
                 hypothesis, self.progress, begin, delay, roughly=roughly, as_told=as_told
             )
-            return self._of(fitted, hit)
+            return self.trial_of(fitted, hit)
         except RobidError as error:
             self.failures.append(Failure(*key_of(hit), str(error)))
         return None
 
-    def _of(self, fitted: Fitted, hit: Rival) -> Trial:
+    def trial_of(self, fitted: Fitted, hit: Rival) -> Trial:
+        """Return what a fit of a rival gains beside the hypothesis that all are tried beside."""
         before, after = costs(self.current, fitted, self.current.about)
         pull, other = (float(((one.point / one.problem.prior) ** 2).sum()) for one in (self.current, fitted))
         return Trial(fitted, before - after, hit, pull - other, (after - other) / (before - pull) - 1)
@@ -335,7 +338,7 @@ def resolution(hit: Rival, best: Trial) -> float:
     return SAME * best.gain if laws and key_of(hit)[1:] == key_of(best.hit)[1:] else 0.0
 
 
-def _plainest_first(trials: list[Trial]) -> list[Trial]:
+def plainest_first(trials: list[Trial]) -> list[Trial]:
     """Of laws that gain the same at the place of the best, put that with the fewest numbers first.
 
     None that leaves more than noise where the best leaves noise.

@@ -12,7 +12,7 @@ from robid_core.residual import effect_class
 from robid_diagnosis.least_gains import LeastGains
 from robid_diagnosis.search import Hit
 from robid_diagnosis.selection import _plainest, _stands_out
-from robid_diagnosis.trials import SAME, Trial, _plainest_first
+from robid_diagnosis.trials import SAME, Trial, plainest_first
 from robid_diagnosis.values import PRICE, ValueHit
 
 
@@ -63,7 +63,7 @@ def test_the_plainest_of_laws_that_gain_the_same_at_one_place_is_named(
         trial(hit("friction.power_law", many, 3), many),
         trial(hit("friction.asymmetric", few, 1, place), few),
     ]
-    assert _plainest_first(trials)[0] is trials[first]
+    assert plainest_first(trials)[0] is trials[first]
     assert trials[1].is_like(trials[0]) is bool(first)
 
 
