@@ -20,6 +20,7 @@ from robid_diagnosis.columns import Motion
 from robid_diagnosis.fitted_projection import projection_of
 from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
 from robid_diagnosis.least_gains import LEAST, LeastGains
+from robid_diagnosis.near_widths import with_near_widths
 from robid_diagnosis.other_shapes import from_other_shapes
 from robid_diagnosis.pictures import picture_of
 from robid_diagnosis.revision import Revision
@@ -112,6 +113,9 @@ class Selection:
         self.log.named_all(steps)
         told = with_final_ties(self.case, current, steps, self.failures, self._of("ties"))
         written = as_written(current, self.failures, self._of("zero-speed width for the robot file"))
+        written = with_near_widths(
+            written, current.about, self.failures, self._of("zero-speed widths of laws")
+        )
         return Outcome(base, current, written, told, tuple(searches), tuple(left), visible, motion)
 
     def _of(self, work: str) -> Progress:

@@ -56,20 +56,20 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
     try:
         fitted = _with_width(final, final.case.with_fitted_width(final).width, ALONE, progress)
         near = lost(fitted, final, final.about) < PRICE * numbers * max(1.0, final.misfit)
-        if near and _is_possible(fitted):
-            return _as_sure_as(final, fitted)
+        if near and is_possible(fitted):
+            return as_sure_as(final, fitted)
         if final.misfit > WRONG and not final.solution.converged:
-            return _as_sure_as(final, fitted) if _is_possible(fitted) else final
+            return as_sure_as(final, fitted) if is_possible(fitted) else final
         pair = _fitted_width(fitted, progress)
-        other = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+        other = as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
     except RobidError as error:
         failures.append(Failure("zero-speed width", None, None, str(error)))
         return final
-    found = [_as_sure_as(pair, fitted), other]
+    found = [as_sure_as(pair, fitted), other]
     if other.misfit > max(DOUBTFUL, MUCH * final.misfit) and other.hypothesis.has_signs:
         nearer = min(fitted, pair, key=lambda one: one.misfit)  # secants may lead astray: no width is right
         found += _with_own_widths([(nearer, 1.0), *((final, share) for share in OWN)], failures, progress)
-    possible = [one for one in found if _is_possible(one)]
+    possible = [one for one in found if is_possible(one)]
     if not possible:
         failures.append(Failure("zero-speed width", None, None, "friction of one width would be negative"))
 
@@ -80,7 +80,7 @@ def as_written(final: Fitted, failures: list[Failure], progress: Progress) -> Fi
     return min(possible, key=cost, default=final)
 
 
-def _is_possible(fitted: Fitted) -> bool:
+def is_possible(fitted: Fitted) -> bool:
     """Whether friction is nowhere negative: a robot file has zero there, which must change next to nothing.
 
     Two standard errors with all other numbers held are four of twice the log-likelihood.
@@ -115,7 +115,7 @@ def _with_own_widths(
     for one in sorted(first, key=lambda one: one.misfit):
         try:
             pair = _fitted_width(one, progress)
-            fitted = _as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
+            fitted = as_sure_as(pair, _with_width(pair, pair.case.width, ALONE, progress))
         except RobidError as error:
             failures.append(Failure(OF_LAW, None, None, str(error)))
             continue
@@ -141,11 +141,16 @@ def _fitted_width(fitted: Fitted, progress: Progress) -> Fitted:
     return fitted
 
 
-def _as_sure_as(other: Fitted, fitted: Fitted) -> Fitted:
-    """Return a fit of one width with the covariance of one of several, whose sum the one is: the width is unknown."""
-    n_free, n_axis, n_delay = fitted.problem.n_free, fitted.case.told.n_axis, fitted.problem.n_delay
+def as_sure_as(other: Fitted, fitted: Fitted) -> Fitted:
+    """Return a fit of one width with the covariance of one of several, whose sum the one is: the width is unknown.
+
+    The other may have free parameters more, which are then unknown likewise.
+    """
+    n_axis, n_delay = fitted.case.told.n_axis, fitted.problem.n_delay
     n_law = len(other.problem.friction_names) - 1
+    names = other.problem.free.names
+    own = np.eye(len(names))[[names.index(name) for name in fitted.problem.free.names]]
     of_axes = np.kron(np.repeat(np.eye(2), (n_law, 1), axis=1), np.eye(n_axis))
-    sums = scipy.linalg.block_diag(np.eye(n_free), of_axes, np.eye(n_delay))
+    sums = scipy.linalg.block_diag(own, of_axes, np.eye(n_delay))
     covariance = sums @ other.solution.covariance @ sums.T
     return replace(fitted, solution=replace(fitted.solution, covariance=covariance))
