@@ -1,9 +1,9 @@
 """Laws at motors that turn their sign at a speed of their own, near to that of the motor's friction.
 
 A search gives a law at a motor the zero-speed width of the motor's Coulomb friction. Both are of one contact, and yet
-they differ: a law that turns round at 0.8 times that speed is found 5 to 12 % too small, which its stated error, often
-below 1 %, does not know. So its width is an unknown of the last fit, with a normal prior in its logarithm about the
-motor's. The data move the size as far as they tell the width; where they do not, the size's error has the prior's share.
+they differ: a law that turns round at 0.8 times that speed is found 4 to 12 % too small, at a stated error of
+1 %. So its width is an unknown of the last fit, with a normal prior in its logarithm about the motor's. The data
+move the size as far as they show the width; where they do not, the size's error has the prior's share.
 
 The width itself is held where the fit found it and has no stated error: where a law and Coulomb friction are alike
 (Stribeck friction), one as much narrower as the other is wider explains nearly the same.
