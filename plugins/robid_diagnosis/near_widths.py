@@ -20,6 +20,7 @@ from robid_diagnosis.hypothesis import Addition, Fitted, Hypothesis
 from robid_diagnosis.likelihood import lost
 from robid_diagnosis.search import Failure
 from robid_diagnosis.trials import WRONG
+from robid_diagnosis.values import PRICE
 from robid_diagnosis.written import ALONE, OF_LAW, PAIR, as_sure_as, is_possible
 
 TOLERANCE = (
@@ -36,7 +37,8 @@ def with_near_widths(
     """Return a fit of one zero-speed width at each motor with widths of the laws there that are near to it.
 
     The fit as it is where no law has a width that is held, or much is left, of which a width says nothing. Where widths
-    of their own explain no more, values stay, and errors are those with the widths unknown.
+    of their own explain no more than as many numbers do by chance, values stay, and errors are those with the widths
+    unknown.
 
     Parameters
     ----------
@@ -59,8 +61,9 @@ def with_near_widths(
     except RobidError as error:
         failures.append(Failure(OF_LAW, None, None, str(error)))
         return written
-    gains = lost(nearer, written, about) < 0 and is_possible(nearer)
-    return as_sure_as(unknown, nearer if gains else written)
+    numbers = unknown.problem.n_free - written.problem.n_free
+    gains = lost(nearer, written, about) < -PRICE * numbers * max(1.0, written.misfit)
+    return as_sure_as(unknown, nearer if gains and is_possible(nearer) else written)
 
 
 def _follows(addition: Addition) -> bool:
