@@ -8,7 +8,7 @@ refusals.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import scipy
@@ -16,8 +16,11 @@ import scipy
 from robid_acquisition.accidents import POSITION, TORQUE, accidents_in
 from robid_core import FloatArray, Record, Robot
 
+Place = tuple[int, int, int]
+
 SPEED = "motor_speed"
 LEVELS = 3  # values: what toggles by a count has as many
+MOVES = 0.1  # of the largest travel of an axis in any experiment
 SAME = 1e-9  # of the variance that two channels may differ by
 CLOCK = (
     0.003  # by which speed may miss the angle's, units being told to three digits; and what differences miss
@@ -40,6 +43,21 @@ def dead_torques(record: Record) -> Iterator[str]:
     for of, angle, torque in _levels(record):
         if torque <= LEVELS < angle:
             yield f"motor_torque of {of} {_has(torque)} while its angle moves: the channel is dead"
+
+
+def dead_in_some(record: Record, names: Mapping[Place, str]) -> Iterator[str]:
+    """Say in which named experiments a torque does not change, though its axis moves there as in the others."""
+    run = record.run if names else None
+    if run is None or any(name not in run.channels for name in (POSITION, TORQUE)):
+        return
+    position, torque = (run.values(name) for name in (POSITION, TORQUE))
+    travel = np.ptp(position, axis=(3, 4))
+    usual = np.nanmax(travel, axis=(0, 1, 2), initial=0.0)
+    for place, file in names.items():
+        for axis, of in enumerate(record.axis_names):
+            levels = len(np.unique(torque[place][..., axis]))
+            if levels <= LEVELS and travel[place][axis] > MOVES * usual[axis] > 0:
+                yield f"{file}: motor_torque of {of} {_has(levels)} while its angle moves: the channel is dead"
 
 
 def empty_channels(record: Record) -> Iterator[str]:

@@ -7,7 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from robid_acquisition.agreement_of_channels import dead_torques, doubts_of_channels, empty_channels
+from robid_acquisition.agreement_of_channels import (
+    dead_in_some,
+    dead_torques,
+    doubts_of_channels,
+    empty_channels,
+)
 from robid_acquisition.coarse_angles import rounded_angles
 from robid_acquisition.lags import doubts_of_timing
 from robid_acquisition.odd_experiments import copies_in, odd_experiments, parts_in
@@ -86,7 +91,7 @@ def check_record(
         tell.object(
             f"{_listed(parts)}; cut one (start_s, stop_s), or leave it out: what both have counts twice"
         )
-    if dead := list(dead_torques(record)):
+    if dead := [*dead_torques(record)] or [*dead_in_some(record, names)]:
         tell.object(f"{_listed(dead)}; look at its column and its unit, or leave the recording out")
         return
     if empty := list(empty_channels(record)):

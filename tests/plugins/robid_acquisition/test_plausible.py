@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robid_acquisition.agreement_of_channels import dead_in_some
 from robid_acquisition.plausible import slips_of
 from robid_acquisition.recorded import RecordedAcquisition
 from robid_core import Context, DataRejected, Record, Robot
@@ -102,3 +103,17 @@ def test_an_exchange_is_named_where_axes_move_differently() -> None:
     }
     (slip,) = slips_of(record.replace(runs=(replace(record.run, channels=exchanged),)), robot)
     assert "the torques of axis_5 and axis_6 are exchanged" in (slip.what, *slip.ties)
+
+
+def test_a_torque_that_is_dead_in_one_file_is_named_with_it() -> None:
+    robot = example_robot(2)
+    record = example_record(robot, n_config=2, n_block=1, seed=1)
+    torque = record.run.channels["motor_torque"]
+    values = torque.values.copy()
+    values[1, 0, 1, ..., 1] = 0.3
+    dead = {**record.run.channels, "motor_torque": replace(torque, values=values)}
+    names = {(c, 0, e): f"run_{c}{e}.csv" for c in (0, 1) for e in (0, 1)}
+    broken = record.replace(runs=(replace(record.run, channels=dead),))
+    words = "run_11.csv: motor_torque of axis_2 has one value only while its angle moves: the channel is dead"
+    assert list(dead_in_some(broken, names)) == [words]
+    assert list(dead_in_some(record, names)) == []
