@@ -93,8 +93,10 @@ class Plugin:
             if extra:
                 raise ExtraMissing(f'{missing}; run: pip install "robid[{extra}]"') from error
             if self.distribution != UNKNOWN:
-                missing += f"; run: pip install {self.distribution} (adds what it requires and lacks), or "
-                missing += "pip install -e FOLDER where its source folder has moved"
+                missing += (
+                    f"; install that module, or {self.distribution} anew from where it came, with what it "
+                )
+                missing += "requires (pip install FOLDER, where it is a folder of yours)"
             raise PluginError(missing) from error
         except BaseException as error:  # a module may end in sys.exit()
             if isinstance(error, KeyboardInterrupt) and may_be_requested():

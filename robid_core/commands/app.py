@@ -38,13 +38,18 @@ LEAST_MEMORY = 2**30
 _HELP = (
     "Find what a robot's simulation gets wrong: from excitation to frequency responses, stiffness and report."
 )
+_EXIT_CODES = (
+    "Exit codes: 0 done, 2 a pipeline, robot file or option, 3 motion refused, 4 motion stopped, 5 data rejected, "
+    "6 a result that must not be used, 7 a file could not be read or written, 8 a plugin, 70 a bug of robid, "
+    "130 interrupted."
+)
 
 
 def build(words: list[str], debug: bool) -> typer.Typer:
     """Return the command line; a command whose name is not among `words` is known by its summary only."""
     app = typer.Typer(name="robid", help=_HELP, no_args_is_help=True, rich_markup_mode=None)
     app.pretty_exceptions_enable = False
-    app.callback(context_settings={"help_option_names": ["-h", "--help"]})(_options)
+    app.callback(context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EXIT_CODES)(_options)
     for name, summary in COMMANDS.items():
         function = import_module(f"robid_core.commands.{name}").command if name in words else _unused
         help_text = None if name in words else summary

@@ -171,6 +171,8 @@ def failures_named(doing: str, path: Path | None, needed: int | None = 0) -> Ite
             "move it away and run again" if isinstance(error, NoFile) else "check the disk and run again"
         )
         advice = ADVICE.get(error.errno or 0, otherwise)
+        if doing.startswith("read"):
+            advice = advice.replace("write there", "read it")
         what = doing if path is None else f"{doing} {path}"
         raise StoreError(f"cannot {what}: {why}{room}; what was finished before is kept; {advice}") from error
 
