@@ -66,6 +66,7 @@ from robid_diagnosis.wording import (
     errors_line,
     finding_line,
     held_line,
+    increment_line,
     left_out_line,
     misfit_line,
     response_check_line,
@@ -253,6 +254,7 @@ class Effects(DiagnosisStage):
             for finding in causes
             for line in (
                 finding_line(finding, data.n_config, sum(problem.left_out)),
+                increment_line(finding, robot),
                 separation_line(finding),
             )
         ]

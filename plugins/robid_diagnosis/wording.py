@@ -13,6 +13,7 @@ from robid_core import (
     ParameterTable,
     PredictionErrors,
     ResponseCheck,
+    Robot,
     is_by_tolerance,
 )
 from robid_diagnosis.intervals import over_axes
@@ -67,6 +68,22 @@ def finding_line(finding: Finding, n_config: int, n_left_out: int = 0) -> str:
     chance = chance_text(finding.p_value)
     ties = f"these data cannot distinguish it from {', '.join(finding.ties)}" if finding.ties else "tie: none"
     return f"{finding.where}: {what} ({sizes}){seen}; {chance} after the search; {ties}."
+
+
+def increment_line(finding: Finding, robot: Robot) -> str:
+    """Say that the robot file has such an effect there already, whose numbers the found ones add to; else nothing."""
+    labels = [
+        label
+        for label, one in robot.description.effects.items()
+        if (one.use, one.on) == (finding.effect, finding.on) and one.side in (None, finding.side)
+    ]
+    if not labels:
+        return ""
+    its_own = ", ".join(f"effect.{labels[0]}.{name}" for name in finding.names)
+    return (
+        f"The robot file has {finding.effect} at {finding.on} already (effects: {', '.join(labels)}): what was found "
+        f"adds to it. Its own numbers may be wrong: free them in a fit (`fit.torque_residual`, free: {its_own})."
+    )
 
 
 def chance_text(p_value: float, least: float = 1e-3) -> str:

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck
+from robid_core import DiagnosedData, Finding, ParameterTable, ResponseCheck, Robot
 from robid_diagnosis.selection import explains_little, fits_worse
 from robid_diagnosis.wording import (
     chance_text,
     data_line,
     finding_line,
+    increment_line,
     left_out_line,
     misfit_line,
     response_check_line,
@@ -156,3 +157,15 @@ def test_little_of_much_is_no_cause_and_a_seventh_is_as_in_real_recordings() -> 
     assert explains_little(-0.043, 437.0)
     assert not explains_little(-0.137, 691.0)
     assert not explains_little(-0.004, 1.06)
+
+
+def test_what_adds_to_an_effect_of_the_robot_file_is_said_to() -> None:
+    nothing = np.zeros(1)
+    found = Finding("cause", "friction.power_law", "axis_1", "motor", 99.0, 0.0, 1.0, ("drag_forwards",), ("N m",),
+                    nothing, nothing, nothing, nothing, nothing, nothing)  # fmt: skip
+    robot = Robot.load("one_axis")
+    assert increment_line(found, robot) == ""
+    line = increment_line(found, robot.with_effect("oil", "friction.power_law", "axis_1", "motor"))
+    assert "has friction.power_law at axis_1 already (effects: oil)" in line
+    assert "free: effect.oil.drag_forwards" in line
+    assert increment_line(replace(found, effect="friction.eyring"), robot) == ""
