@@ -105,11 +105,22 @@ def _model_error(fit: Fit) -> Iterator[Doubt]:
 
 
 def _bound(fit: Fit) -> Iterator[Doubt]:
-    names = _serious(fit, fit.parameters.at_bound)
-    if names:
+    table = fit.parameters
+    sharp = np.array([_is_zero_speed_width(name) for name in table.names], dtype=np.bool_)
+    sharp &= table.at_bound & (table.estimate < table.start)
+    if sharp.any():
+        names = _listed([table.names[i] for i in np.flatnonzero(sharp)])
+        yield Doubt(
+            "sharp friction",
+            f"friction turns round at a lower speed than the data resolve: {names}",
+            "its levels do not depend on that; `friction_speed: 0` (fit.rigid) fits a plain sign",
+            "remark",
+        )
+    serious = _serious(fit, table.at_bound & ~sharp)
+    if serious:
         yield Doubt(
             "bound",
-            f"at the bound of the search, hence not identified: {_listed(names)}",
+            f"at the bound of the search, hence not identified: {_listed(serious)}",
             "correct the start value in the robot file, or hold what the data do not show",
         )
 
@@ -201,6 +212,11 @@ _JUDGES: tuple[Callable[[Fit], Iterator[Doubt]], ...] = (
 
 def _springs(fit: Fit) -> BoolArray:
     return np.array([group == "stiffness" for group in fit.parameters.groups], dtype=np.bool_)
+
+
+def _is_zero_speed_width(name: str) -> bool:
+    """Whether a parameter is the speed within which the friction of a motor turns round."""
+    return name.startswith("friction.") and name.endswith(".speed")
 
 
 def _serious(fit: Fit, marked: BoolArray) -> list[str]:

@@ -140,6 +140,18 @@ def test_three_dampers_at_their_bounds_are_too_many_and_a_mass_is_one_too_many()
     assert doubt.sentence.endswith("identified: mass.axis_2")
 
 
+@pytest.mark.parametrize(("start", "degree"), [(0.5, "remark"), (0.01, "doubt")])
+def test_a_zero_speed_width_at_its_lower_bound_is_a_remark_at_its_upper_one_a_doubt(
+    start: float, degree: str
+) -> None:
+    names = ("friction.axis_1.speed", *NAMES[1:])
+    begun = np.array([start, *(1.2 * ESTIMATE[1:])])
+    found = np.array([0.02, *ESTIMATE[1:]])
+    fit = sound(names=names, start=begun, estimate=found, at_bound=np.arange(len(NAMES)) == 0)
+    (doubt,) = [one for one in fit.doubts if names[0] in one.sentence]
+    assert doubt.degree == degree
+
+
 def test_weakly_seen_is_meant_against_the_prior_where_one_is_stated() -> None:
     prior = np.where(marked("gear_stiffness.axis_1", "mass.axis_2"), 0.03 * ESTIMATE, np.nan)
     (doubt,) = sound(prior=prior).doubts
