@@ -122,8 +122,8 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
         lines.append(f"  # constants of the file: {listed(pairs, 12)}")
     if any(channel.quantity in ("torque", "current") for channel in _chosen(first)):
         lines.append(
-            "  torque_hold: zero_order_hold  # guess: held from sample to sample; continuous: measured, filtered, or the "
-            "controller is faster than the recording"
+            "  torque_hold: zero_order_hold  # guess: held from sample to sample; continuous: measured, filtered, or "
+            "the controller is faster than the recording"
         )
     lines.append(CHANNELS)
     for group in groups:
