@@ -14,9 +14,8 @@ import numpy as np
 import scipy
 
 from robid_acquisition.accidents import POSITION, TORQUE, accidents_in
+from robid_acquisition.odd_experiments import Place
 from robid_core import FloatArray, Record, Robot
-
-Place = tuple[int, int, int]
 
 SPEED = "motor_speed"
 LEVELS = 3  # values: what toggles by a count has as many

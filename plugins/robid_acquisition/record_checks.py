@@ -15,7 +15,7 @@ from robid_acquisition.agreement_of_channels import (
 )
 from robid_acquisition.coarse_angles import rounded_angles
 from robid_acquisition.lags import doubts_of_timing
-from robid_acquisition.odd_experiments import copies_in, odd_experiments, parts_in
+from robid_acquisition.odd_experiments import Place, copies_in, odd_experiments, parts_in
 from robid_acquisition.plausible import (
     doubts_of_angle,
     doubts_of_offset,
@@ -27,7 +27,6 @@ from robid_acquisition.plausible import (
 from robid_acquisition.suspect_signals import doubts_of_limits, refuse_jumps
 from robid_core import DataRejected, Record, Robot, other_sampling
 
-Place = tuple[int, int, int]
 MOST = 3  # objections of one kind that are told
 MEND = "mend the channel map, or the robot file where that is wrong"
 

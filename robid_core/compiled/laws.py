@@ -58,7 +58,7 @@ class Entries:
 
     def __init__(self, law: Law, kind: Kind, n_state: int, label: str, n_argument: int | None) -> None:
         self.law = law if is_jitted(law) else numba.njit(law)
-        self._label = label
+        self.label = label
         for function in reached(self.law):  # what numba keeps of these may be older than what they call
             if not function.py_func.__module__.startswith("robid_core."):
                 function._cache = NullCache()
@@ -104,7 +104,7 @@ class Entries:
         except NumbaError as error:
             reason = next((line for line in str(error).splitlines() if line.strip()), "")
             raise PluginError(
-                f"effect '{self._label}': its law does not compile: {reason}; a law is one function of numbers, see "
+                f"effect '{self.label}': its law does not compile: {reason}; a law is one function of numbers, see "
                 f"robid_core.effect\n{error}"
             ) from error
 
@@ -119,12 +119,14 @@ def entries_of(law: Law, kind: Kind, n_state: int, label: str, n_argument: int |
     """Return the entries of a law, the same ones for the same law.
 
     `n_argument` is the number of its arguments where each lane has its own; None: all lanes share them. `label` names
-    its effect where it does not compile.
+    the effect that asked last, where it does not compile.
     """
     key = (id(law), kind, n_state, n_argument)
     if key not in _known:
         _known[key] = (law, Entries(law, kind, n_state, label, n_argument))
-    return _known[key][1]
+    entries = _known[key][1]
+    entries.label = label
+    return entries
 
 
 # Entries -------------------------------------------------------------------------------------------------------

@@ -26,8 +26,8 @@ ADVICE = {
     errno.ENOSPC: "free some space and run again",
     errno.EDQUOT: "free some of your quota and run again",
     errno.EROFS: "the file system is read-only; move the project or mount it writable",
-    errno.EACCES: "give yourself the right to write there and run again",
-    errno.EPERM: "give yourself the right to write there and run again",
+    errno.EACCES: "give yourself that right and run again",
+    errno.EPERM: "give yourself that right and run again",
     errno.EMFILE: "raise the limit of open files (ulimit -n) and run again",
     errno.ENFILE: "the machine has too many files open; close some programs and run again",
     errno.EFBIG: "a limit on the size of files is set (ulimit -f), or the file system has one; raise it and run again",
@@ -171,8 +171,6 @@ def failures_named(doing: str, path: Path | None, needed: int | None = 0) -> Ite
             "move it away and run again" if isinstance(error, NoFile) else "check the disk and run again"
         )
         advice = ADVICE.get(error.errno or 0, otherwise)
-        if doing.startswith("read"):
-            advice = advice.replace("write there", "read it")
         what = doing if path is None else f"{doing} {path}"
         raise StoreError(f"cannot {what}: {why}{room}; what was finished before is kept; {advice}") from error
 

@@ -147,6 +147,12 @@ def test_a_law_that_does_not_compile_is_told_by_the_name_of_its_effect(two_mass:
         _run(two_mass, 1, _friction(hanging_law, two_mass))
 
 
+def test_a_law_of_two_effects_that_does_not_compile_is_told_by_the_one_that_asks() -> None:
+    for label in ("first", "second"):
+        with pytest.raises(PluginError, match=f"effect '{label}': its law does not compile"):
+            _ = entries_of(hanging_law, "force", 0, label).lanes
+
+
 def test_the_state_must_be_of_the_same_laws(two_mass: Any) -> None:
     from robid_core.errors import ConfigurationError
 
