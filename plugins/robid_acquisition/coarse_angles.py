@@ -16,8 +16,22 @@ WHOLE = 1e-3  # of a step, by which differences may miss whole numbers of it
 
 def rounded_angles(record: Record, robot: Robot) -> Iterator[str]:
     """Say which angles come in steps that a sensor at the motor has not."""
+    for a, step in coarse_steps(record, robot).items():
+        name = robot.axis_names[a]
+        ratio = abs(robot.description.axes[name].gear_ratio)
+        yield (
+            f"motor_position of {name} comes in steps of {step:.3g} rad at the motor, {np.degrees(step / ratio):.3g} "
+            "degrees at the joint: was it rounded when it was saved? Export it with all digits; are it counts, write "
+            "unit: counts, unit_to: rad, and in scale 2 pi over the counts of a turn; where the encoder is so coarse, "
+            f"state it (sensors: {{encoder_counts: {2 * np.pi / step:.4g}}})"
+        )
+
+
+def coarse_steps(record: Record, robot: Robot) -> dict[int, float]:
+    """Return the steps of angles that no sensor at the motor has, rad at the motor, by axis."""
+    found = dict[int, float]()
     if any(POSITION not in run.channels for run in record.runs):
-        return
+        return found
     kinds = {body.joint: body.type for body in robot.description.bodies}
     for a, (name, axis) in enumerate(robot.description.axes.items()):
         if kinds[axis.joint or name] != "revolute":
@@ -27,12 +41,8 @@ def rounded_angles(record: Record, robot: Robot) -> Iterator[str]:
         counts = axis.sensors.encoder_counts
         if step <= COARSE_RAD or (counts and step < 3 * np.pi / counts):
             continue
-        ratio = abs(axis.gear_ratio)
-        yield (
-            f"motor_position of {name} comes in steps of {step:.3g} rad at the motor, {np.degrees(step / ratio):.3g} "
-            "degrees at the joint: was it rounded when it was saved? Export it with all digits; where the encoder is "
-            f"so coarse, state it (sensors: {{encoder_counts: {2 * np.pi / step:.4g}}})"
-        )
+        found[a] = step
+    return found
 
 
 def _step(lanes: list[FloatArray]) -> float:

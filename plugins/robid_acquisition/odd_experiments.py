@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid_acquisition.plausible import left_of_experiments, sentence, slips_of
+from robid_acquisition.below_resonance import left_of_experiments
+from robid_acquisition.plausible import sentence, slips_of
 from robid_core import FloatArray, Record, Robot
 from robid_core.estimation.copies import fingerprints, overlaps
 

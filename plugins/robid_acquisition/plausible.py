@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-import scipy
 
-from robid_core import DenseRun, FloatArray, Record, RobidError, Robot
+from robid_acquisition.below_resonance import recorded_below
+from robid_acquisition.remade import remade_of
+from robid_core import Record, RobidError, Robot
 from robid_core.estimation.rigid.coupled_axes import Coupling, coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
 from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
-from robid_core.estimation.rigid.speeds_for_angles import speeds_in
 from robid_core.estimation.rigid.torque_offsets import offsets_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
-from robid_core.residual import rigid_drives
 
 Found = TypeVar("Found")
 
-CHANNELS = ("motor_position", "motor_torque")
-BELOW = 0.5  # of the lowest resonance: there the arm moves as a rigid one
-HIGHEST_HZ = 10.0  # band that is looked at, where springs do not limit it
-OF_RATE = 0.1  # of the sampling rate, likewise
 AGAINST = 0.3  # of a torque's rms, of the other sign, that motion must ask for; of its variance that the robot leaves
-PERIODS = 4  # of the band's edge: a shorter experiment is not looked at
 _REMEDY = (
     "look at torque_constant or scale, gear ratio, rotor inertia, and at a load that the robot file lacks"
 )
-_OF_SPEED = (
-    "motor_position: the column of the angle; this one is motor_speed, unit: rad/s; where only speeds were recorded, "
-    "add a column with their integral, from the angle on at which the recording began"
-)
-SLOWEST_HZ = 2.0  # resonances below are pendulums, not springs
 
 
 def slips_of(record: Record, robot: Robot) -> list[Slip]:
     """Return slips in a record that explain why it does not fit the robot; none where it does, or cannot be told."""
     try:
-        recorded = _recorded(record, robot)
+        recorded = recorded_below(record, robot)
         slips = [] if recorded is None else slips_in(recorded, robot.axis_names)
         if recorded is None:
             return []
-        if speeds := _speeds(record, robot, explained_by(recorded, slips[0]) if slips else 0.0):
-            return [speeds]
+        if remade := remade_of(record, robot, explained_by(recorded, slips[0]) if slips else 0.0):
+            return [remade]
         if not slips:
             return []
         doubts = [one.explained for one in (counts_in(recorded), coupling_in(recorded)) if one]
@@ -54,22 +43,6 @@ def slips_of(record: Record, robot: Robot) -> list[Slip]:
         return [replace(slips[0], ties=slips[0].ties + zeros), *slips[1:]]
     except (RobidError, ArithmeticError):  # nothing is known against the record
         return []
-
-
-def _speeds(record: Record, robot: Robot, explained: float) -> Slip | None:
-    """Return that angles are speeds, where this explains more than anything else does."""
-    step, cutoff = record.runs[0].sample_time_s, _cutoff(record, robot)
-    found = speeds_in(rigid_drives(robot), _long(record, cutoff), step, cutoff)
-    if found is None or found.explained < explained:
-        return None
-    names = ", ".join(robot.axis_names[a] for a in found.axes)
-    what = (
-        f"the angle of {names} looks like a speed"
-        if len(found.axes) == 1
-        else f"the angles of {names} look like speeds"
-    )
-    same = np.eye(robot.n_axis)
-    return Slip(what, _OF_SPEED, same, same, found.before, found.after)
 
 
 def unsigned_torques(record: Record, robot: Robot) -> list[str]:
@@ -92,25 +65,10 @@ def unsigned_torques(record: Record, robot: Robot) -> list[str]:
     return found
 
 
-def left_of_experiments(record: Record, robot: Robot) -> dict[tuple[int, int, int], FloatArray]:
-    """Return the share of each torque's variance that the robot leaves in each experiment that can tell, (n_axis,)."""
-    cutoff, found = _cutoff(record, robot), dict[tuple[int, int, int], FloatArray]()
-    if len(record.runs) != 1:
-        return found
-    step, drives = record.run.sample_time_s, rigid_drives(robot)
-    for place, one in _experiments_by_place(record.run):
-        if len(one[0]) * step * cutoff > PERIODS:
-            try:
-                found[place] = Recorded.of_experiments(drives, [one], step, cutoff).left
-            except (RobidError, ArithmeticError):
-                continue
-    return found
-
-
 def doubts_of_angle(record: Record, robot: Robot) -> list[str]:
     """Say which axis has another zero or other counts than stated, or is coupled; none where all fit, or none mends."""
     try:
-        recorded = _recorded(record, robot)
+        recorded = recorded_below(record, robot)
         zeros = [] if recorded is None else zeros_in(recorded)
         counts, coupling = (None, None) if recorded is None else (counts_in(recorded), coupling_in(recorded))
     except (RobidError, ArithmeticError):
@@ -189,25 +147,10 @@ def doubts_of_offset(record: Record, robot: Robot) -> list[str]:
 def _found(ask: Callable[[Recorded], list[Found]], record: Record, robot: Robot) -> list[Found]:
     """Return what a record shows below the first resonance; nothing where that cannot be told."""
     try:
-        recorded = _recorded(record, robot)
+        recorded = recorded_below(record, robot)
         return [] if recorded is None else ask(recorded)
     except (RobidError, ArithmeticError):
         return []
-
-
-def _recorded(record: Record, robot: Robot) -> Recorded | None:
-    """Motion and torque below the robot's first resonance; None where no experiment is long enough."""
-    cutoff = _cutoff(record, robot)
-    experiments = _long(record, cutoff)
-    if not experiments:
-        return None
-    return Recorded.of_experiments(rigid_drives(robot), experiments, record.runs[0].sample_time_s, cutoff)
-
-
-def _long(record: Record, cutoff: float) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the experiments that are long enough to be looked at."""
-    step = record.runs[0].sample_time_s
-    return [one for one in _experiments(record) if len(one[0]) * step * cutoff > PERIODS]
 
 
 def sentence(slips: list[Slip]) -> str:
@@ -218,39 +161,3 @@ def sentence(slips: list[Slip]) -> str:
         for one in slips
     )
     return f"the record does not fit the robot file: {told}"
-
-
-def _experiments(record: Record) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Motor angle and torque of every whole experiment, periods joined, (n_sample, n_axis) each."""
-    for run in record.runs:
-        if run.sample_time_s != record.runs[0].sample_time_s:
-            continue
-        for _, pair in _experiments_by_place(run):
-            yield pair
-
-
-def _experiments_by_place(
-    run: DenseRun,
-) -> Iterator[tuple[tuple[int, int, int], tuple[FloatArray, FloatArray]]]:
-    """Likewise, of one run, with configuration, block and experiment."""
-    if any(name not in run.channels for name in CHANNELS):
-        return
-    position, torque = (run.values(name) for name in CHANNELS)
-    n_axis = position.shape[-1]
-    for c, b, e in np.ndindex(*position.shape[:3]):
-        pair = position[c, b, e].reshape(-1, n_axis), torque[c, b, e].reshape(-1, n_axis)
-        if all(np.isfinite(one).all() for one in pair):
-            yield (c, b, e), pair
-
-
-def _cutoff(record: Record, robot: Robot) -> float:
-    """Edge of the band in which the robot is as good as rigid, Hz."""
-    highest = min(HIGHEST_HZ, OF_RATE / record.runs[0].sample_time_s)
-    try:
-        model = robot.second_order(record.angle[:1])
-        squares = scipy.linalg.eigvalsh(model.stiffness[0], model.mass[0])
-    except (RobidError, ArithmeticError, np.linalg.LinAlgError):
-        return highest
-    resonances = np.sqrt(squares[squares > 0]) / (2 * np.pi)
-    springs = resonances[resonances > SLOWEST_HZ]
-    return float(min(highest, BELOW * springs.min())) if len(springs) else highest

@@ -96,14 +96,15 @@ def check_record(
     if empty := list(empty_channels(record)):
         tell.warn(*empty)
         return
+    tell.warn(*doubts_of_limits(record), *doubts_of_channels(record, robot))
+    if slips := slips_of(record, robot):
+        tell.object(f"{sentence(slips)}; {MEND}")
+        return
     if other := other_sampling(record.runs[0].sample_time_s, robot):
         tell.warn(
             f"{other} (0.001 where it states none): torque fits, diagnoses and predictions refuse it else"
         )
-    tell.warn(*doubts_of_limits(record), *rounded_angles(record, robot), *doubts_of_channels(record, robot))
-    if slips := slips_of(record, robot):
-        tell.object(f"{sentence(slips)}; {MEND}")
-        return
+    tell.warn(*rounded_angles(record, robot))
     if unsigned := unsigned_torques(record, robot):
         tell.object(f"{_listed(unsigned)}; read the signed torque or current")
         return

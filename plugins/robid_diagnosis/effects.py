@@ -7,7 +7,6 @@ robot and fitted with all else, and taken where they are significant after the s
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
@@ -33,6 +32,7 @@ from robid_core import (
 from robid_core.estimation.copies import refuse_copies
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
 from robid_diagnosis.asked import asked_lines, nearest_lines
+from robid_diagnosis.asked_effects import wrong_names
 from robid_diagnosis.candidates import catalogue
 from robid_diagnosis.comparison import has_references
 from robid_diagnosis.completeness import are_partial
@@ -154,9 +154,15 @@ class Effects(DiagnosisStage):
         """What a closed loop takes, where it is asked for; else it is left out where the file lacks it."""
         return ("torque_limit", "controller") if self.closed_loop else ()
 
+    def problems_with(self, robot: Robot) -> dict[tuple[str | int, ...], str]:
+        """Effects, and places of them, that there are not."""
+        return dict(wrong_names(robot, self.only, self.exclude))
+
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context) -> Diagnosis:
         """Refit, search, extend, tell."""
-        uses, whole, chain = self._known(), record, Chain.of(self.response_check)
+        for place, message in self.problems_with(robot).items():
+            raise ConfigurationError(f"{place[0]}: {message}")
+        uses, whole, chain = self._asked(), record, Chain.of(self.response_check)
         refuse_copies(record)
         missing = robot.left_out(("torque_limit",)) if self.separate else ""
         if missing:
@@ -173,8 +179,8 @@ class Effects(DiagnosisStage):
         for one in self.only:
             if one.partition("@")[0] not in outcome.searches[0].tried:
                 raise ConfigurationError(
-                    f"diagnosis.effects: '{one}' could be tried nowhere: {robot.name} has the axes "
-                    f"{', '.join(robot.axis_names)}; masses, rotors and springs are refitted in any case"
+                    f"diagnosis.effects: '{one}' could be tried nowhere in {robot.name}; masses, rotors and "
+                    "springs are refitted in any case"
                 )
         return self._told(robot, whole, tests, selection, outcome, chain, context)
 
@@ -196,16 +202,6 @@ class Effects(DiagnosisStage):
 
     def _asked(self) -> list[str]:
         return catalogue(self.exclude, [one.partition("@")[0] for one in self.only])
-
-    def _known(self) -> list[str]:
-        """Effects that are asked for; ConfigurationError for a name that there is not."""
-        known = effect_names()
-        for name in (*(one.partition("@")[0] for one in self.only), *self.exclude):
-            if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
-                hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(known)}"
-                raise ConfigurationError(f"diagnosis.effects: there is no effect '{name}'; {hint}")
-        return self._asked()
 
     def _places(self) -> dict[str, set[str]]:
         """Axes, bearings or bodies at which an effect is tried, of those that are tried at some only."""

@@ -37,7 +37,7 @@ def structure_candidates(
     highest_hz
         Of the record's bins.
     """
-    for on in _spots(robot, effect):
+    for on in structure_places(robot, effect):
         for start in effect.starts(None):
             values = {row.name: row.default for row in effect.parameters} | dict(start)
             candidate = Candidate(use, Spot(on, ""), effect, values, None, _springs(effect))
@@ -52,6 +52,14 @@ def structure_candidates(
                     yield Candidate(use, Spot(on, ""), effect, scaled, None, _springs(effect))
             elif not np.array_equal(changed.drives.gear, robot.drives.gear):
                 yield Candidate(use, Spot(on, ""), effect, values, None, (), signed=True)
+
+
+def structure_places(robot: Robot, effect: type[StructureEffect]) -> Sequence[str]:
+    """Return where a change of the robot can be made: at its base, its bodies (by their joints) or its axes."""
+    place = effect.places[0]
+    if place == "base":
+        return (ANYWHERE,)
+    return [body.joint for body in robot.description.bodies] if place == "body" else robot.axis_names
 
 
 def changed_robot(robot: Robot, candidate: Candidate, values: Mapping[str, float]) -> Robot:
@@ -93,13 +101,6 @@ def unseen(candidate: Candidate, values: Mapping[str, float], seen: Sequence[str
 
 def _springs(effect: type[StructureEffect]) -> tuple[str, ...]:
     return tuple(row.name for row in effect.parameters if row.unit in SPRINGS)
-
-
-def _spots(robot: Robot, effect: type[StructureEffect]) -> Sequence[str]:
-    place = effect.places[0]
-    if place == "base":
-        return (ANYWHERE,)
-    return [body.joint for body in robot.description.bodies] if place == "body" else robot.axis_names
 
 
 def _scaled(

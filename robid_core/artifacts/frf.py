@@ -14,7 +14,7 @@ from robid_core.artifacts import from_arrays as arrays
 from robid_core.artifacts.artifact import Artifact, array
 from robid_core.artifacts.record import Record
 from robid_core.artifacts.tables import Table, response_table
-from robid_core.errors import DataRejected
+from robid_core.errors import PluginError
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,8 +285,9 @@ class Frf(Artifact):
 
         Raises
         ------
-        DataRejected
-            If `blocks` does not have the shape of the record.
+        PluginError
+            If `blocks` does not have the shape of the record, or no numbers at more than a tenth of a
+            configuration's lines at which the inputs span all axes.
         PoorExcitation
             If more than a tenth of a configuration's lines is masked.
 
@@ -302,12 +303,17 @@ class Frf(Artifact):
         <Frf by own: 2 configurations, 19 lines from 10 to 82 Hz of axis_1; uncertainty: scatter of 2 blocks, ...>
         """
         from robid_core.estimation.response.covariance import block_products, gram_inverse_of_mean, pool_lines
-        from robid_core.estimation.response.spectra import CONDITION_LIMIT, factor_inputs, refuse_masked
+        from robid_core.estimation.response.spectra import (
+            CONDITION_LIMIT,
+            factor_inputs,
+            refuse_masked,
+            refuse_without_numbers,
+        )
 
         u, y = record.spectra(discard)
         n_config, n_block, n_freq, n_axis, n_exp = u.shape
         if blocks.shape != (n_config, n_block, n_freq, n_axis, n_axis):
-            raise DataRejected(
+            raise PluginError(
                 f"{estimator}: block responses of shape {blocks.shape} do not belong to a record of "
                 f"{n_config} configurations, {n_block} blocks, {n_freq} lines and {n_axis} axes"
             )
@@ -316,7 +322,9 @@ class Frf(Artifact):
         pooling = "none stated: the scatter of blocks needs two blocks, each with an experiment per input"
         if n_exp >= n_axis:
             factors = factor_inputs(u)
-            valid &= (factors.condition <= CONDITION_LIMIT).all(axis=1)
+            spanned: BoolArray = np.all(factors.condition <= CONDITION_LIMIT, axis=1)
+            refuse_without_numbers(valid, spanned, record.frequency_hz, estimator)
+            valid &= spanned
             block_valid = valid[:, None, :, None, None]
             by_block = np.where(block_valid, factors.gram_inverse, np.eye(n_axis)).swapaxes(0, 1)
             gram_inverse = np.where(valid[..., None, None], gram_inverse_of_mean(by_block), np.nan)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
-from robid_core.errors import DataRejected, PoorExcitation
+from robid_core.errors import DataRejected, PluginError, PoorExcitation
 from robid_core.estimation.response.division import Quotient, divide, divide_jointly
 
 CONDITION_LIMIT = 1e6  # half of the digits of a double are gone; measured spectra have fewer
+MOST_MASKED = 0.1  # of a configuration's lines, with which a response is still one
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,24 @@ def response_from_spectra(
     return quotient.value
 
 
-def refuse_masked(valid: BoolArray, frequency_hz: FloatArray, share: float = 0.1) -> None:
+def refuse_without_numbers(
+    valid: BoolArray, spanned: BoolArray, frequency_hz: FloatArray, estimator: str
+) -> None:
+    """Raise PluginError where an estimator has no numbers at lines that are well excited, more than `MOST_MASKED`.
+
+    `valid`: where it has numbers, and `spanned`: where the inputs span all axes, are (n_config, n_freq) each.
+    """
+    for configuration, (lines, excited) in enumerate(zip(valid, spanned, strict=True)):
+        empty = frequency_hz[excited & ~lines]
+        if len(empty) > MOST_MASKED * len(lines):
+            raise PluginError(
+                f"{estimator}: configuration {configuration}: NaN or infinite at {len(empty)} of {len(lines)} lines, "
+                f"from {empty.min():.4g} to {empty.max():.4g} Hz, where the inputs span all axes: a fault of the "
+                "estimator, not of the record"
+            )
+
+
+def refuse_masked(valid: BoolArray, frequency_hz: FloatArray, share: float = MOST_MASKED) -> None:
     """Raise PoorExcitation where more than `share` of a configuration's lines is masked, and say which lines.
 
     `valid` has shape (n_config, n_freq).

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robid_core.estimation.rigid.mended import explained, mends, shares
 from robid_core.estimation.rigid.plausibility import NOTICED, Recorded
-from robid_core.estimation.rigid.zero_angles import REVOLUTE, explained, mends, shares
+from robid_core.estimation.rigid.zero_angles import REVOLUTE
 
 WRIST = 3  # last axes, of which any may be coupled with any; of the others neighbours
 

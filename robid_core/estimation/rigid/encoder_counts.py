@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.estimation.rigid.mended import explained, mends, shares
 from robid_core.estimation.rigid.plausibility import NOTICED, TIE, Recorded, Slip
-from robid_core.estimation.rigid.zero_angles import explained, mends, shares
 
 FACTORS = {2.0: "half", 0.5: "twice", 4.0: "a quarter of", 0.25: "four times"}
 

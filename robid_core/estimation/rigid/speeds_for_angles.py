@@ -8,14 +8,14 @@ for thousands of samples: it moves a weight, and makes no inertia of what is non
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robid_core.arrays import FloatArray
+from robid_core.estimation.rigid.mended import Mended
 from robid_core.estimation.rigid.plausibility import FITS, GAIN, LEFT, SPOILS, Recorded
 from robid_core.estimation.rigid.rigid_torque import RigidDrives, motor_torque
-from robid_core.estimation.rigid.zero_angles import explained
 
 Experiment = tuple[FloatArray, FloatArray]
 FEW = 4  # experiments that are looked at, evenly: what holds for all shows in some
@@ -25,22 +25,9 @@ SPREADS = (1.0, 1.0, 1 / TRIED, 1 / TRIED**2)  # of the sweeps, in turns
 MUCH = 1.0  # of a torque's variance: differentiated once too often, motion asks for more; a weight that lacks does not
 
 
-@dataclass(frozen=True)
-class Speeds:
-    """Axes whose recorded angle is their speed."""
-
-    axes: tuple[int, ...]
-    before: float
-    """Share of the torque that the robot leaves, rms, at the axis that it leaves most of; as recorded."""
-    after: float
-    """Likewise, with the integral in place of the angle."""
-    explained: float
-    """Logarithm of what is left less, over all axes."""
-
-
 def speeds_in(
     drives: RigidDrives, experiments: Sequence[Experiment], sample_time: float, cutoff_hz: float
-) -> Speeds | None:
+) -> Mended | None:
     """Return the axes whose angle, integrated, makes a recording fit the robot; None where it fits, or none does.
 
     Parameters
@@ -76,9 +63,9 @@ def speeds_in(
         spoiled = (after[~wrong] > np.maximum(SPOILS * before[~wrong], FITS)).any()
         if gain < np.log(GAIN) or np.median(after[wrong]) > LEFT or spoiled:
             continue
-        worst, size = int(np.argmax(before)), explained(before, after)
-        if best is None or size > best.explained:
-            best = Speeds(axes, float(np.sqrt(before[worst])), float(np.sqrt(after[worst])), size)
+        mended = Mended.of_shares(axes, before, after)
+        if best is None or mended.explained > best.explained:
+            best = mended
     return best
 
 

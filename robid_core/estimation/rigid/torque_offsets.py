@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robid_core.estimation.rigid.mended import shares
 from robid_core.estimation.rigid.plausibility import GAIN, LEFT, NOTICED, Recorded
-from robid_core.estimation.rigid.zero_angles import shares
 
 
 @dataclass(frozen=True)

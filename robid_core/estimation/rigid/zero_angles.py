@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from robid_core.arrays import FloatArray
-from robid_core.estimation.rigid.plausibility import FEW, GAIN, LEFT, NOTICED, SPOILS, TIE, Recorded
+from robid_core.estimation.rigid.mended import MODEL, explained, mends, shares
+from robid_core.estimation.rigid.plausibility import FEW, NOTICED, TIE, Recorded
 
 REVOLUTE = 0  # of `RigidTree.joint_type`
 TURNS = 36  # angles that are tried before the best is refined
 EXACT = 1e-4  # rad
-MODEL = 1e-3  # of a torque's power: less that is left is no better
 
 
 @dataclass(frozen=True)
@@ -69,29 +68,10 @@ def zeros_in(recorded: Recorded) -> list[Zero]:
     return sorted((zero for zero in found if zero.explained > most - TIE), key=lambda zero: -zero.explained)
 
 
-def mends(before: FloatArray, after: FloatArray) -> bool:
-    """Whether a change makes torques fit that did not, and spoils no other; shares that are left, (n_axis,) each."""
-    wrong = before > NOTICED
-    gain = np.log(np.maximum(before, MODEL) / np.maximum(after, MODEL))
-    spoiled = (after[~wrong] > np.maximum(SPOILS * before[~wrong], NOTICED)).any()
-    return bool(np.median(gain[wrong]) > np.log(GAIN) and np.median(after[wrong]) < LEFT and not spoiled)
-
-
-def explained(before: FloatArray, after: FloatArray) -> float:
-    """Return the logarithm of what is left less, over all axes."""
-    return float(np.log(np.maximum(before, MODEL) / np.maximum(after, MODEL)).sum())
-
-
 def turned(recorded: Recorded, axis: int, angle: float) -> Recorded:
     """Return a recording with a joint angle turned, rad."""
     joints = angle * np.eye(recorded.drives.n_axis)[axis]
     return replace(recorded, position=recorded.position + np.linalg.solve(recorded.drives.gear, joints))
-
-
-def shares(recorded: Recorded) -> FloatArray:
-    """Share of each torque's power that the robot leaves with the friction that suits it best, (n_axis,)."""
-    rest = recorded.torque - recorded.rigid - recorded.drives.offset
-    return np.array([recorded.beside_friction(axis, rest[:, axis])[1] for axis in range(len(rest.T))])
 
 
 def _best(few: Recorded, recorded: Recorded, axis: int) -> float:

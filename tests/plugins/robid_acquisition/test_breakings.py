@@ -202,8 +202,14 @@ BREAKINGS: dict[str, tuple[Callable[[Run, Robot], Run], dict[str, Any], str, set
     "another sampling time": (
         lambda run, _: run,
         {"sample_time_s": 2 * STEP},
-        r"set sample_time_s in the robot file \(0.001 where it states none\)",
-        {"one_axis"},
+        "refused.*the samples look 0.001 s apart, as those of the robot's drives, and not 0.002 s",
+        set(ROBOTS),
+    ),
+    "torque for angle": (
+        lambda run, _: {**run, "q": run["tau"], "tau": run["q"]},
+        {},
+        "refused.*and (its torque|their torques) are exchanged",
+        set(ROBOTS),
     ),
     "clock of a period": (
         lambda run, _: run,

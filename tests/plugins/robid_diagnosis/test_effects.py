@@ -311,7 +311,8 @@ def test_wrong_input_is_one_sentence(told: Robot, plant_of: Plants, measured: Me
     ):
         diagnosed(measured(plant_of(told, 5), 6).replace(runs=(stuck,)), told)
     with pytest.raises(
-        ConfigurationError, match="'friction.dahl@axis_9' could be tried nowhere: one_axis has the"
+        ConfigurationError,
+        match="only: 'friction.dahl@axis_9' could be tried nowhere: of one_axis it can be at axis_1",
     ):
         diagnosed(measured(plant_of(told, 5), 6), told, only=("friction.dahl@axis_9",), passes=1)
     with pytest.raises(

@@ -17,6 +17,7 @@ from robid_core import (
     DenseRun,
     FloatArray,
     Frf,
+    PluginError,
     PoorExcitation,
     Record,
 )
@@ -329,8 +330,10 @@ def test_block_responses_of_a_stranger_may_lack_lines_or_a_covariance() -> None:
     assert not Frf.from_blocks(one, blocks[:, :1]).has_covariance
     local, _ = recording(n=2, n_block=2, n_exp=1)  # a local model needs one experiment only
     assert "none stated" in Frf.from_blocks(local, blocks).pooling
-    with pytest.raises(DataRejected, match="do not belong to a record of 1 configurations, 1 blocks"):
+    with pytest.raises(PluginError, match="do not belong to a record of 1 configurations, 1 blocks"):
         Frf.from_blocks(one, blocks)
     blocks[0, 0, :4] = np.nan
-    with pytest.raises(PoorExcitation, match="5 of 30 lines"):
+    with pytest.raises(
+        PluginError, match="mean of blocks: configuration 0: NaN or infinite at 5 of 30 lines"
+    ):
         Frf.from_blocks(record, blocks)

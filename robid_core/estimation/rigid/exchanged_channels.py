@@ -1,0 +1,70 @@
+"""Whether the angle of an axis stands where its torque should, and its torque where the angle should.
+
+The columns are exchanged back, in the units that a channel map may have taken them for: radians or degrees, at the
+motor or at the joint. No number is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from robid_core.estimation.rigid.mended import Mended, mends
+from robid_core.estimation.rigid.plausibility import FITS, Recorded
+from robid_core.estimation.rigid.rigid_torque import RigidDrives
+from robid_core.estimation.rigid.speeds_for_angles import Experiment
+
+FEW = 4  # experiments that are looked at, evenly: what holds for all shows in some
+
+
+def exchanged_in(
+    drives: RigidDrives, experiments: Sequence[Experiment], sample_time: float, cutoff_hz: float
+) -> Mended | None:
+    """Return the axes whose angle and torque, exchanged, make a recording fit the robot; None where none do.
+
+    Parameters
+    ----------
+    drives
+        The robot as its file says it is.
+    experiments
+        Motor angle and torque, (n_sample, n_axis) each, as recorded.
+    sample_time
+        Between two samples, s.
+    cutoff_hz
+        Below the robot's first resonance.
+
+    Raises
+    ------
+    DataRejected
+        If the cutoff is not below the Nyquist frequency, or an experiment is too short for it.
+    """
+    experiments = experiments[:: max(1, -(-len(experiments) // FEW))]
+    before = Recorded.of_experiments(drives, experiments, sample_time, cutoff_hz).left
+    wrong = [int(a) for a in np.flatnonzero(before >= FITS)]
+    best = None
+    for axes in dict.fromkeys(
+        (*((a,) for a in wrong), tuple(wrong), tuple(range(drives.n_axis))) if wrong else ()
+    ):
+        for moved in _exchanged(drives, experiments, axes):
+            after = Recorded.of_experiments(drives, moved, sample_time, cutoff_hz).left
+            mended = Mended.of_shares(axes, before, after)
+            if mends(before, after) and (best is None or mended.explained > best.explained):
+                best = mended
+    return best
+
+
+def _exchanged(
+    drives: RigidDrives, experiments: Sequence[Experiment], axes: Sequence[int]
+) -> Iterator[list[Experiment]]:
+    """Exchange angles and torques of some axes, whose numbers a map took for one of these units."""
+    some, ratio = list(axes), np.abs(1 / np.diag(drives.gear)[list(axes)])
+    for unit in (1.0, np.pi / 180):
+        for side in (np.ones(len(some)), ratio**2):
+            found = list[Experiment]()
+            for position, torque in experiments:
+                angle, driven = np.array(position), np.array(torque)
+                angle[:, some] = unit * side * torque[:, some]
+                driven[:, some] = position[:, some] / (unit * side)
+                found.append((angle, driven))
+            yield found
