@@ -218,7 +218,10 @@ class Prediction(DiagnosisStage):
         sums = comparison.sums(records, theirs, ours)
         still = still_axes(robot, records)
         last = {variant: list(found.values())[-1] for variant, found in models.items()}
-        noise = noise_left(judged, last, theirs, self.highest_hz) if quantity == OPEN else None
+        noise = None
+        if quantity == OPEN:
+            (own,) = context.generator.spawn(1)
+            noise = noise_left(judged, last, list(ours.values())[-1], comparison, own)
         rows, gain = errors_of_models(quantity, unit, *sums, records[0], still, context.generator, noise)
         if quantity == OPEN:
             limit = robot.drives.torque_limit_or(np.full(robot.n_axis, np.nan))
