@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import scipy
 
 from robid_core import DenseRun, FloatArray, Record, RobidError, Robot
 from robid_core.estimation.rigid.plausibility import Recorded
+from robid_core.estimation.rigid.spring_model import spring_resonances
 from robid_core.residual import rigid_drives
 
 CHANNELS = ("motor_position", "motor_torque")
@@ -38,11 +38,9 @@ def cutoff_of(record: Record, robot: Robot, sample_time: float | None = None) ->
     """Edge of the band in which the robot is as good as rigid, Hz; with another time between samples than recorded."""
     highest = min(HIGHEST_HZ, OF_RATE / (sample_time or record.runs[0].sample_time_s))
     try:
-        model = robot.second_order(record.angle[:1])
-        squares = scipy.linalg.eigvalsh(model.stiffness[0], model.mass[0])
+        resonances = spring_resonances(robot.mechanism, robot.spring_arrays()[0], record.angle[0])
     except (RobidError, ArithmeticError, np.linalg.LinAlgError):
         return highest
-    resonances = np.sqrt(squares[squares > 0]) / (2 * np.pi)
     springs = resonances[resonances > SLOWEST_HZ]
     return float(min(highest, BELOW * springs.min())) if len(springs) else highest
 

@@ -12,8 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 import scipy
 
-from robid_core import FloatArray, Record, RobidError, Robot
+from robid_core import ComplexArray, FloatArray, Record, RobidError, Robot
 from robid_core.estimation.response.torque_lag import Lag, lag_beside_friction, torque_lag
+from robid_core.estimation.rigid.spring_model import spring_response
 
 CHANNELS = ("motor_position", "motor_torque")
 HELD, CONTINUOUS = "zero_order_hold", "continuous"
@@ -181,7 +182,7 @@ def _phases(record: Record, robot: Robot) -> Iterator[tuple[int, FloatArray, Flo
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, min(BINS, len(bins))).astype(int))]
         damping = robot.equivalent_motor_damping(*_speed_levels(np.diff(q, axis=0) / step), frequency[bins])
         angle = robot.joint_angle(q.mean(axis=0))[None]
-        response = robot.response(angle, frequency[bins], damping, record.torque_hold)[0]
+        response = _response(robot, angle, frequency[bins], damping, record.torque_hold)
         each = response * driven[bins][:, None, :]
         predicted = each.sum(axis=2)
         omega = 2 * np.pi * frequency[bins]
@@ -190,6 +191,19 @@ def _phases(record: Record, robot: Robot) -> Iterator[tuple[int, FloatArray, Flo
             kept = band[bins, a] & (np.abs(each[:, a, a]) > OWN * np.abs(predicted[:, a]))
             if kept.any():
                 yield a, omega[kept], phase[kept, a]
+
+
+def _response(
+    robot: Robot, angle: FloatArray, frequency: FloatArray, damping: FloatArray, hold: str
+) -> ComplexArray:
+    """Response in one pose, (n_freq, n_axis, n_axis); nothing is compiled for a robot without effects."""
+    if not robot.effects and not any(body.flexible for body in robot.description.bodies):
+        step = robot.sample_time_s if hold == HELD else None
+        springs, dampers = robot.spring_arrays()
+        omega = 2 * np.pi * frequency
+        return spring_response(robot.mechanism, springs, dampers, angle[0], damping[0], omega, step)
+    response: ComplexArray = robot.response(angle, frequency, damping, hold)[0]
+    return response
 
 
 def _speed_levels(speed: FloatArray) -> tuple[FloatArray, FloatArray]:

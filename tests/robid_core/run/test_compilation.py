@@ -7,7 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from robid_core import Robot
+from robid_core.estimation.rigid.rigid_torque import motor_torque
+from robid_core.residual import rigid_drives
 
 _SMALL = "from robid_core.compiled.kernel import kernel\n\n\n@kernel\ndef plus(x):\n    return x + 1.0\n"
 _AHEAD = """
@@ -59,3 +64,41 @@ def test_nothing_is_done_where_the_simulator_is_on_disk(monkeypatch: pytest.Monk
     monkeypatch.setattr(compilation, "kept_codes", lambda _: 2)
     monkeypatch.setattr(compilation, "process_executor", lambda _: pytest.fail("work is given out"))
     compilation.compile_ahead()
+
+
+_RECORDING = """
+robid: 1
+name: recording
+seed: 1
+robot: scara
+stages:
+  acquire:
+    use: acquisition.recorded
+    with:
+      path: run.npz
+      sample_time_s: 0.001
+      torque_hold: zero_order_hold
+      channels: {motor_position: {column: angle, unit: rad}, motor_torque: {column: torque, unit: N m}}
+  fit: {use: fit.rigid}
+"""
+
+
+def test_a_recording_is_read_checked_and_fitted_without_compiling(tmp_path: Path) -> None:
+    """No motion is simulated: not for the check against the robot file either, on an arm with springs."""
+    robot = Robot.load("scara")
+    time, draw = 1e-3 * np.arange(6000), np.random.default_rng(1)
+    rate, phase = draw.uniform(2.0, 8.0, (5, 1, 4)), draw.uniform(0, 2 * np.pi, (5, 1, 4))
+    joints = 0.05 * np.sin(rate * time[:, None] + phase).sum(axis=0) + [0.3, 0.4, -0.1, 0.2]
+    angle = robot.motor_angle(joints)
+    speed = np.gradient(angle, time, axis=0)
+    torque = motor_torque(rigid_drives(robot), angle, speed, np.gradient(speed, time, axis=0))
+    np.savez(tmp_path / "run.npz", angle=angle, torque=torque + 0.002 * draw.standard_normal(torque.shape))
+    (tmp_path / "recording.yaml").write_text(_RECORDING)
+    words = "from robid_core.commands import main; import sys; sys.argv[0] = 'robid'; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", words, "run", "recording.yaml", "--data", "."],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        cwd=tmp_path, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "fit: made" in done.stdout + done.stderr
+    assert not list((tmp_path / "cache").rglob("*.nbi"))
