@@ -20,6 +20,7 @@ WEAK = 0.5  # of what was known before
 MANY = 0.5  # of the base parameters: a fit of which more are weak is another robot file's
 WORSE = 1.5  # times what is left when it is fitted
 MOST = 6  # names in a sentence
+UNEXPLAINED = 0.3  # of a torque's rms
 LATEST = 1.0  # samples between torque and angle: drives differ by less
 
 
@@ -40,6 +41,7 @@ def doubts(
         Base parameters per unit of each coordinate, (n_base, n_unknown), and what they are called.
     """
     return (
+        *_unexplained(equations, solution, unknowns.free.robot.axis_names),
         *_coloured(equations, solution, base, unknowns.free.robot.axis_names),
         *_weak(solution, base, base_names),
         *_unlike(solution),
@@ -66,6 +68,28 @@ def prediction_doubts(
             "record longer and richer motions, state tolerances that are narrower (prior), or free less (fixed)",
         ),
     )
+
+
+def _unexplained(
+    equations: RigidEquations, solution: RigidSolution, axis_names: Sequence[str]
+) -> Iterator[Doubt]:
+    counted = equations.counted
+    left, whole = (
+        np.linalg.norm(counted * one, axis=0) for one in (solution.at.residual, solution.at.torque)
+    )
+    shares = left / np.maximum(whole, 1e-300)
+    told = [
+        f"{name} {100 * own:.0f} %"
+        for name, own in zip(axis_names, shares.tolist(), strict=True)
+        if own > UNEXPLAINED
+    ]
+    if told:
+        yield Doubt(
+            "unexplained torque",
+            f"of some torques much is left: {_listed(told)}",
+            "a rigid arm explains no motion near its resonances (cutoff_hz, below what its springs let through), and "
+            "diagnosis.effects looks for what else acts there; standard errors do not cover what it is",
+        )
 
 
 def _coloured(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,12 +13,15 @@ from robid_fit.tolerances import WIDENED, tolerance_factor
 
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
 PROMISED = 0.01  # tolerance of bodies that nobody states
+HALF, HOLD = 0.5, 0.1  # samples that another hold makes, and by which a delay may miss them
+CERTAIN = 3.5  # standard errors
 STANDING = 0.2  # of the samples
 
 
 def doubts(problem: TorqueProblem, solution: Solution) -> tuple[Doubt, ...]:
     """Return the reasons not to rely on a fit that lie in where it ended."""
-    return (*_late(problem, solution.point), *_unlike(problem, solution), *rattling(problem))
+    timing = (*_late(problem, solution.point), *_of_samples(problem, solution))
+    return (*timing, *_unlike(problem, solution), *rattling(problem))
 
 
 def with_rests(
@@ -118,6 +121,27 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
         remedy = "look at the clocks of both channels, and shift the recorded one until a fit finds less than a sample"
         found.append(Doubt("timing", sentence, remedy))
     return tuple(found)
+
+
+def _of_samples(problem: TorqueProblem, solution: Solution) -> Iterator[Doubt]:
+    """Remark on torques that are half a sample late or early, as with another hold, or more: the fit counts a delay."""
+    motion = problem.blocks[0].motion
+    delay = problem.delay(solution.point) / motion.sample_time_s
+    error = np.sqrt(np.diag(solution.covariance)[-problem.n_delay :]) / motion.sample_time_s
+    if not (np.abs(delay) - CERTAIN * error > HALF - HOLD).all() or np.ptp(delay) > HOLD:
+        return
+    lag, way = float(np.mean(delay)), "lags" if np.mean(delay) > 0 else "leads"
+    sentence = f"the torque {way} the angles by {abs(lag):.2f} samples, which the fit counts"
+    other = "continuous" if motion.torque_hold == "zero_order_hold" else "zero_order_hold"
+    if abs(abs(lag) - HALF) <= HOLD and (lag > 0) == (other == "continuous"):
+        remedy = (
+            f"torque_hold: {motion.torque_hold} is stated, and with {other} there would be no delay; state that one if "
+            "it is what the drive does"
+        )
+        yield Doubt("timing", sentence, remedy, "remark")
+    elif HALF + HOLD < abs(lag) <= LATEST:
+        remedy = f"say it where the record is read (motor_torque: delay_s: {lag * motion.sample_time_s:.2g})"
+        yield Doubt("timing", sentence, remedy, "remark")
 
 
 def _in_tolerances(problem: TorqueProblem, point: FloatArray) -> dict[str, float]:

@@ -196,6 +196,28 @@ def test_torque_that_has_nothing_to_do_with_the_motion_is_not_a_fit(tmp_path: Pa
     assert not fit.converged
 
 
+def test_an_axis_of_which_a_third_is_left_is_doubted_by_name(tmp_path: Path) -> None:
+    """A wave of 3 Hz, half of the axis' torque, that no body or friction of the robot makes."""
+    robot = loaded(tmp_path, ARM)
+    run = recording(robot, 3, seconds=10.0, noise=0.01).run
+    position, torque = (run.values(name)[0, 0, 0, 0] for name in ("motor_position", "motor_torque"))
+    fit = RigidBodyFit(cutoff_hz=20.0)
+    assert not [
+        one
+        for one in fit.run((record_of(robot, position, torque),), robot).doubts
+        if one.kind == "unexplained torque"
+    ]
+    wave = np.zeros_like(torque)
+    wave[:, 1] = 0.5 * np.sqrt(2) * torque[:, 1].std() * np.sin(2 * np.pi * 3 * np.arange(len(torque)) * STEP)
+    (doubt,) = [
+        one
+        for one in fit.run((record_of(robot, position, torque + wave),), robot).doubts
+        if one.kind == "unexplained torque"
+    ]
+    assert not doubt.is_remark
+    assert doubt.sentence.startswith("of some torques much is left: j2 ")
+
+
 def test_holes_and_short_recordings_are_rejected(tmp_path: Path) -> None:
     robot = slide(tmp_path)
     values = np.random.default_rng(0).normal(size=(105, 1))

@@ -94,6 +94,10 @@ def test_the_right_hold_leaves_noise_and_the_other_one_half_a_sample(
     late = 0.5 if hold == "continuous" else -0.5
     assert wrong.parameters.value("torque_delay") == pytest.approx(late * T, abs=0.01 * T)
     assert wrong.misfit > 1000
+    (remark,) = [one for one in wrong.doubts if one.kind == "timing"]
+    assert remark.is_remark
+    assert f"torque_hold: {other} is stated, and with {hold} there would be no delay" in remark.remedy
+    assert not [one for one in right.doubts if one.kind == "timing"]
 
 
 @pytest.mark.parametrize("hold", HOLDS)
