@@ -249,7 +249,7 @@ class Effects(DiagnosisStage):
             line
             for finding in causes
             for line in (
-                finding_line(finding, data.n_config, sum(problem.left_out)),
+                finding_line(finding, data.n_config, sum(problem.left_out), [one.on for one in unknown]),
                 increment_line(finding, robot),
                 separation_line(finding),
             )

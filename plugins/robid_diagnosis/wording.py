@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -35,8 +35,14 @@ RESTING = 0.005  # share of the samples at rest: less is not a percent
 MOVED = 2.0  # standard errors from what was told: numbers that moved less are not read out
 
 
-def finding_line(finding: Finding, n_config: int, n_left_out: int = 0) -> str:
-    """One line: where, what, how large, how sure; `n_left_out`: experiments in which its robot rattles."""
+def finding_line(
+    finding: Finding, n_config: int, n_left_out: int = 0, unexplained: Collection[str] = ()
+) -> str:
+    """One line: where, what, how large, how sure.
+
+    `n_left_out`: experiments in which its robot rattles; `unexplained`: axes at which something acts that no effect
+    explains: a value that is fitted there may stand for it.
+    """
     if finding.kind == "unknown" and not finding.names:
         return (
             f"{finding.on}: no effect of the catalogue explains the residual; {finding.effect} would "
@@ -48,7 +54,9 @@ def finding_line(finding: Finding, n_config: int, n_left_out: int = 0) -> str:
         "partial": "{}, or a law at one axis that the catalogue lacks"
         if a_law
         else "{} explains a part; nothing in the catalogue explains the rest",
-        "value": "wrong value: {}",
+        "value": "a part is explained by another value, which may stand for what nothing explains here: {}"
+        if finding.on in unexplained
+        else "wrong value: {}",
     }[finding.kind].format(finding.effect if finding.kind != "value" else f"{finding.effect} of {finding.on}")
     rows = list(
         zip(finding.names, finding.value, finding.standard_error, finding.nominal, finding.units, strict=True)

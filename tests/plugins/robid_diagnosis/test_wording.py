@@ -130,6 +130,10 @@ def test_of_a_body_none_of_whose_numbers_moved_by_itself_the_furthest_are_read_o
     assert "the data determine combinations of them alone" in line
     sure = body.replace(standard_error=np.array([0.1, 0.0014, 0.088, 1.0, 0.05]))
     assert "combinations" not in finding_line(sure, 4)
+    assert finding_line(sure, 4).startswith("j1: wrong value: body of j1 (")
+    assert finding_line(sure, 4, 0, ["j1"]).startswith(
+        "j1: a part is explained by another value, which may stand for what nothing explains here: body of j1 ("
+    )
     assert "centre_of_mass" not in finding_line(sure, 4)
 
 
