@@ -49,12 +49,17 @@ class Linearised:
     point: FloatArray
     residual: FloatArray
     """Torque that is left, (n_equation, n_axis)."""
-    rows: FloatArray
-    """Derivative of the predicted torque, (n_equation, n_axis, n_unknown)."""
     torque: FloatArray
     """Measured, its delay taken off, (n_equation, n_axis)."""
     regressor: FloatArray
     """Torque per unit of every column, (n_equation, n_axis, n_column)."""
+    differentiate: Callable[[], FloatArray]
+    """Makes `rows`: most points of a search are left again for what remains there alone."""
+
+    @cached_property
+    def rows(self) -> FloatArray:
+        """Derivative of the predicted torque, (n_equation, n_axis, n_unknown)."""
+        return self.differentiate()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +111,14 @@ class RigidProblem:
 
     def linearised(self, point: FloatArray) -> Linearised:
         """Run all laws about a point."""
-        return Linearised(point, *self._of(self.equations, point))
+        return self._of(self.equations, point)
 
     def unweighted(self, point: FloatArray) -> Linearised:
         """Likewise, with samples at rest, which a fit may leave out."""
-        return Linearised(point, *self._of(self.equations.unweighted, point))
+        return self._of(self.equations.unweighted, point)
 
-    def _of(self, equations: RigidEquations, point: FloatArray) -> tuple[FloatArray, ...]:
-        """What is left, its derivative with the sign turned, the measured torque without its delay, the regressor."""
+    def _of(self, equations: RigidEquations, point: FloatArray) -> Linearised:
+        """What is left, and how it changes, with the laws as linear as they are here."""
         unknowns = self.unknowns
         equations = equations.at_friction_speed(unknowns.friction_speed(point, equations.friction_speed))
         linear = unknowns.linear(point)
@@ -121,18 +126,22 @@ class RigidProblem:
         torque, columns = equations.of_effects(robot, self.laws, linear)
         measured = equations.torque_earlier(unknowns.delay(point)) if unknowns.delays else equations.torque
         predicted = equations.regressor @ linear + torque
-        rows = equations.regressor @ unknowns.linear_slopes(point)
-        if self.laws:
-            rows = rows + columns @ unknowns.slopes(point)[self._place[: len(self.laws)]]
-        if unknowns.turning:
-            turned = equations.friction_slope() * linear[equations.coulomb] * equations.friction_speed
-            for axis, place in unknowns.turning.items():
-                rows[:, axis, place] += turned[:, axis]
-        if unknowns.delays:
-            # Of the predicted torque: the derivative of the measured one would count its noise as information.
-            later = -unknowns.sample_time_s * equations.rate(predicted)
-            rows[..., unknowns.n_own :] = later[..., None] * unknowns.delayed
-        return measured - predicted, rows, measured, equations.regressor
+
+        def rows() -> FloatArray:
+            found: FloatArray = equations.regressor @ unknowns.linear_slopes(point)
+            if self.laws:
+                found = found + columns @ unknowns.slopes(point)[self._place[: len(self.laws)]]
+            if unknowns.turning:
+                turned = equations.friction_slope() * linear[equations.coulomb] * equations.friction_speed
+                for axis, place in unknowns.turning.items():
+                    found[:, axis, place] += turned[:, axis]
+            if unknowns.delays:
+                # Of the predicted torque: the derivative of the measured one would count its noise as information.
+                later = -unknowns.sample_time_s * equations.rate(predicted)
+                found[..., unknowns.n_own :] = later[..., None] * unknowns.delayed
+            return found
+
+        return Linearised(point, measured - predicted, measured, equations.regressor, rows)
 
     def left_out(
         self, at: RigidSolution, n_block: int, progress: Callable[[float, float, str], None]
@@ -287,8 +296,8 @@ class RigidProblem:
     def _basis(self, here: Linearised, weight: FloatArray) -> list[FloatArray]:
         """Orthonormal functions that the instruments of each axis span, (n_equation, n)."""
         assert self.instruments is not None
-        _, rows, _, regressor = self._of(self.instruments, here.point)
-        return spanned(np.concatenate((regressor, rows[..., self._place]), axis=2), weight)
+        shown = self._of(self.instruments, here.point)
+        return spanned(np.concatenate((shown.regressor, shown.rows[..., self._place]), axis=2), weight)
 
     # Weights and tolerances
 
