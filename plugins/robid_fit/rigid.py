@@ -31,6 +31,7 @@ from robid_core import (
     pattern_problems,
 )
 from robid_core.estimation.copies import refuse_copies
+from robid_core.estimation.disagreement import spread_over_experiments
 from robid_core.estimation.rigid.essential import eliminate
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
 from robid_core.residual import excited_range, leading_periods, variant_robots
@@ -328,6 +329,7 @@ def _result(
             prior=np.sqrt(
                 ((slope * np.where(np.isfinite(solution.prior), solution.prior, 0.0)) ** 2).sum(axis=1)
             ),
+            spread=spread_over_experiments(solution.experiments, solution.hessian, slope),
         ),
         base=ParameterTable(
             names=base_names,
@@ -338,6 +340,7 @@ def _result(
             standard_error=base_error,
             reported=np.ones(len(base_names), dtype=bool),
             at_bound=np.zeros(len(base_names), dtype=bool),
+            spread=spread_over_experiments(solution.experiments, solution.hessian, by_unknown),
         ),
         covariance=covariance,
         free_names=names,

@@ -28,6 +28,7 @@ from robid_core import (
     Fit,
     FloatArray,
     FreeParameters,
+    IntArray,
     ParameterTable,
     Record,
     Robot,
@@ -37,7 +38,11 @@ from robid_core import (
     pattern_problems,
     simulate_record,
 )
-from robid_core.estimation.disagreement import ExperimentShare, disagreement
+from robid_core.estimation.disagreement import (
+    ExperimentShare,
+    disagreement,
+    spread_over_experiments,
+)
 from robid_core.estimation.least_squares import Minimum, levenberg_marquardt
 from robid_core.estimation.serial_correlation import n_cosine, sandwich_covariance
 from robid_core.residual import (
@@ -257,6 +262,8 @@ class TimeDomainFit(Estimator):
         covariance = slope @ estimate.covariance @ slope.T
         values = free.values(minimum.point)
         kinds = tuple(robot.parameter_kind(name) for name in free.names)
+        inside, shares, hessian = self._shares(problem, estimate)
+        spread = spread_over_experiments(shares, hessian, slope[:, inside])
         table = ParameterTable(
             names=free.names,
             units=tuple(robot.parameter_unit(name) for name in free.names),
@@ -267,6 +274,7 @@ class TimeDomainFit(Estimator):
             reported=np.ones(len(kinds), dtype=bool),
             at_bound=(minimum.point >= free.upper - 1e-9) | (minimum.point <= free.lower + 1e-9),
             prior=np.sqrt(((slope * free.prior) ** 2).sum(axis=1)),
+            spread=np.where((slope[:, inside] != 0).any(axis=1), spread, np.nan),
         )
         time = self._comparisons(problem, minimum.point)
         errors = ", ".join(
@@ -291,11 +299,13 @@ class TimeDomainFit(Estimator):
             free_names=free.names,
             time=time,
             model=robot.model(values, free.names, covariance),
-            stated_doubts=tuple(self._apart(problem, estimate)),
+            stated_doubts=tuple(self._apart(problem, estimate, inside, shares, hessian)),
         )
 
-    def _apart(self, problem: OutputErrorProblem, estimate: Estimate) -> Iterator[Doubt]:
-        """Doubt parameters that experiments disagree on, those at a bound left aside."""
+    def _shares(
+        self, problem: OutputErrorProblem, estimate: Estimate
+    ) -> tuple[IntArray, list[ExperimentShare], FloatArray]:
+        """Unknowns that are at no bound, what each experiment says of them, and the Hessian of half the cost."""
         free, point = problem.free, estimate.minimum.point
         inside = np.flatnonzero((point < free.upper - 1e-9) & (point > free.lower + 1e-9))
         among = np.ix_(inside, inside)
@@ -303,10 +313,23 @@ class TimeDomainFit(Estimator):
             ExperimentShare(one.information[among], one.gradient[inside], one.scores[among])
             for one in problem.by_experiment(point)
         ]
+        hessian = np.diag(1 / free.prior[inside] ** 2) + np.sum([one.information for one in shares], axis=0)
+        return inside, shares, hessian
+
+    def _apart(
+        self,
+        problem: OutputErrorProblem,
+        estimate: Estimate,
+        inside: IntArray,
+        shares: list[ExperimentShare],
+        hessian: FloatArray,
+    ) -> Iterator[Doubt]:
+        """Doubt parameters that experiments disagree on, those at a bound left aside."""
+        free, point = problem.free, estimate.minimum.point
         if len(shares) < 2 or not len(inside) or not estimate.minimum.converged:
             return
-        hessian = np.diag(1 / free.prior[inside] ** 2) + np.sum([one.information for one in shares], axis=0)
         freedom = sum(n_cosine(len(lane)) for residual in problem.residuals(point) for lane in residual)
+        among = np.ix_(inside, inside)
         found = disagreement(shares, hessian, estimate.covariance[among], np.eye(len(inside)), float(freedom))
         yield from disagreement_doubt(found, [free.names[i] for i in inside.tolist()], len(shares))
 

@@ -33,7 +33,8 @@ class ParameterTable(Artifact):
     `standard_error` is in the parameter's own unit and NaN for a parameter that was held; `group` says what
     it is for a reader (`stiffness`, `damping`, `friction`, `inertia`, ...; `nuisance` is no parameter of the robot);
     `reported` marks the rows that a short table shows; `prior` is the standard deviation that was assumed before the
-    data, in the same unit, NaN where none was.
+    data, in the same unit, NaN where none was; `spread` is the standard error that the spread over experiments says,
+    each left out in turn, NaN where there is none.
     """
 
     names: tuple[str, ...]
@@ -45,6 +46,7 @@ class ParameterTable(Artifact):
     reported: BoolArray = array("n_parameter")
     at_bound: BoolArray = array("n_parameter")
     prior: FloatArray | None = array("n_parameter", optional=True, finite=False, least=0.0)
+    spread: FloatArray | None = array("n_parameter", optional=True, finite=False, least=0.0)
 
     def value(self, name: str) -> float:
         """Return the estimate of one parameter.

@@ -66,8 +66,9 @@ def parameter_table(table: ParameterTable, everything: bool) -> Table:
     )
     for name in ("start", "estimate", "standard_error", "at_bound"):
         columns[name] = getattr(table, name)[kept].tolist()
-    if table.prior is not None:
-        columns["prior"] = table.prior[kept].tolist()
+    for name in ("prior", "spread"):
+        if (more := getattr(table, name)) is not None:
+            columns[name] = more[kept].tolist()
     return columns
 
 

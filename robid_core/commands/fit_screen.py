@@ -43,11 +43,18 @@ def fit_table(fit: Fit, true: dict[str, float], everything: bool = False) -> lis
 def parameter_lines(
     table: ParameterTable, true: Mapping[str, float] | None = None, everything: bool = True
 ) -> list[str]:
-    """Return parameters as aligned text; "not determined" stands where the page has it (`is_determined`)."""
+    """Return parameters as aligned text; "not determined" stands where the page has it (`is_determined`).
+
+    "by experiments": the standard error that the spread over experiments says.
+    """
+    import numpy as np
+
     from robid_core.artifacts import is_determined
 
     true = true or {}
     head = ["parameter", "unit", *(["true"] if true else []), "start", "estimate", "std error"]
+    spread = None if table.spread is None or np.isnan(table.spread).all() else table.spread.tolist()
+    head += ["by experiments"] if spread else []
     head += ["off / std error"] if true else []
     rows = [head]
     for index, name in enumerate(table.names):
@@ -66,6 +73,7 @@ def parameter_lines(
                 number_text(table.start[index]),
                 number_text(value, size),
                 error,
+                *([f"{spread[index]:.2g}" if spread[index] == spread[index] else "-"] if spread else []),
                 *off,
             ]
         )

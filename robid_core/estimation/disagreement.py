@@ -19,6 +19,7 @@ import scipy
 from robid_core.arrays import FloatArray
 from robid_core.estimation.scaled_inverse import scaled_inverse
 
+FEWEST = 3  # experiments, for a spread
 UNSEEN = 1e-9  # of a variance: an experiment that says less of a number cannot disagree on it
 
 
@@ -78,3 +79,30 @@ def disagreement(
     count = np.maximum(seen - 1, 1.0)
     tail = scipy.stats.f.sf(total / count, count, max(freedom, 1.0))
     return Disagreement(np.sqrt(total / count), np.where(seen > 1, np.minimum(n_number * tail, 1.0), 1.0))
+
+
+def spread_over_experiments(
+    experiments: Sequence[ExperimentShare], hessian: FloatArray, directions: FloatArray
+) -> FloatArray:
+    """Return standard errors of numbers as the spread over experiments says, (n_number,); NaN of fewer than three.
+
+    Of the fits without each of n experiments, sqrt((n - 1) / n sum (x_i - mean)^2) (J. W. Tukey's jackknife, 1958). It
+    assumes that experiments are alike, and nothing of the residuals within them: beside a stated error it says whether
+    that holds from one run to the next. Relative to itself it scatters by 1 / sqrt(2 (n - 1)).
+
+    Parameters
+    ----------
+    experiments
+        What each contributes to a fit at its minimum.
+    hessian
+        Of half the cost, priors included, (n_unknown, n_unknown).
+    directions
+        Numbers per unit of each coordinate, (n_number, n_unknown).
+    """
+    n = len(experiments)
+    if n < FEWEST:
+        return np.full(len(directions), np.nan)
+    moves = np.array([scaled_inverse(hessian - one.information) @ one.gradient for one in experiments])
+    numbers = moves @ directions.T
+    spread: FloatArray = np.sqrt((n - 1) * numbers.var(axis=0))
+    return spread

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from oracles.rigid_arm import ARM, DRIVE, STEP, loaded, record_of, recording, slide
 
-from robid_core import ConfigurationError, DataRejected, Fit, NotIdentifiable, Robot
+from robid_core import ConfigurationError, DataRejected, Fit, FloatArray, NotIdentifiable, Robot
 from robid_core.commands.show import artifact_lines
 from robid_core.testing import check_stage
 from robid_fit.rigid import RigidBodyFit
@@ -216,6 +216,29 @@ def test_an_axis_of_which_a_third_is_left_is_doubted_by_name(tmp_path: Path) -> 
     ]
     assert not doubt.is_remark
     assert doubt.sentence.startswith("of some torques much is left: j2 ")
+
+
+def test_the_spread_over_runs_stands_beside_stated_errors(tmp_path: Path) -> None:
+    """Friction that is another one in each of eight runs: its stated error does not know, the spread does."""
+    robot, draw = loaded(tmp_path, ARM), np.random.default_rng(5)
+    runs, levels = list[tuple[FloatArray, FloatArray]](), draw.normal(0.0, 0.1, 8)
+    for seed, more in enumerate(levels):
+        run = recording(robot, seed, seconds=6.0, noise=0.01).run
+        position, torque = (run.values(name)[0, 0, 0, 0] for name in ("motor_position", "motor_torque"))
+        torque = torque.copy()
+        torque[:, 0] += more * np.tanh(np.gradient(position[:, 0], STEP) / 0.05)
+        runs.append((position, torque))
+    fit = RigidBodyFit(cutoff_hz=20.0).run(tuple(record_of(robot, *one) for one in runs), robot)
+    table = fit.parameters
+    assert table.spread is not None
+    stated = dict(zip(table.names, zip(table.standard_error, table.spread, strict=True), strict=True))
+    error, spread = stated["friction.j1.coulomb"]
+    assert spread > 3 * error
+    # Eight levels: their standard error, which scatters by a quarter of itself.
+    assert spread == pytest.approx(levels.std(ddof=1) / np.sqrt(8), rel=0.3)
+    error, spread = stated["friction.j3.coulomb"]
+    assert 0.3 < spread / error < 2.0
+    assert "by experiments" in "\n".join(artifact_lines(fit))
 
 
 def test_holes_and_short_recordings_are_rejected(tmp_path: Path) -> None:
