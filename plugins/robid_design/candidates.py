@@ -22,7 +22,7 @@ from robid_core import (
     FloatArray,
     Robot,
 )
-from robid_design.room import Room
+from robid_design.room import Room, below_base
 
 MOST_ROUNDS = 200
 AT_ONCE = 100  # of a trial: many poses that fall are followed down in hardly more time than one
@@ -153,4 +153,6 @@ class RandomCandidates(CandidateDesign):
         """Draw the configurations."""
         told = self.margin, self.gravity_share, self.room
         angle = random_configurations(robot, self.count, context.generator, *told)
+        if (self.room is None or self.room.floor_m is None) and (low := below_base(robot, angle)):
+            context.log.warning("%s", low)
         return Configurations(robot.axis_names, angle)

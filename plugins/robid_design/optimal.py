@@ -28,7 +28,7 @@ from robid_core import (
 from robid_core.estimation.information import covariance_of_parameters
 from robid_design.candidates import random_configurations
 from robid_design.information import information_matrices, reference_power
-from robid_design.room import Room
+from robid_design.room import Room, below_base
 from robid_design.weights import (
     Criterion,
     certificate_gap,
@@ -90,6 +90,8 @@ class OptimalDesign(ExperimentDesign):
         count = whole_experiments(weight, self.experiments)
         total = np.einsum("i,ijk->jk", count.astype(float), information)
         order = np.flatnonzero(count)[np.argsort(-count[count > 0], kind="stable")]
+        if (self.room is None or self.room.floor_m is None) and (low := below_base(robot, angle[order])):
+            context.log.warning("%s", low)
         share = count / self.experiments
         reached = criterion_value(information, share, self.criterion)
         formal = np.sqrt(np.diag(covariance_of_parameters(total, model.stiffness_names)))

@@ -14,6 +14,8 @@ from pydantic import NonNegativeFloat
 
 from robid_core import BoolArray, FloatArray, IntArray, Robot, Settings
 
+MOST = 6  # configurations that are named
+
 
 class Room(Settings):
     """Floor, link radius and tool that keep configurations free of collisions; motions about them need more room.
@@ -54,6 +56,23 @@ class Room(Settings):
                     apart = distance_of_lines(points, links[one], links[other]) > 2 * self.link_radius_m
                     np.logical_and(kept, apart, out=kept)
         return kept
+
+
+def below_base(robot: Robot, angle: FloatArray) -> str:
+    """Say which poses of joint-side angles, (n_config, n_axis), reach below the base; empty where none does."""
+    points = link_points(robot, robot.equilibrium(angle).joint)
+    height = points[:, _moving(robot), 2].min(axis=1)
+    low = np.flatnonzero(height < 0)
+    if not len(low):
+        return ""
+    which = ", ".join(str(number + 1) for number in low[:MOST].tolist())
+    which += f" and {len(low) - MOST} more" if len(low) > MOST else ""
+    many = len(low) > 1
+    return (
+        f"configuration{'s' if many else ''} {which} of {len(angle)} reach{'' if many else 'es'} "
+        f"{-float(height.min()):.2g} m below the plane of the base; where the robot stands on a floor, set room: "
+        "{floor_m: 0}, else floor_m to where there is one"
+    )
 
 
 def link_points(

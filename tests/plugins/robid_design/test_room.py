@@ -68,6 +68,25 @@ def test_candidates_stay_above_the_floor() -> None:
     assert (lowest[1] >= 0.1).all()
 
 
+def test_configurations_below_the_base_are_said_where_no_floor_is_stated(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Those whose lowest joint or end is below it, by their numbers; nothing where a floor is stated."""
+    robot = Robot.load("six_axis")
+    free = RandomCandidates(count=200).run(robot, context(3))
+    points = link_points(robot, robot.equilibrium(free.angle).joint)
+    height = points[:, 2:, 2].min(axis=1)  # the base and the first axis, which stands on it, do not move
+    low = np.flatnonzero(height < 0)
+    assert (
+        f"configurations {', '.join(str(k + 1) for k in low[:6])} and {len(low) - 6} more of 200"
+        in caplog.text
+    )
+    assert f"reach {-height.min():.2g} m below the plane of the base" in caplog.text
+    caplog.clear()
+    RandomCandidates(count=200, room=Room(floor_m=-1.0)).run(robot, context(3))
+    assert not caplog.text
+
+
 def test_links_that_fold_onto_one_another_are_refused() -> None:
     """The upper arm folded onto the forearm, axis 3 turned by nearly half a turn; stretched out it is clear."""
     robot = Robot.load("six_axis")
