@@ -30,9 +30,10 @@ SAME = 1e-6  # relative: a number of the table, and that of the robot made of it
 ERRORS = 6.0  # standard errors that an estimate may be off, beside the tolerance
 TOLD = 0.25  # standard error over change, from which a parameter counts as told by the data
 REPETITIONS = 8
-# Sums of squared errors over stated variances of as many independent fits follow chi-square; between its 1e-4 quantiles
-# for standard errors between a fifth too small and three times too large.
-LARGEST_RATIO, SMALLEST_RATIO = 1.2, 1 / 3
+SINGULAR = 1e-3  # smallest eigenvalue of a correlation: below, a combination of estimates is known far better than each
+# Squared distances from the truth by the stated covariance, summed over as many independent fits, follow chi-square;
+# between its 1e-4 quantiles for standard errors between a fifth too small and twice too large.
+LARGEST_RATIO, SMALLEST_RATIO = 1.2, 0.5
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,11 @@ def check_recovers_parameters(
     stage: Estimator, robot: Robot, data: Data | None, tolerance: float, repetitions: int = REPETITIONS
 ) -> None:
     """Check that a fit finds a known plant, and that its standard errors are about right.
+
+    Of eight fits that have the covariance of four parameters in their `model`, standard errors half or a third of what
+    they should be are found with a chance of 79 % and over 99 %, four and six times too large ones with 88 % and over
+    99 %; of one parameter alone (no `model`), ones a third with 75 %, ten times too large ones with 83 %. A fit whose
+    errors are right fails with a chance below 2e-4.
 
     Parameters
     ----------
@@ -184,27 +190,38 @@ def _check_standard_errors(
 
     if len(told) < len(fits):
         raise ContractBroken(
-            f"{name}: of {', '.join(plant.names)} its data tell none: every standard error is more than a "
-            f"quarter of the "
-            "change that it should find; give `artifacts` that show what it estimates"
+            f"{name}: its data determine none of {', '.join(plant.names)}: every standard error is more than a quarter "
+            "of the change that it should find; give `artifacts` that show what it estimates"
         )
-    ratios = []
+    total, count = 0.0, 0
     for turn, (fit, names) in enumerate(zip(fits, told, strict=True)):
-        one = names[turn % len(names)]
-        row = fit.parameters.names.index(one)
-        off = fit.parameters.estimate[row] - plant.measured.parameter(one)
-        ratios.append(float(off / fit.parameters.standard_error[row]) ** 2)
-    total, count = sum(ratios), len(ratios)
+        distance, freedom = distance_of(plant, fit, names, turn)
+        total, count = total + distance, count + freedom
     rms = np.sqrt(total / count)
     if total > chi2.ppf(1 - 1e-4, count) * LARGEST_RATIO**2:
         raise ContractBroken(
-            f"{name}: over {count} fits with noise of their own estimates are {rms:.3g} stated standard errors "
-            f"off (root "
-            "mean square; 1 is right): the standard errors are too small, or the estimates biased"
+            f"{name}: over {len(fits)} fits with noise of their own estimates are {rms:.3g} stated standard errors "
+            "off (root mean square; 1 is right): the standard errors are too small, or the estimates biased"
         )
     if total < chi2.ppf(1e-4, count) * SMALLEST_RATIO**2:
         raise ContractBroken(
-            f"{name}: over {count} fits with noise of their own estimates are only {rms:.2g} stated standard "
-            f"errors off "
-            "(root mean square; 1 is right): the standard errors are too large"
+            f"{name}: over {len(fits)} fits with noise of their own estimates are only {rms:.2g} stated standard "
+            "errors off (root mean square; 1 is right): the standard errors are too large"
         )
+
+
+def distance_of(plant: KnownPlant, fit: Fit, names: tuple[str, ...], turn: int) -> tuple[float, int]:
+    """Return the squared distance of estimates from the truth by their stated covariance, and of how many.
+
+    Of all that the data determine where the robot of the fit's `model` has their covariance, else of one in turn.
+    """
+    off = np.array([fit.parameters.value(one) - plant.measured.parameter(one) for one in names])
+    error = np.array([fit.parameters.standard_error[fit.parameters.names.index(one)] for one in names])
+    model = fit.model
+    if model is not None and set(names) <= set(model.free_names):
+        rows = [model.free_names.index(one) for one in names]
+        correlation = model.covariance[np.ix_(rows, rows)] / np.outer(error, error)
+        if np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] > SINGULAR:
+            return float((off / error) @ np.linalg.solve(correlation, off / error)), len(names)
+    one = turn % len(names)
+    return float(off[one] / error[one]) ** 2, 1
