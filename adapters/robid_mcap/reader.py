@@ -194,12 +194,3 @@ class Log:
             if isinstance(record, Message) and record.channel_id in self.channels:
                 channel = self.channels[record.channel_id]
                 yield channel, self.schemas.get(channel.schema_id), record
-
-
-def flatten(value: Any, name: str) -> Iterator[tuple[str, float]]:
-    """Yield the numbers within a decoded JSON value by their dotted names."""
-    if isinstance(value, bool | int | float):
-        yield name, float(value)
-    elif isinstance(value, dict):
-        for key, inner in value.items():
-            yield from flatten(inner, f"{name}.{key}")

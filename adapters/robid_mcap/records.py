@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from google.protobuf.message import DecodeError, Message  # type: ignore[import-untyped]
+from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 from mcap.records import Channel, Schema
 
 from robid_core import (
@@ -29,12 +29,13 @@ from robid_core import (
     assemble_record,
 )
 from robid_mcap.arrays import Packed, unpack
-from robid_mcap.reader import Log, flatten
+from robid_mcap.reader import Log
 from robid_mcap.schema import message_class, message_class_of
+from robid_mcap.values import Value, of_json, of_protobuf, stacked
 from robid_mcap.writer import PLAN, McapLog
 
 _log = logging.getLogger("robid.mcap")
-Decoder = Callable[[bytes], Iterator[tuple[str, float]]]
+Decoder = Callable[[bytes], Iterator[tuple[str, Value]]]
 
 
 class McapRecords:
@@ -58,32 +59,24 @@ class McapRecords:
                 f"({schema.name if schema else 'no schema'}, {channel.message_encoding or 'no encoding'})"
             )
         lines += [f"attachment {a.name}: {len(a.data)} bytes, {a.media_type}" for a in log.attachments]
-        return lines + log.problems
+        if PLAN not in log.metadata:  # of others: what of their messages is left out
+            _columns(log)
+        return lines + list(dict.fromkeys(log.problems))
 
     @staticmethod
     def read(path: Path) -> dict[str, FloatArray]:
         """Return plain numbers by channel: `/axis_1.position_rad`, and `/axis_1.log_time_s` for when.
 
-        Raises DataRejected where nothing can be decoded; what is missing is logged.
+        Arrays that are equally long in all messages are tables (n_message, n_value), whose columns are `/joints.q[0]`
+        and so on in a channel map. Raises DataRejected where nothing can be decoded; what is missing is logged.
         """
         log = _open(path)
-        decoders = {number: _decoder(channel, log) for number, channel in log.channels.items()}
-        found: dict[str, list[float]] = {}
-        for channel, _, message in log.messages():
-            try:
-                numbers = list(decoders[channel.id](message.data))
-            except (DecodeError, ValueError, TypeError) as error:
-                log.problems.append(f"{channel.topic}: a message cannot be decoded ({error})")
-                continue
-            if numbers:
-                found.setdefault(f"{channel.topic}.log_time_s", []).append(message.log_time * 1e-9)
-            for name, value in numbers:
-                found.setdefault(f"{channel.topic}{name}", []).append(value)
+        found = _columns(log)
         _tell(path, log.problems)
         if not found:
             why = f"; {log.problems[-1]}" if log.problems else ""
             raise DataRejected(f"{path}: no channel has numbers that can be decoded (protobuf or JSON){why}")
-        return {name: np.array(values) for name, values in found.items()}
+        return found
 
     @staticmethod
     def read_record(path: Path) -> Record:
@@ -120,6 +113,23 @@ def _open(path: Path) -> Log:
         return Log(path)
     except OSError as error:
         raise StoreError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _columns(log: Log) -> dict[str, FloatArray]:
+    """Return what the messages hold by channel and field; what cannot be decoded becomes a problem of the log."""
+    decoders = {number: _decoder(channel, log) for number, channel in log.channels.items()}
+    found: dict[str, list[Value]] = {}
+    for channel, _, message in log.messages():
+        try:
+            numbers = list(decoders[channel.id](message.data))
+        except (DecodeError, ValueError, TypeError) as error:
+            log.problems.append(f"{channel.topic}: a message cannot be decoded ({error})")
+            continue
+        if numbers:
+            found.setdefault(f"{channel.topic}.log_time_s", []).append(message.log_time * 1e-9)
+        for name, value in numbers:
+            found.setdefault(f"{channel.topic}{name}", []).append(value)
+    return stacked(found, log.problems)
 
 
 def _tell(path: Path, problems: list[str]) -> None:
@@ -196,25 +206,14 @@ def _decoder(channel: Channel, log: Log) -> Decoder:
     """Return what turns a message of a channel into numbers; nothing for encodings that are not known."""
     schema = log.schemas.get(channel.schema_id)
     if channel.message_encoding == "json":
-        return lambda data: flatten(json.loads(data), "")
+        return lambda data: of_json(json.loads(data), "")
     if channel.message_encoding == "protobuf" and isinstance(schema, Schema):
         try:
             cls = message_class_of(schema.data, schema.name)
         except (DecodeError, ValueError, TypeError) as error:
             log.problems.append(f"{channel.topic}: its schema cannot be used ({error})")
             return lambda data: iter(())
-        return lambda data: _numbers(cls.FromString(data), "")
+        return lambda data: of_protobuf(cls.FromString(data), "")
     other = "; --format rosbag, or format: rosbag, reads it" if channel.message_encoding == "cdr" else ""
     log.problems.append(f"{channel.topic}: encoding '{channel.message_encoding}' is not decoded{other}")
     return lambda data: iter(())
-
-
-def _numbers(message: Any, name: str) -> Iterator[tuple[str, float]]:
-    """Yield the singular numbers of a protobuf message by their dotted names."""
-    for field in message.DESCRIPTOR.fields:
-        value = getattr(message, field.name)
-        if isinstance(value, Message):
-            if message.HasField(field.name):
-                yield from _numbers(value, f"{name}.{field.name}")
-        elif isinstance(value, bool | int | float):
-            yield f"{name}.{field.name}", float(value)

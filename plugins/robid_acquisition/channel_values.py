@@ -28,7 +28,7 @@ def select(columns: dict[str, FloatArray], name: str) -> FloatArray:
     near = difflib.get_close_matches(name, columns, n=1)
     listed = ", ".join(list(columns)[:12]) + (", ..." if len(columns) > 12 else "")
     raise DataRejected(
-        f"the file has no column '{name}' of numbers (columns of words and dates are left out); "
+        f"the file has no column '{name}' of numbers (words, dates, and arrays whose length changes are left out); "
         + (f"did you mean '{near[0]}'?" if near else f"it has {listed}")
     )
 

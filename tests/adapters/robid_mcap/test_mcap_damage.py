@@ -279,9 +279,10 @@ def test_foreign_protobuf_with_imports_and_nested_messages_is_decoded(tmp_path):
         writer.add_message(raw, 0, b"abc", 0)
         writer.finish()
     channels = McapRecords.read(path)
-    assert set(channels) == {"/j.log_time_s", "/j.stamp.seconds", "/j.stamp.nanos", "/j.angle"}
+    assert set(channels) == {"/j.log_time_s", "/j.stamp.seconds", "/j.stamp.nanos", "/j.angle", "/j.many"}
     assert channels["/j.stamp.seconds"].tolist() == [7.0]
     assert channels["/j.angle"].tolist() == [1.5]
+    assert channels["/j.many"].tolist() == [[9.0]]
 
 
 def test_file_without_any_number_is_refused(tmp_path):

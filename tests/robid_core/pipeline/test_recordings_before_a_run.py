@@ -107,7 +107,8 @@ SLIPS: dict[str, tuple[dict[str, Any], str, str]] = {
     "a column that the file lacks": (
         {"motor_torque": {"column": ["i1", "i2", "i3", "i4", "i5", "i66"]}},
         "channels.motor_torque.column[5]",
-        "the file has no column 'i66' of numbers (columns of words and dates are left out); did you mean 'i6'?",
+        "the file has no column 'i66' of numbers (words, dates, and arrays whose length changes are left out); "
+        "did you mean 'i6'?",
     ),
     "a table that the archive lacks": (
         {**TABLES, "motor_torque": {"column": "tau"}},
