@@ -31,7 +31,7 @@ _HOME = {
     "robid_core.pipeline": ("Pipeline",),
     "robid_core.parameters": ("FreeParameters", "chosen_names", "pattern_problems"),
     "robid_core.parameters.tangents": ("mechanism_change",),
-    "robid_core.foreign": ("guarded_reader",),
+    "robid_core.foreign": ("BAG_READER", "files_of", "guarded_reader", "is_bag", "is_recording"),
     "robid_core.registered": ("load_plugin",),
     "robid_core.registry": ("Plugin", "record_readers"),
     "robid_core.robot": ("Robot",),
@@ -148,7 +148,13 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         StopNotConfirmed as StopNotConfirmed,
         StoreError as StoreError,
     )
-    from robid_core.foreign import guarded_reader as guarded_reader
+    from robid_core.foreign import (
+        BAG_READER as BAG_READER,
+        files_of as files_of,
+        guarded_reader as guarded_reader,
+        is_bag as is_bag,
+        is_recording as is_recording,
+    )
     from robid_core.gate import (
         Clearance as Clearance,
         MotionLimits as MotionLimits,

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from robid_core import DataRejected, FloatArray
+from robid_core import DataRejected, FloatArray, files_of
 from robid_rosbag.messages import JOINT_STATE, OF_JOINTS, Topic
 
 METADATA = "metadata.yaml"  # of a ROS 2 bag; it stands for the folder
@@ -62,8 +62,7 @@ def _check_chunks(path: Path) -> list[str]:
     checksum does not fit, or messages are missing that the file counts.
     """
     remarks = []
-    files = path.parent.glob("*.mcap") if path.name == METADATA else [path] if path.suffix == ".mcap" else []
-    for file in files:
+    for file in (one for one in files_of(path) if one.suffix == ".mcap"):
         try:
             with file.open("rb") as stream:
                 records = StreamReader(stream, validate_crcs=True).records

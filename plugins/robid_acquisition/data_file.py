@@ -9,7 +9,17 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from robid_core import ConfigurationError, DataPath, DataRejected, guarded_reader, record_readers
+from robid_core import (
+    BAG_READER,
+    ConfigurationError,
+    DataPath,
+    DataRejected,
+    files_of,
+    guarded_reader,
+    is_bag,
+    is_recording,
+    record_readers,
+)
 
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 _BELOW_ROOT: TypeAdapter[str] = TypeAdapter(DataPath)
@@ -30,11 +40,16 @@ def below_root(path: str) -> str:
 
 
 def find_file(root: Path | None, path: str, origin: str) -> Path:
-    """Return where a data file is; ConfigurationError tells where to get it."""
+    """Return where a data file is, or the folder of a bag; ConfigurationError tells where to get it."""
     if root is None:
         raise ConfigurationError(f"no data folder is set; {advice(path, origin)}")
     full = Path(root) / path
-    if not full.is_file():
+    if full.is_dir() and not is_bag(full):
+        raise ConfigurationError(
+            f"{full} is a folder, and no bag of ROS 2 (which has a metadata.yaml); name a file of it, or "
+            "several by pattern or index"
+        )
+    if not is_recording(full):
         raise ConfigurationError(f"there is no file {full}; {advice(path, origin)}")
     return full
 
@@ -44,9 +59,11 @@ def reader_name(path: str, format_name: str) -> str:
     return format_name or record_readers().get(Path(path).suffix.lower().removeprefix("."), "")
 
 
-def reader_of(path: str, format_name: str) -> Any:
-    """Return the reader of a data file, which reads in a process of its own."""
+def reader_of(root: Path | None, path: str, format_name: str) -> Any:
+    """Return the reader of a data file below the data root, or of a bag, which reads in a process of its own."""
     name = reader_name(path, format_name)
+    if not format_name and root is not None and is_bag(root / path):
+        name = BAG_READER
     if not name:
         known = ", ".join(sorted(set(record_readers().values())))
         table = "save its table as CSV, or " if Path(path).suffix.lower() in SPREADSHEETS else ""
@@ -62,6 +79,7 @@ def refuse_others(files: Sequence[Path], sha256: str, name: str, origin: str) ->
     """
     if not sha256:
         return
+    files = [one for file in files for one in files_of(file)]
     hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
     found, what = hashes[0], "another file"
     if len(files) > 1:

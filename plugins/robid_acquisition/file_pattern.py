@@ -11,7 +11,7 @@ from pathlib import Path
 
 from robid_acquisition.data_file import advice, below_root
 from robid_acquisition.recording import Recording, is_test
-from robid_core import ConfigurationError
+from robid_core import ConfigurationError, is_recording
 
 SHAPES = {"config": "[0-9]+", "block": "[0-9]+", "exp": "[0-9]+", "variant": "[^/]+?", "role": "[^/_]+?"}
 SHOWN = 3  # files in a message
@@ -50,13 +50,13 @@ def expression(text: str) -> re.Pattern[str]:
 
 
 def find_recordings(root: Path, text: str, origin: str = "") -> list[Recording]:
-    """Return a recording for each file below `root` that a pattern fits, in the order of their names.
+    """Return a recording for each file (or bag) below `root` that a pattern fits, in the order of their names.
 
     Raises ConfigurationError where there is none, and DataRejected where a role is none.
     """
     wanted = expression(text)
     glob = _FIELD.sub("*", re.sub(r"([\[?])", r"[\1]", text))
-    names = sorted(path.relative_to(root).as_posix() for path in root.glob(glob) if path.is_file())
+    names = sorted(path.relative_to(root).as_posix() for path in root.glob(glob) if is_recording(path))
     found = [(name, match.groupdict()) for name in names if (match := wanted.fullmatch(name))]
     if not found:
         raise ConfigurationError(

@@ -16,7 +16,7 @@ from robid_acquisition.before_run import channel_problems, column_problems, peri
 from robid_acquisition.channel_values import select
 from robid_acquisition.data_file import find_file, reader_of, refuse_others
 from robid_acquisition.reading import ReadFiles
-from robid_core import FloatArray, RobidError, Robot
+from robid_core import FloatArray, RobidError, Robot, files_of
 
 Place = tuple[str | int, ...]
 Columns = dict[str, FloatArray]
@@ -41,7 +41,7 @@ def file_problems(
     try:
         if settings.sha256:  # of other data nothing is to be told but that
             files = settings.external_files(data_root)
-            if sum(file.stat().st_size for file in files) > SMALL:
+            if sum(one.stat().st_size for file in files for one in files_of(file)) > SMALL:
                 return {}
             refuse_others(files, settings.sha256, settings.source_name, settings.origin)
         recordings = settings.recordings(data_root)
@@ -71,9 +71,9 @@ def file_problems(
 
 def _glimpse(settings: ReadFiles, data_root: Path, file: str) -> Columns | None:
     """Arrays of a file, or, of a large one, arrays of their shapes that hold NaN; None where that takes long."""
-    reader: Any = reader_of(file, settings.format).quiet()
+    reader: Any = reader_of(data_root, file, settings.format).quiet()
     full = find_file(data_root, file, settings.origin)
-    if full.stat().st_size <= SMALL:
+    if sum(one.stat().st_size for one in files_of(full)) <= SMALL:
         columns: Columns = reader.read(full)
         return columns
     if not hasattr(reader, "shapes"):

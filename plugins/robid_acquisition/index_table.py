@@ -20,7 +20,7 @@ from typing import TypeVar
 
 from robid_acquisition.data_file import below_root
 from robid_acquisition.recording import Recording, is_test
-from robid_core import ConfigurationError, DataRejected
+from robid_core import ConfigurationError, DataRejected, is_recording
 
 COLUMNS = ("file", "configuration", "block", "experiment", "start_s", "stop_s", "role", "variant")
 COMMENT = "#"  # begins the name of a column that is left out
@@ -56,7 +56,7 @@ def read_index(root: Path, index: str) -> list[Recording]:
     recordings = [_recording(index, number, row, folder, constants) for number, row in rows]
     if not {"configuration", "block", "experiment"}.intersection(header):
         recordings = _numbered(recordings)
-    missing = sorted({recording.file for recording in recordings if not (root / recording.file).is_file()})
+    missing = sorted({recording.file for recording in recordings if not is_recording(root / recording.file)})
     if missing:
         shown = ", ".join(missing[:SHOWN]) + (", ..." if len(missing) > SHOWN else "")
         count = "1 file that is" if len(missing) == 1 else f"{len(missing)} files that are"
@@ -70,7 +70,7 @@ def _instead(root: Path, missing: str) -> str:
     """Say what lies where a file was to be."""
     path = root / missing
     if path.is_dir():
-        return f"{missing} is a folder"
+        return f"{missing} is a folder, and no bag of ROS 2 (which has a metadata.yaml)"
     there = (
         sorted(one.name for one in path.parent.glob(f"{glob.escape(path.name)}.*"))
         if path.parent.is_dir()

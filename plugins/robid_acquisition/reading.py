@@ -110,7 +110,9 @@ class ReadFiles(Sources):
             says how to resample.
         """
         columns = {
-            name: reader_of(name, self.format).read(find_file(context.data_root, name, self.origin))
+            name: reader_of(context.data_root, name, self.format).read(
+                find_file(context.data_root, name, self.origin)
+            )
             for name in dict.fromkeys([file, *self.channel_files()])
         }
         own = {name: columns[channel.file or file] for name, channel in self.channels.items()}

@@ -40,6 +40,7 @@ from robid_acquisition.recording import Recording
 from robid_acquisition.samples import Samples
 from robid_acquisition.signals import samples_per_period, split_periods
 from robid_core import (
+    BAG_READER,
     BoolArray,
     Channel,
     ConfigurationError,
@@ -138,7 +139,7 @@ class RecordedAcquisition(ReadFiles):
         refuse_others(super().external_files(root), self.sha256, name, self.origin)
         names: dict[Index, str] = {}
         if not self.channels:
-            record = read_own_record(reader_of(name, self.format), root / name, robot)
+            record = read_own_record(reader_of(root, name, self.format), root / name, robot)
             if self.variant:
                 record = record.replace(variants=(self.variant,) * len(record.angle))
         else:
@@ -326,7 +327,7 @@ class RecordedAcquisition(ReadFiles):
 
     def _source(self, arrangement: Arrangement) -> str:
         """Say where the record comes from."""
-        kind = reader_name(arrangement.recordings[0][0][0].file, self.format)
+        kind = reader_name(arrangement.recordings[0][0][0].file, self.format) or BAG_READER
         count = int(np.prod(arrangement.shape))
         recordings = f"{count} recordings, " if count > 1 else ""
         torque = self.channels.get("motor_torque")

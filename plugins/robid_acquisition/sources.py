@@ -21,7 +21,15 @@ from robid_acquisition.data_file import reader_name
 from robid_acquisition.file_pattern import checked_pattern, find_recordings
 from robid_acquisition.index_table import read_index
 from robid_acquisition.recording import Recording
-from robid_core import Acquisition, ConfigurationError, DataPath, ExtraMissing, load_plugin, record_readers
+from robid_core import (
+    BAG_READER,
+    Acquisition,
+    ConfigurationError,
+    DataPath,
+    ExtraMissing,
+    load_plugin,
+    record_readers,
+)
 
 
 class Sources(Acquisition):
@@ -30,9 +38,9 @@ class Sources(Acquisition):
     origin: str = ""
     """Where the data can be had, for the message when they are missing."""
     path: DataPath | None = None
-    """One file, relative to the data root; a channel may name another one."""
+    """One file, or the folder of a ROS 2 bag, relative to the data root; a channel may name another one."""
     pattern: Annotated[str, AfterValidator(checked_pattern)] | None = None
-    """Many files, an experiment each: {config}, {block}, {exp} are numbers, {variant}, {role} words, * anything."""
+    """Many files or bags, an experiment each: {config}, {block}, {exp} are numbers, {variant}, {role} words, * any."""
     index: DataPath | None = None
     """A table (CSV), a line for each experiment: file, configuration, block, experiment, start_s, stop_s, role (train
     or test), variant; further columns are constants (numbers)."""
@@ -91,6 +99,8 @@ class Sources(Acquisition):
     def uses(self) -> list[tuple[str, str]]:
         """Return the readers that will be loaded, so that an edited reader is a changed input."""
         names = {reader_name(self.source_name, self.format)}
+        if names == {""} and _is_installed(BAG_READER):  # folders have no suffix
+            names = {BAG_READER}
         if self.index and not self.format:  # what the table lists is known where the data are
             names = {name for name in record_readers().values() if _is_installed(name)}
         return [("robid.records", name) for name in sorted(names) if name]

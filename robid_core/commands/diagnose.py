@@ -217,9 +217,10 @@ def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list
     import os
 
     from robid_core.errors import ConfigurationError
+    from robid_core.foreign import is_recording
 
     for record in records:
-        if not record.is_file():
+        if not is_recording(record):
             raise ConfigurationError(f"{record}: there is no such file")
     whole = [record.resolve() for record in records]
     root = data.resolve() if data is not None else Path(os.path.commonpath([one.parent for one in whole]))

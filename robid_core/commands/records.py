@@ -18,7 +18,10 @@ _RECOVER = "recover"
 
 
 def command(
-    words: Annotated[list[str], typer.Argument(metavar="[recover] PATH...", help="Recordings, or folders.")],
+    words: Annotated[
+        list[str],
+        typer.Argument(metavar="[recover] PATH...", help="Recordings (files, bags of ROS), or folders."),
+    ],
     form: Annotated[str, typer.Option("--format", help="Reader; by default from the file's suffix.")] = "",
     output: Annotated[
         Path | None,
@@ -73,10 +76,11 @@ def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
     from robid_core.commands.recordings.inspection import inspect, reader_name, recordings_in
     from robid_core.commands.recordings.screen import recording_lines, short_line
     from robid_core.errors import RobidError
+    from robid_core.foreign import is_recording
 
     found: list[Inspected] = []
     for path in paths:
-        for file in recordings_in(path) if path.is_dir() else [path]:
+        for file in [path] if is_recording(path) or not path.is_dir() else recordings_in(path):
             reader_name(file, form)
             try:
                 one = inspect(file, form)

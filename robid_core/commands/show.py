@@ -63,12 +63,13 @@ def run_of(where: Path) -> RunFolder:
     """Return the run that a person means; ConfigurationError, which names `robid records` for a recording."""
     from robid_core.commands.recordings.inspection import known_reader
     from robid_core.errors import ConfigurationError
+    from robid_core.foreign import is_recording
     from robid_core.run import RunFolder
 
     try:
         return RunFolder.find(where)
     except ConfigurationError as error:
-        if not where.is_file() or not known_reader(where):
+        if not is_recording(where) or not known_reader(where):
             raise
         told = f"{where}: a recording, and no result of a run; `robid records {where}` says what it holds"
         raise ConfigurationError(told) from error

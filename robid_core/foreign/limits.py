@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-BAG_METADATA = "metadata.yaml"  # of a ROS 2 bag; it stands for the folder
+from robid_core.foreign.bag import files_of
+
 LEAST_BYTES = 512 * 2**20
 BYTES_PER_BYTE = 40
 LEAST_S = 10.0
@@ -36,10 +37,8 @@ def limits_of(path: Path) -> Limits:
 
 
 def size_of(path: Path) -> int:
-    """Return the bytes of a file, or of the bag whose description it is."""
+    """Return the bytes of a recording."""
     try:
-        if path.name == BAG_METADATA:
-            return sum(file.stat().st_size for file in path.parent.iterdir() if file.is_file())
-        return path.stat().st_size
+        return sum(file.stat().st_size for file in files_of(path))
     except OSError:
         return 0

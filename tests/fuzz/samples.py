@@ -140,15 +140,12 @@ def write_bag_1(path: Path) -> None:
         )
 
 
-def _write_bag_2(path: Path, storage: str) -> None:
-    import shutil
-
+def write_bag_folder(folder: Path, storage: str = "SQLITE3") -> None:
+    """A bag of ROS 2 as it is recorded: a folder, its description and one file of messages."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    folder = path.with_name(path.name + ".folder")
-    shutil.rmtree(folder, ignore_errors=True)
     with Writer(folder, version=9, storage_plugin=StoragePlugin[storage]) as writer:
         connection = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
         _joint_states(
@@ -159,6 +156,14 @@ def _write_bag_2(path: Path, storage: str) -> None:
             ),  # type: ignore[arg-type]
             connection,
         )
+
+
+def _write_bag_2(path: Path, storage: str) -> None:
+    import shutil
+
+    folder = path.with_name(path.name + ".folder")
+    shutil.rmtree(folder, ignore_errors=True)
+    write_bag_folder(folder, storage)
     made = next(file for file in folder.iterdir() if file.suffix in (".db3", ".mcap"))
     if storage == "SQLITE3":
         with sqlite3.connect(made) as database:

@@ -13,8 +13,7 @@ from robid_core.arrays import FloatArray
 from robid_core.commands.recordings.guesses import Guesses, guess_channels
 from robid_core.commands.recordings.motion import Motion, Repeats, motion_of
 from robid_core.errors import ConfigurationError, RobidError
-from robid_core.foreign import guarded_reader
-from robid_core.foreign.limits import BAG_METADATA
+from robid_core.foreign import BAG_READER, guarded_reader, is_bag, is_recording
 from robid_core.registry import RECORDS, record_readers, registry
 
 
@@ -46,7 +45,7 @@ class Inspected:
 
 def reader_name(file: Path, form: str) -> str:
     """Return the name of a recording's reader; raises ConfigurationError where there is no file or no reader."""
-    if not file.is_file():
+    if not is_recording(file):
         raise ConfigurationError(f"{file}: {'is no file' if file.exists() else 'there is no such file'}")
     if form:
         return form
@@ -63,11 +62,15 @@ def reader_name(file: Path, form: str) -> str:
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings in a folder and those below; raises ConfigurationError where there are none."""
+    """Return the recordings in a folder and those below, bags as their folders.
+
+    Raises ConfigurationError where there are none.
+    """
     files = [
         file
         for file in sorted(folder.rglob("*"))
-        if file.is_file()
+        if is_recording(file)
+        and not is_bag(file.parent)
         and not any(part.startswith(".") for part in file.relative_to(folder).parts)
         and known_reader(file)
     ]
@@ -80,8 +83,8 @@ def recordings_in(folder: Path) -> list[Path]:
 def known_reader(file: Path) -> str:
     """Return the name of the reader for a file's name; empty where there is none."""
     suffix = file.name.removesuffix(".part").rpartition(".")[2].lower()
-    if suffix == "mcap" and (file.parent / BAG_METADATA).is_file():
-        return "rosbag"
+    if is_bag(file) or (suffix == "mcap" and is_bag(file.parent)):
+        return BAG_READER if BAG_READER in registry().names(RECORDS) else ""
     return record_readers().get(suffix, "")
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from robid_core.commands.recordings.behaviour import JITTER, Clock
 from robid_core.commands.recordings.guesses import Guess
 from robid_core.commands.recordings.inspection import Inspected
+from robid_core.foreign.limits import size_of
 
 DAMAGE = re.compile("A0[0-9]: ")  # begins what a reader says is wrong with a file
 LONGEST_NAME = 40
@@ -16,7 +17,7 @@ MOST_NAMES = 6
 
 def recording_lines(one: Inspected) -> list[str]:
     """Return a recording: what its reader says, a row for each channel, time, constants, arrays that are no signals."""
-    lines = [f"{one.file} ({one.file.stat().st_size} bytes)", *(f"  {line}" for line in one.lines)]
+    lines = [f"{one.file} ({size_of(one.file)} bytes)", *(f"  {line}" for line in one.lines)]
     guesses = one.guesses
     if guesses is None:
         return lines

@@ -399,3 +399,21 @@ def test_steps_that_the_reading_warns_of_are_not_called_even(tmp_path: Path) -> 
         (line,) = [text for text in recording_lines(one) if "no gaps" in text]
         assert told in line
         assert ("taken as even" in line) == bool(TimeStamps.of(time).jitter())
+
+
+def test_a_bag_is_one_recording_by_the_name_of_its_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rosbags")
+    from fuzz.samples import write_bag_folder
+
+    folders = [tmp_path / "lab" / f"run_{number}" for number in (1, 2)]
+    for folder in folders:
+        write_bag_folder(folder)
+    assert recordings_in(tmp_path / "lab") == folders
+    records.command([str(folders[0])], data=tmp_path)
+    assert "path: lab/run_1\n" in capsys.readouterr().out
+    records.command([str(tmp_path / "lab")], data=tmp_path)
+    printed = capsys.readouterr().out
+    assert 'pattern: "lab/run_{exp}"' in printed
+    assert "format: rosbag\n" in printed
