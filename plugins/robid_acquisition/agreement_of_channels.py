@@ -71,11 +71,15 @@ def empty_channels(record: Record) -> Iterator[str]:
     yield from _doubled(record)
 
 
-def doubts_of_channels(record: Record, robot: Robot) -> Iterator[str]:
-    """Say which channels hold accidents, tell another clock, or have less noise than they must."""
+def doubts_of_channels(record: Record, robot: Robot, low_pass_hz: float | None) -> Iterator[str]:
+    """Say which channels hold accidents, tell another clock, or have less noise than they must.
+
+    Above `low_pass_hz`, where all channels were filtered alike when they were read, there is no noise to ask for.
+    """
     yield from accidents_in({name: _lanes(record, name) for name in (POSITION, TORQUE)}, record)
     yield from _speeds(record)
-    yield from _filtered(record, robot)
+    if low_pass_hz is None or low_pass_hz > TOP[1] / record.runs[0].sample_time_s:
+        yield from _filtered(record, robot)
 
 
 def _lanes(record: Record, name: str) -> list[FloatArray]:

@@ -58,6 +58,7 @@ def check_record(
     mode: Literal["refuse", "warn", "ignore"],
     source: str,
     names: Mapping[Place, str],
+    low_pass_hz: float | None = None,
 ) -> None:
     """Refuse a record that a slip in the channel map, or in the robot file, explains; or warn of it.
 
@@ -73,6 +74,8 @@ def check_record(
         Of the record, for messages.
     names
         Of its experiments by their places, where they were read from recordings of others.
+    low_pass_hz
+        Edge of the filter behind which all channels were read; None where there was none.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def check_record(
     if empty := list(empty_channels(record)):
         tell.warn(*empty)
         return
-    tell.warn(*doubts_of_limits(record), *doubts_of_channels(record, robot))
+    tell.warn(*doubts_of_limits(record), *doubts_of_channels(record, robot, low_pass_hz))
     if slips := slips_of(record, robot):
         tell.object(f"{sentence(slips)}; {MEND}")
         return

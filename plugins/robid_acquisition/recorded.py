@@ -146,7 +146,8 @@ class RecordedAcquisition(ReadFiles):
             arrangement = arrange(self.recordings(root))
             self._tell(arrangement, context)
             record, names = self._record(arrangement, robot, context)
-        check_record(record, robot, context.log, self.plausibility, self.source_name, names)
+        edge_hz = self.filter.low_pass_hz if self.filter is not None and self.channels else None
+        check_record(record, robot, context.log, self.plausibility, self.source_name, names, edge_hz)
         return _of_role(record, self.role) if self.role else record
 
     def _tell(self, arrangement: Arrangement, context: Context) -> None:

@@ -289,3 +289,15 @@ def test_a_sound_record_is_read_without_a_word(
     """Of seed 108 friction and inertia of the fifth of six axes cancel, so that little torque is left to compare."""
     periodic = {"period_s": N_SAMPLE * STEP, "lines": LINES}
     assert told(tmp_path, caplog, robot_of(robot), simulated(robot_of(robot), seed), periodic) == ""
+
+
+@pytest.mark.parametrize(("edge_hz", "asked"), [(40.0, False), (150.0, False), (496.0, True)])
+def test_what_the_own_low_pass_takes_is_no_doubt_of_the_recording(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, edge_hz: float, asked: bool
+) -> None:
+    """A torque that the drive filtered is told where the edge of `filter` lies above the band that shows it."""
+    robot, settings = robot_of("one_axis"), {"filter": {"low_pass_hz": edge_hz}}
+    assert "low-passed" not in told(tmp_path, caplog, robot, sound("one_axis"), settings)
+    caplog.clear()
+    filtered = low_passed(sound("one_axis"), robot)
+    assert ("low-passed" in told(tmp_path, caplog, robot, filtered, settings)) == asked
