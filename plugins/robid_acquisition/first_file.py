@@ -54,7 +54,8 @@ def file_problems(
     found, n_row = column_problems(settings.channels, arrays, robot.axis_names)
     columns = held[first]
     if columns is not None:
-        for at, names in ((("time_column",), [settings.time_column]), (("scalars",), settings.scalars)):
+        constants = [one.column for one in settings.scalars.values()]
+        for at, names in ((("time_column",), [settings.time_column]), (("scalars",), constants)):
             for name in filter(None, names):
                 tried(found, at, select, columns, name)
     if not found and columns is not None and (timing := _timing(settings, columns, n_row, robot)):

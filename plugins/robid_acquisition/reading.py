@@ -22,6 +22,7 @@ from robid_acquisition.data_file import find_file, reader_name, reader_of
 from robid_acquisition.recording import Recording
 from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.samples import Hole, Samples
+from robid_acquisition.scalars import Scalars, scalar_values
 from robid_acquisition.signals import refuse_beyond, to_side, window
 from robid_acquisition.sources import Sources
 from robid_acquisition.time_stamps import ALIKE, SECONDS, TimeStamps, likely_unit
@@ -61,8 +62,9 @@ class ReadFiles(Sources):
     between them become experiments of equal length."""
     filter: LowPass | None = None
     """A low-pass on all channels, before anything is cut."""
-    scalars: tuple[str, ...] = ()
-    """Single numbers in the files that are kept as constants of their experiments (kp, payload, temperature)."""
+    scalars: Scalars = {}
+    """Single numbers in the files that are kept as constants of their experiments: `[kp, payload]`, or under another
+    name and with a factor, `{payload_kg: {column: payload, scale: 0.001}}`."""
     drop_first_s: NonNegativeFloat = 0.0
     """Left out at the beginning of each experiment, s."""
     drop_last_s: NonNegativeFloat = 0.0
@@ -153,7 +155,9 @@ class ReadFiles(Sources):
             )
             for name, channel in self.channels.items()
         }
-        samples = replace(self._even(file, values, holes, stamps), scalars=self._scalars(columns[file]))
+        samples = replace(
+            self._even(file, values, holes, stamps), scalars=scalar_values(columns[file], self.scalars)
+        )
         return (
             samples if self.filter is None else samples.filtered(self.filter.low_pass_hz, self.filter.order)
         )
@@ -165,15 +169,6 @@ class ReadFiles(Sources):
         if not self.starts_s:  # else its duration ends it
             refuse_beyond(n_sample, step, stop_s)
         return window(n_sample, step, start_s, stop_s, self.drop_first_s, self.drop_last_s)
-
-    def _scalars(self, columns: dict[str, FloatArray]) -> dict[str, float]:
-        found = {}
-        for name in self.scalars:
-            value = select(columns, name)
-            if value.size != 1:
-                raise DataRejected(f"scalars: {name} has the shape {value.shape}, and is no single number")
-            found[name] = float(value.reshape(()))
-        return found
 
     def _at_its_side(self, values: FloatArray, name: str, robot: Robot) -> FloatArray:
         if name.startswith(ON_LINK):  # in the sensor's own axes, whatever the axis' gear is

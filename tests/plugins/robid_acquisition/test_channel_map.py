@@ -267,3 +267,26 @@ def test_numbers_of_a_file_become_constants_of_its_experiments(read: Read) -> No
     assert [record.run.constant(name).item() for name in ("kp", "vin")] == [160.0, 7.4]
     with pytest.raises(DataRejected, match=r"scalars: q has the shape \(20, 2\)"):
         read(columns, channels, scalars=["q"])
+
+
+def test_a_constant_has_a_factor_and_another_name_where_stages_ask_for_it(read: Read) -> None:
+    channels = {"motor_position": {"column": "q", "unit": "rad"}}
+    columns = {
+        "q": np.ones((20, 2)),
+        "payload": np.full(20, 490.0),
+        "t": np.arange(20.0),
+        "no": np.full(20, np.nan),
+    }
+    scalars: dict[str, Any] = {
+        "payload_kg": {"column": "payload", "scale": 0.001},
+        "payload_g": "payload",
+    }
+    run = read(columns, channels, scalars=scalars).run
+    assert run.constant("payload_kg").item() == pytest.approx(0.49)
+    assert run.constant("payload_g").item() == 490.0
+    with pytest.raises(DataRejected, match="scalars: t goes from 0 to 19, and is no constant"):
+        read(columns, channels, scalars=["t"])
+    with pytest.raises(DataRejected, match="scalars: no holds nothing"):
+        read(columns, channels, scalars=["no"])
+    with pytest.raises(DataRejected, match="no column 'payloads' of numbers.*did you mean 'payload'"):
+        read(columns, channels, scalars={"payload_kg": "payloads"})
