@@ -75,7 +75,7 @@ def read_table(path: Path) -> Table:
         columns = {name: table[:, index].copy() for index, name in enumerate(layout.names)}
         return Table(columns, {}, layout, mark, encoding, remarks)
     rows = _rows(path, layout, complete=text.endswith("\n"))
-    mark = _decimal_mark(path, layout, rows)
+    mark = _decimal_mark(path, rows)
     columns, words, clocks = _read_slowly(path, layout, rows, mark)
     remarks += tuple(f"{name}: {TOLD}" for name in clocks)
     return Table(columns, words, layout, mark, encoding, remarks)
@@ -145,10 +145,11 @@ def _rows(path: Path, layout: Layout, complete: bool) -> list[tuple[int, list[st
     return rows
 
 
-def _decimal_mark(path: Path, layout: Layout, rows: list[tuple[int, list[str]]]) -> str:
-    """Return the decimal mark; DataRejected where commas may also set thousands apart."""
-    if layout.separator == ",":
-        return "."
+def _decimal_mark(path: Path, rows: list[tuple[int, list[str]]]) -> str:
+    """Return the decimal mark; DataRejected where commas may also set thousands apart.
+
+    Where commas separate the cells, one within a cell stands in quotes.
+    """
     commas = [
         (line, cell)
         for line, cells in rows

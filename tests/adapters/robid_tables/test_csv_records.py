@@ -108,7 +108,7 @@ def test_a_wrong_table_is_told_by_line_and_column(tmp_path: Path, text: bytes, t
         ("q;tau\n1,234;5.5\n", "may be 1.234 with a decimal comma or 1234 with thousands set apart"),
         ("1,5\n2,5\n", ":1: '1,5' may be whole numbers separated by commas, or numbers with decimal commas"),
         ("1,234\n", "may be whole numbers separated by commas"),
-        ('q,tau\n"1,5",2\n', "a number with a decimal comma; write decimal points"),
+        ('q,tau\n"1,5",2.5\n', "a number with a decimal comma; write decimal points"),
         ('q,tau\n"1,234",2\n', "1.234 with a decimal comma or 1234"),
         ("q;tau\n1,234,567;2\n", "thousands set apart; write the digits"),
         ("q;tau\n1.234,5;2\n", "thousands set apart"),
@@ -239,3 +239,12 @@ def test_a_header_of_another_length_is_no_title(tmp_path: Path) -> None:
     path.write_text("time;angle\n0.1;1.5;0.25\n0.2;1.6;0.26\n", encoding="utf-8")
     with pytest.raises(DataRejected):
         CsvRecords.read(path)
+
+
+def test_decimal_commas_in_quotes_are_read_where_commas_separate_cells(tmp_path: Path) -> None:
+    """As spreadsheets of half of Europe export them; a cell without a fraction needs no quotes."""
+    path = written(tmp_path, b'Zeit [s],"Winkel [deg]"\n"0,1","1,5"\n"0,2",-2\n')
+    columns = CsvRecords.read(path)
+    np.testing.assert_array_equal(columns["Zeit [s]"], [0.1, 0.2])
+    np.testing.assert_array_equal(columns["Winkel [deg]"], [1.5, -2.0])
+    assert "separated by comma, with decimal commas" in CsvRecords.describe(path)[0]
