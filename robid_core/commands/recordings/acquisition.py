@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from robid_core.commands.recordings.guesses import Guess
+from robid_core.commands.recordings.guesses import ENABLE, Guess
 from robid_core.commands.recordings.inspection import Inspected
 from robid_core.commands.recordings.motion import poses_differ
 from robid_core.commands.recordings.pattern import pattern_of
@@ -128,13 +128,18 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
     lines.append(CHANNELS)
     for group in groups:
         other = "" if group is groups[0] else _below(group[0].file, root)
-        lines += [f"    {_channel_line(channel, taken, other)}" for channel in _chosen(group[0])]
+        enable = _enabled(group[0])
+        lines += [
+            f"    {_channel_line(channel, taken, other, enable.get(channel.meaning))}"
+            for channel in _chosen(group[0])
+        ]
         left = (
             [channel for channel in group[0].guesses.channels if not channel.first]
             if group[0].guesses
             else []
         )
-        lines += _left_lines([channel for channel in left if channel.meaning != "time"])
+        used = {"time", ENABLE} if enable else {"time"}
+        lines += _left_lines([channel for channel in left if channel.meaning not in used])
     return lines
 
 
@@ -173,7 +178,24 @@ def _period_lines(recordings: Sequence[Inspected]) -> list[str]:
     ]
 
 
-def _channel_line(channel: Guess, taken: set[str], file: str) -> str:
+def _enabled(one: Inspected) -> dict[str, Guess]:
+    """Return the column that says when drives were enabled, by the channel that it goes with: one masks them all."""
+    chosen = _chosen(one)
+    first = next(
+        (own for own in chosen if own.quantity in ("torque", "current")), chosen[0] if chosen else None
+    )
+    found = [
+        own
+        for own in (one.guesses.channels if one.guesses is not None else ())
+        if first is not None
+        and own.meaning == ENABLE
+        and own.n_sample == first.n_sample
+        and own.n_axis in (1, first.n_axis)
+    ]
+    return {first.meaning: found[0]} if first is not None and len(found) == 1 else {}
+
+
+def _channel_line(channel: Guess, taken: set[str], file: str, enable: Guess | None) -> str:
     """Return the entry of a channel; what is known at the joints only is taken through the gear."""
     name = channel.meaning
     motor = name.replace("joint_", "motor_", 1)
@@ -192,6 +214,10 @@ def _channel_line(channel: Guess, taken: set[str], file: str) -> str:
     if file:
         entry += f", file: {scalar(file)}"
     why = list(channel.reasons)
+    if enable is not None:
+        names = ", ".join(scalar(one) for one in enable.columns)
+        entry += f", enable: {names if len(enable.columns) == 1 else f'[{names}]'}"
+        why += [f"enabled: {enable.reasons[-1]}"]
     if not channel.side and channel.quantity in ("position", "speed", "torque"):
         why.append("side of the gear not stated")
     if channel.n_missing:

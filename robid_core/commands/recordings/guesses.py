@@ -33,13 +33,15 @@ _FACTORS = {
     ("m", "m/s"): 1.0, ("m", "mm/s"): 1e3, ("mm", "mm/s"): 1.0, ("mm", "m/s"): 1e-3,
 }  # fmt: skip
 _NEAR = 0.05  # by which a factor may be off
+NO_CHANNEL = ("", "time", ENABLE := "enable")  # what a column may be beside a channel of a record
 
 
 @dataclass(frozen=True)
 class Guess:
     """A channel of a recording: what it may be, and what its samples are like.
 
-    `meaning` is a name of a record's channel (`motor_position`), `time`, or empty; `unit` is empty where none is known.
+    `meaning` is a name of a record's channel (`motor_position`), `time`, `enable`, or empty; `unit` is empty where none
+    is known.
     `first` tells the one to take of several with one meaning; `reasons` say where meaning and unit come from.
     """
 
@@ -61,7 +63,7 @@ class Guess:
     @property
     def meaning(self) -> str:
         """Name of the channel in a record."""
-        if self.quantity in ("", "time"):
+        if self.quantity in NO_CHANNEL:
             return self.quantity
         return f"{self.quantity}_reference" if self.reference else f"{self.side or 'motor'}_{self.quantity}"
 
@@ -128,8 +130,15 @@ def _by_name(family: Family, said: Said) -> Guess:
     labels = columns if len(columns) == len(still) else tuple(f"{columns[0]}[{i}]" for i in range(len(still)))
     known = said.quantity and not said.other
     reasons = ["name"] if known else ["not measured, by its name"] if said.other and said.quantity else []
+    if known and said.by_current:
+        reasons.append("of the motor's current")
     if known and said.unit:
         reasons.append("unit stated in the file")
+    switches = (
+        said.enabled and len(finite) == family.samples.size and np.isin(finite, (0, 1)).all() and finite.any()
+    )
+    if switches:
+        reasons = ["name", f"1 in {100 * finite.mean():.3g} % of the samples"]
     return Guess(
         label=family.label,
         columns=columns,
@@ -139,7 +148,7 @@ def _by_name(family: Family, said: Said) -> Guess:
         high=float(finite.max()) if len(finite) else np.nan,
         n_missing=family.samples.size - len(finite),
         constant=tuple(label for label, one in zip(labels, still, strict=False) if one),
-        quantity=said.quantity if known else "",
+        quantity=ENABLE if switches else said.quantity if known else "",
         reference=bool(known and said.reference),
         side=said.side,
         unit=said.unit if known else "",
@@ -167,7 +176,7 @@ def _main_length(guesses: list[Guess]) -> int:
     """Return the number of samples that most recognised channels have."""
     meanings: dict[int, set[str]] = {}
     for guess in guesses:
-        known = {guess.meaning} if guess.quantity not in ("", "time") else set()
+        known = {guess.meaning} if guess.quantity not in NO_CHANNEL else set()
         meanings.setdefault(guess.n_sample, set()).update(known)
     return max(meanings, key=lambda length: (len(meanings[length]), length), default=0)
 
@@ -250,7 +259,7 @@ def _relate(guesses: list[Guess], a: int, b: int, factor: float) -> None:
 def _by_range(families: tuple[Family, ...], guesses: list[Guess]) -> None:
     """Guess units that nothing else tells."""
     for index, guess in enumerate(guesses):
-        if not guess.quantity or guess.unit or guess.quantity == "time":
+        if guess.unit or guess.quantity in NO_CHANNEL:
             continue
         unit, reason = (
             DEFAULT_UNITS[guess.quantity],
@@ -294,7 +303,7 @@ def _chosen(guesses: list[Guess], said: list[Said], length: int) -> list[Guess]:
     best: dict[str, tuple[tuple[bool, bool, int], int]] = {}
     for index, (guess, words) in enumerate(zip(guesses, said, strict=True)):
         still = len(guess.constant) == guess.n_axis
-        if guess.quantity in ("", "time") or guess.n_sample != length or still:
+        if guess.quantity in NO_CHANNEL or guess.n_sample != length or still:
             continue
         rank = ("name" not in guess.reasons, not words.measured, words.n_word)
         if guess.meaning not in best or rank < best[guess.meaning][0]:

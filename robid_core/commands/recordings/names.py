@@ -34,6 +34,7 @@ REFERENCE = {
 }  # fmt: skip
 MOTOR = {"motor", "mot", "motors", "drive", "rotor"}
 JOINT = {"joint", "joints", "link", "arm", "load", "se", "secondary", "output", "gelenk"}
+ENABLED = {"enable", "enabled", "enables"}
 MEASURED = {"act", "actual", "measured", "meas", "ist", "istwert", "rec"}
 # Not a measurement of what the other words say.
 OTHER = {
@@ -92,6 +93,10 @@ class Said:
     reference: bool = False
     unit: str = ""
     measured: bool = False
+    by_current: bool = False
+    """Whether it is a torque that was made of a measured current (`TorqueCur`)."""
+    enabled: bool = False
+    """Whether it says when a drive was enabled."""
     other: bool = False
     n_word: int = 0
 
@@ -129,6 +134,9 @@ def said_by(name: str, unit: str = "", hint: str = "") -> Said:
     )
     if quantity == "temperature" and stated in _OF_QUANTITY["time"]:
         quantity = "time"  # temps in French
+    if quantity == "torque" and stated in _OF_QUANTITY["current"]:
+        quantity = "current"  # the torque-producing one
+    by_current = quantity == "torque" and bool(every & QUANTITIES["current"])
     found = stated or _unit_in(last, quantity)
     if not found and not quantity and every & (MEASURED | REFERENCE):
         found = _unit_at_end(last)
@@ -139,7 +147,9 @@ def said_by(name: str, unit: str = "", hint: str = "") -> Said:
         side=side,
         reference=bool(every & REFERENCE),
         unit=found if quantity and found in _OF_QUANTITY[quantity] else "",
-        measured=bool(every & MEASURED),
+        measured=by_current or bool(every & MEASURED),
+        by_current=by_current,
+        enabled=bool(set(last) & ENABLED),
         other=bool(set(last) & OTHER),
         n_word=len(last),
     )

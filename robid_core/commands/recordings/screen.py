@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from robid_core.commands.recordings.behaviour import JITTER, Clock
-from robid_core.commands.recordings.guesses import Guess
+from robid_core.commands.recordings.guesses import NO_CHANNEL, Guess
 from robid_core.commands.recordings.inspection import Inspected
 from robid_core.foreign.limits import size_of
 
@@ -89,7 +89,7 @@ def _row(channel: Guess) -> list[str]:
     if len(name) > LONGEST_NAME and len(columns) > 1:
         name = f"{columns[0]} and {len(columns) - 1} more"
     told = [*channel.reasons]
-    if channel.meaning not in ("", "time") and not channel.first:
+    if channel.quantity not in NO_CHANNEL and not channel.first:
         told.append("not taken")
     if channel.constant:
         whole = len(channel.constant) == channel.n_axis

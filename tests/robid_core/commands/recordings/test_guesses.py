@@ -205,3 +205,24 @@ def test_the_derivative_of_an_angle_that_is_called_a_reference_is_one() -> None:
         "motor_position",
         "speed_reference",
     ]
+
+
+def test_a_torque_of_the_current_is_taken_before_one_whose_name_does_not_say_where_it_is_from() -> None:
+    tables = {name: RANDOM.normal(size=(N, 6)) for name in ("Torque", "TorqueCur", "torque_current [A]")}
+    found = {one.label: one for one in guess_channels({"q": motion(6)[0], **tables}).channels}
+    assert found["TorqueCur"].first
+    assert "of the motor's current" in found["TorqueCur"].reasons
+    assert not found["Torque"].first
+    assert found["torque_current [A]"].meaning == "motor_current"
+
+
+def test_a_column_of_ones_and_zeros_says_when_a_drive_was_enabled() -> None:
+    half = (np.arange(N) < N / 2).astype(float)
+    position = motion(2)[0]
+    found = by_label(
+        {"q": position, "drive_enabled": half, "enable_mode": 3 * half, "enabled_never": 0 * half}
+    )
+    assert found["drive_enabled"].meaning == "enable"
+    assert found["drive_enabled"].reasons == ("name", "1 in 50 % of the samples")
+    assert not found["drive_enabled"].first  # a setting of a channel, and none of its own
+    assert found["enable_mode"].meaning == found["enabled_never"].meaning == ""

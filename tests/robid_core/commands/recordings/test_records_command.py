@@ -96,7 +96,7 @@ def test_kinova_counts_samples(tmp_path: Path) -> None:
     found = meanings(both[0])
     assert found["motor_position"] == ("Position", "rad")
     assert found["motor_speed"] == ("Velocity", "rad/s")
-    assert found["motor_torque"] == ("Torque", "N m")
+    assert found["motor_torque"] == ("TorqueCur", "N m")  # `Torque` is what a model makes of the angle
     assert found["motor_current"] == ("Cur", "A")
     assert found["motor_temperature"] == ("Temp", "degC")
     lines = stage_lines(both, DATA)
@@ -139,7 +139,9 @@ def test_bam_is_uneven_and_has_constants(tmp_path: Path) -> None:
     assert one.guesses.clock is not None
     assert not one.guesses.clock.even
     assert any("uneven" in line for line in stage_lines([one], DATA))
-    assert settings(pasted(tmp_path, [one], DATA, "one_axis"))["time_column"] == "timestamp"
+    found = settings(pasted(tmp_path, [one], DATA, "one_axis"))
+    assert found["time_column"] == "timestamp"
+    assert found["channels"]["motor_position"]["enable"] == {"column": ("torque_enable",), "value": None}
 
 
 def saved(folder: Path, name: str = "run_1.csv", units: bool = False) -> tuple[Path, np.ndarray]:
