@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from robid_acquisition.arrangement import Arrangement, listed
 from robid_acquisition.assembly import Index
 from robid_core import BoolArray, DataRejected
+from robid_core.estimation.stretches import stretches
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ def pieces_between_holes(
     DataRejected
         If a configuration has no piece.
     """
-    runs = {place: _runs(marks) for place, marks in known.items()}
+    runs = {place: stretches(marks) for place, marks in known.items()}
     n_config = arrangement.shape[0]
     by_config: list[list[Piece]] = [
         [Piece(place, a, b - a) for place in sorted(runs) if place[0] == c for a, b in runs[place]]
@@ -89,9 +88,3 @@ def pieces_between_holes(
     if lost:
         words += f"; nothing of {listed(lost)}: pieces are equally long, give short recordings a stage of their own"
     return Arrangement(tuple(rows), arrangement.shortfalls), places, words
-
-
-def _runs(known: BoolArray) -> list[tuple[int, int]]:
-    """First and stop of every run of marks."""
-    edges = np.diff(np.concatenate([[0], known.astype(int), [0]]))
-    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))

@@ -39,7 +39,9 @@ def passages_by_configuration(
     cutoff = rigid_band_hz(record, robot) if highest_hz is None else highest_hz
     angle, torque = (run.values(name)[:, :, :, discard:] for name in (POSITION, TORQUE))
     if not (np.isfinite(angle).all() and np.isfinite(torque).all() and run.valid[:, :, :, discard:].all()):
-        raise DataRejected("compensate.ripple: angle or torque has holes; cut the record, or drop the period")
+        raise DataRejected(
+            "compensate.ripple: angle or torque has holes; cut the recording there, or read it with gaps: split"
+        )
     n_sample = angle.shape[3] * angle.shape[4]
     if n_sample * run.sample_time_s * cutoff < FEWEST_PERIODS:
         raise DataRejected(

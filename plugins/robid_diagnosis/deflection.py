@@ -141,7 +141,10 @@ def motions_of(record: Record, robot: Robot, axis: int) -> list[AxisMotion]:
 def _check(one: AxisMotion, name: str) -> None:
     channels: tuple[FloatArray, ...] = (one.motor, one.link, one.torque)
     if not all(np.isfinite(values).all() for values in channels):
-        raise DataRejected(f"diagnosis.deflection: a channel of {name} has holes; cut the recording there")
+        raise DataRejected(
+            f"diagnosis.deflection: a channel of {name} has holes; cut the recording there, or read it with "
+            "gaps: split"
+        )
     if len(one.motor) < FEWEST:
         raise DataRejected(
             f"diagnosis.deflection: {len(one.motor)} samples of {name}; it needs {FEWEST} in one piece"

@@ -34,7 +34,14 @@ from robid_core import (
     simulate_record,
 )
 from robid_core.estimation.sample_marks import have_been_seen
-from robid_core.residual import check_variants, excited_range, prescribe_record, variant_robots
+from robid_core.residual import (
+    check_variants,
+    excited_range,
+    prescribe_record,
+    variant_robots,
+    whole_pieces,
+    words_of_pieces,
+)
 from robid_diagnosis.closed_loop import identified, relative_error
 from robid_diagnosis.comparison import (
     EXTENDED,
@@ -109,7 +116,9 @@ class Prediction(DiagnosisStage):
                 "robots: the robot of a diagnosis is one robot; give what variants carry as constants of the record "
                 "(constants: {payload_kg: effect.load.mass}), or predict one variant"
             )
-        pieces, marked = pieces_of(record)
+        pieces, marked = pieces_of(record, self._whole)
+        if words := words_of_pieces(record, [piece.record for piece in pieces]):
+            context.log.warning("diagnosis.prediction %s", words)
         variants = dict.fromkeys(piece.variant for piece in pieces)
         models = {
             one: self._models(filed, files.get(one), others.get(one, robot), fit, explained)
@@ -173,6 +182,11 @@ class Prediction(DiagnosisStage):
             curves=prediction_curves(last, robot, first.partition(" ")[0], symbol),
             doubts=tuple(self._beyond(pieces, fit)),
         )
+
+    def _whole(self, records: Sequence[Record]) -> tuple[Record, ...]:
+        """Return records without gaps; of those that have some, the pieces between of which a block is compared."""
+        shortest_s = 2 * self.skip_s + self.block_s
+        return whole_pieces(records, shortest_s, "diagnosis.prediction", "lower skip_s and block_s")
 
     def _models(
         self, filed: Robot, own: Robot | None, told: Robot, fit: Fit | None, explained: Diagnosis | None

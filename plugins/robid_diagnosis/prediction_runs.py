@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,15 +28,21 @@ class Piece:
     name: str
 
 
-def pieces_of(records: Sequence[Record]) -> tuple[list[Piece], bool]:
-    """Return the parts of all records, and whether any experiment is of the role test."""
+def pieces_of(
+    records: Sequence[Record], whole: Callable[[Sequence[Record]], Sequence[Record]]
+) -> tuple[list[Piece], bool]:
+    """Return the parts of all records, and whether any experiment is of the role test.
+
+    `whole` gives what of a record is without gaps, as records; a part that has some is several pieces of one name.
+    """
     marked = any(run.test is not None and run.test.any() for one in records for run in one.runs)
     found = list[Piece]()
     for number, record in enumerate(records, start=1):
         head = f"record {number}, " if len(records) > 1 else ""
         for tested, part in _by_role(record) if marked else [(True, record)]:
             for variant, own in parts_by_variant(part):
-                found.append(Piece(own, variant, tested, f"{head}{variant}, " if variant else head))
+                name = f"{head}{variant}, " if variant else head
+                found += [Piece(one, variant, tested, name) for one in whole([own])]
     return found, marked
 
 
@@ -55,14 +62,14 @@ def predicted_runs(
     pieces: Sequence[Piece], measured: Signals, predicted: Signals, skip_s: float
 ) -> list[PredictedRun]:
     """Every experiment with what was compared, the ends cut off, in the order of the pieces."""
-    found, place = list[PredictedRun](), 0
+    found, place, numbers = list[PredictedRun](), 0, Counter[tuple[str, bool]]()
     for piece in pieces:
-        number = 0
+        own = piece.name, piece.tested
         for run in piece.record.runs:
             cut, angles = round(skip_s / run.sample_time_s), run.lanes("motor_position")
             for angle, theirs, ours in zip(angles, measured[place], predicted[place], strict=True):
-                number += 1
-                name = f"{piece.name}{'test' if piece.tested else 'training'} {number}"
+                numbers[own] += 1
+                name = f"{piece.name}{'test' if piece.tested else 'training'} {numbers[own]}"
                 kept = angle[cut : len(angle) - cut]
                 found.append(PredictedRun(name, piece.tested, run.sample_time_s, kept, theirs, ours))
             place += 1

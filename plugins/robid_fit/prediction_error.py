@@ -59,7 +59,8 @@ def lanes_of(record: Record, discard: int) -> list[Lanes]:
             c, b, e, p, n = (int(i) for i in np.argwhere(~run.valid[:, :, :, discard:])[0])
             raise DataRejected(
                 f"a sample is missing in configuration {c}, block {b}, experiment {e}, period {p + discard}, at "
-                f"{run.time_s[n]:.4f} s; a predictor needs every sample: cut the record there"
+                f"{run.time_s[n]:.4f} s; a predictor needs every sample: cut the recording there, or read it "
+                "with gaps: split"
             )
         torque, position = (
             run.values(name)[:, :, :, discard:].reshape(

@@ -34,7 +34,7 @@ from robid_core.estimation.copies import refuse_copies
 from robid_core.estimation.disagreement import spread_over_experiments
 from robid_core.estimation.rigid.essential import eliminate
 from robid_core.estimation.rigid.regression import BaseParameters, base_parameters
-from robid_core.residual import excited_range, leading_periods, variant_robots
+from robid_core.residual import excited_range, leading_periods, variant_robots, whole_pieces, words_of_pieces
 from robid_fit.rigid_doubts import doubts, prediction_doubts
 from robid_fit.rigid_effects import rigid_robot
 from robid_fit.rigid_equations import RigidEquations, Sampling
@@ -46,6 +46,8 @@ from robid_fit.rigid_unknowns import Delays, RigidUnknowns
 RANDOM_STATES = 40  # random states per coordinate: many more equations than the ten unknowns of a body
 # A fit that leaves more than this share of the torque unexplained describes another machine.
 LARGEST_RELATIVE_ERROR = 0.5
+FEWEST_EQUATIONS = 10  # of a piece between gaps, each of `decimation` samples
+PADDING = 50  # samples that filters, and the search for rests, ask for
 TOLD = 0.005  # of the samples: fewer at rest are not worth a word
 SEEN = 0.5  # of what was known before: a short table shows what the data have told better
 
@@ -128,12 +130,23 @@ class RigidBodyFit(Estimator):
         """Patterns that mean nothing in this robot."""
         return pattern_problems(robot, list(robot.layout), self.fixed, self.prior, lambda name: "")
 
+    def _whole(self, records: tuple[Record, ...], context: Context | None) -> tuple[Record, ...]:
+        """Return records without gaps; of those that have some, the pieces between that give equations."""
+        kept = max(FEWEST_EQUATIONS * self.decimation, PADDING)
+        step = max(run.sample_time_s for one in records for run in one.runs)
+        shortest_s = step * (self.drop_first + self.drop_last + kept)
+        found = whole_pieces(records, shortest_s, "fit.rigid", "lower drop_first, drop_last or decimation")
+        if context is not None and (words := words_of_pieces(records, found)):
+            context.log.warning("fit.rigid %s", words)
+        return found
+
     def run(self, record: tuple[Record, ...], robot: Robot, context: Context | None = None) -> Fit:
         """Smooth, differentiate, decimate, solve; of one record, or several together."""
         if len(record) > 1:
             refuse_copies(record)
         progress = context.progress if context is not None else lambda *_: None
         _refuse_variants(record)
+        record = self._whole(record, context)
         robot, _ = variant_robots(record, robot, {}, self.constants)
         fixed = self.fixed
         if self.friction_speed is not None:

@@ -48,6 +48,8 @@ from robid_core.residual import (
     solve,
     torque_problem,
     variant_robots,
+    whole_pieces,
+    words_of_pieces,
 )
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_doubts import doubts, with_rests
@@ -57,6 +59,7 @@ REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free fu
 UNSEEN = ("controller", "sensor", "drive")
 RELAID = 3  # times that functions of speed are laid anew
 FAR = 2.0  # misfit of what did not converge: not just short of the minimum
+SHORTEST_S = 1.0  # of a piece between gaps: a shorter one has few bins, and is mostly ends
 STARTS_THEN = 8  # where the nominal robot's leads nowhere
 DRAWN = ("stiffness", "damping", "friction")  # by starts; effects may have bounds that are near
 LAGS = 3.0  # standard errors: a lag below is told by nobody
@@ -166,6 +169,10 @@ class TorqueResidualFit(Estimator):
         """Estimate the free parameters of the robot from one record, or several together."""
         if len(record) > 1:
             refuse_copies(record)
+        whole = whole_pieces(record, SHORTEST_S, "fit.torque_residual", "record it without gaps")
+        if words := words_of_pieces(record, whole):
+            context.log.warning("fit.torque_residual %s", words)
+        record = whole
         robot, robots = self._told(record, robot)
         problem, solution, n_starts = self._solved(record, robot, robots, context)
         problem, solution, friction = self._about_its_width(record, robot, robots, problem, solution, context)

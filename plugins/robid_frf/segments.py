@@ -152,7 +152,7 @@ def _kept_periods(record: Record, discard: int, channels: list[str], again: bool
         c, m, e, p, n = (int(i) for i in np.argwhere(~valid)[0])
         raise DataRejected(
             f"a sample is missing in configuration {c}, block {m}, experiment {e}, period {p + discard}, at "
-            f"{run.time_s[n]:.4f} s"
+            f"{run.time_s[n]:.4f} s; cut the recording there, or read it with gaps: split"
         )
     for name in channels:
         bad = np.argwhere(~np.isfinite(run.values(name)[:, :, :, discard:]) & valid[..., None])

@@ -371,7 +371,8 @@ class Record(Artifact):
             where = np.argwhere(~run.valid[:, :, :, discard:])[0]
             raise DataRejected(
                 f"a sample is missing in configuration {where[0]}, block {where[1]}, experiment {where[2]}, "
-                f"period {where[3] + discard}, at {run.time_s[where[4]]:.4f} s"
+                f"period {where[3] + discard}, at {run.time_s[where[4]]:.4f} s; cut the recording there, or read "
+                "it with gaps: split"
             )
         values = run.values(channel)[:, :, :, discard:]
         if not np.isfinite(values).all():

@@ -23,6 +23,7 @@ from robid_core.residual.remembered_spectra import RememberedSpectra
 from robid_core.residual.rigid_drives import rigid_drives
 from robid_core.residual.variant_constants import variant_robots
 from robid_core.residual.weighting import Weighting
+from robid_core.residual.whole_pieces import whole_pieces, words_of_pieces
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot.effects import BoundEffect
 from robid_core.robot.file.effect_class import effect_class
@@ -32,5 +33,6 @@ __all__ = [
     "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "default_patterns", "effect_class", "effect_names",
     "estimated_robot", "excited_range", "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at",
     "misfit", "misfit_table", "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width",
-    "rigid_drives", "solve", "torque_problem", "variant_robots", "with_equivalent_springs",
+    "rigid_drives", "solve", "torque_problem", "variant_robots", "whole_pieces",
+    "with_equivalent_springs", "words_of_pieces",
 ]  # fmt: skip

@@ -55,7 +55,10 @@ def recorded_lanes(run: DenseRun) -> RecordedLanes:
         If there is no reference, or a sample is missing.
     """
     if not run.valid.all():
-        raise DataRejected("samples are missing in the record; a simulation needs the whole reference")
+        raise DataRejected(
+            "samples are missing in the record, and a simulation needs the whole reference; cut the recording there, "
+            "or read it with gaps: split"
+        )
 
     def joined(name: str) -> FloatArray:
         values = run.lanes(name)

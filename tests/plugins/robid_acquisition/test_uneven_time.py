@@ -18,6 +18,7 @@ from robid_acquisition.recording import Recording
 from robid_acquisition.resampling import on_even_grid
 from robid_acquisition.time_stamps import TimeStamps
 from robid_core import Context, DataRejected, FloatArray, Record, Robot
+from robid_core.residual import prescribe_record
 from robid_core.stage import map_in_process
 from robid_fit.rigid import RigidBodyFit
 from robid_frf.spectral import Spectral
@@ -233,8 +234,13 @@ def test_masked_samples_are_kept_out_or_refused_by_the_stages_that_follow(read: 
     frf = Spectral(segment_s=1.0, band_hz=(6.0, 36.0)).run(record, context)
     np.testing.assert_allclose(np.abs(frf.response[0, :, 0, 0]), 500.0, rtol=0.01)
     robot = Robot.load("robot.yaml", tmp_path)
+    found = RigidBodyFit(unknowns=("rotor_inertia",), friction_speed=1.0).run(
+        (record,), robot
+    )  # 3.1 and 4.8 s
+    inertia = found.parameters.as_mapping()["rotor_inertia.axis_1"]
+    assert inertia == pytest.approx(2e-3, rel=0.02)  # twice the robot file's
     with pytest.raises(DataRejected, match="gaps: split"):
-        RigidBodyFit().run((record,), robot)
+        prescribe_record(robot, record)
 
 
 def test_a_file_of_which_no_piece_is_kept_is_named() -> None:

@@ -107,6 +107,34 @@ def test_experiments_that_were_held_out_are_what_is_predicted(tmp_path: Path) ->
     assert diagnosis.errors[1].rms[0] == pytest.approx(4.0 - OFFSET, rel=1e-3)
 
 
+def test_a_record_with_masked_samples_is_predicted_piece_by_piece(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = slide(tmp_path)
+    whole = long_record(robot).run
+    known = np.ones(len(whole.time_s), dtype=bool)
+    known[9000:9300] = False
+    known[9290] = True
+    channels = {
+        name: one.replace(values=np.where(known[:, None], one.values, np.nan))
+        for name, one in whole.channels.items()
+    }
+    valid = known[None, None, None, None]
+    masked = long_record(robot).replace(runs=(whole.replace(channels=channels, valid=valid),))
+    found = predict(robot, masked, TRUE)
+    assert (
+        "diagnosis.prediction takes the pieces between the gaps: 2 of 6.7 s and more, 98.1 %" in caplog.text
+    )
+    assert found.runs[0].runs == ("test 1", "test 2")
+    assert found.errors[1].relative[0] < 1e-3  # as of the whole record
+    assert found.errors[3].relative[0] < 1e-3  # the closed loop begins with the motion of each piece
+    again = masked.replace(runs=(masked.run.replace(valid=valid & (np.arange(len(known)) % 1500 != 0)),))
+    with pytest.raises(
+        DataRejected, match="no piece of .* between its gaps lasts 2 s; lower skip_s and block_s"
+    ):
+        predict(robot, again, TRUE)
+
+
 def test_what_is_left_at_rest_is_told_apart(tmp_path: Path) -> None:
     """Friction holds the slide by any force up to 20 N in 40 % of the samples; sliding it leaves noise of 0.5 N."""
     robot = rigid_slide(tmp_path)

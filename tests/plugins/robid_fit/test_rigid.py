@@ -247,8 +247,36 @@ def test_holes_and_short_recordings_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(DataRejected, match="105 samples only"):
         RigidBodyFit().run((record_of(robot, values, values),), robot)
     values = np.random.default_rng(0).normal(size=(1000, 1))
-    with pytest.raises(DataRejected, match="holes"):
-        RigidBodyFit().run((record_of(robot, values, values, valid=False),), robot)
+    missing = record_of(robot, values, values, valid=False)
+    with pytest.raises(
+        DataRejected, match="fit.rigid: no piece of computed between its gaps .*; lower drop_first"
+    ):
+        RigidBodyFit().run((missing,), robot)
+    with pytest.raises(DataRejected, match="fit.rigid: position has holes; .*gaps: split"):
+        RigidBodyFit().run((missing.replace(line=np.array([3])),), robot)
+
+
+def test_a_record_with_masked_samples_is_fitted_as_its_pieces_are(tmp_path: Path) -> None:
+    """Pieces of 7.9 and 11 s; one of 0.05 s is too short to count."""
+    robot = slide(tmp_path)
+    whole = recording(robot, 11, seconds=20.0, noise=1.0)
+    known = np.ones(len(whole.run.time_s), dtype=bool)
+    known[7900:8900] = False
+    known[8400:8450] = True
+    values = [
+        np.where(known[:, None], whole.run.values(f"motor_{name}")[0, 0, 0, 0], np.nan)
+        for name in ("position", "torque")
+    ]
+    masked = record_of(robot, *values)
+    masked = masked.replace(runs=(masked.run.replace(valid=known[None, None, None, None]),))
+    parts = tuple(
+        record_of(robot, *(one[cut] for one in values)) for cut in (slice(0, 7900), slice(8900, None))
+    )
+    settings = RigidBodyFit(cutoff_hz=50.0)
+    found, by_hand = settings.run((masked,), robot), settings.run(parts, robot)
+    np.testing.assert_array_equal(found.parameters.estimate, by_hand.parameters.estimate)
+    np.testing.assert_array_equal(found.covariance, by_hand.covariance)
+    assert found.parameters.as_mapping()["mass.x"] == pytest.approx(90.0, rel=0.01)
 
 
 def test_the_same_record_gives_the_same_bytes(tmp_path: Path) -> None:
