@@ -82,9 +82,11 @@ def draw_configurations(
         missing, drawn = missing - len(good), drawn + size
         if missing == 0:
             return np.concatenate(found)
+    few = "none is" if missing == count else f"only {count - missing} are"
+    asked = "" if count == 1 else f", {count} were asked for"
     raise ConfigurationError(
-        f"of {drawn} configurations drawn within the limits only {count - missing} are acceptable, {count} were "
-        "asked for; raise gravity_share, lower the margin, or ask for less room"
+        f"of {drawn} configurations drawn within the limits {few} acceptable{asked}; raise gravity_share, lower the "
+        "margin, or ask for less room"
     )
 
 

@@ -41,7 +41,12 @@ def command(
     if wanted.suffix in (".h5", ".html") and stage is None:
         typer.echo("\n".join([*artifact_lines(read_artifact(wanted), wanted), verification_line(wanted)]))
         return
-    folder = run_of(wanted)
+    try:
+        folder = run_of(wanted)
+    except ConfigurationError:
+        if wanted == where:
+            raise
+        raise ConfigurationError(no_such_run(where)) from None  # neither a run, nor a stage of one here
     manifest = manifest_of(folder)
     if stage is None:
         typer.echo("\n".join(run_lines(folder, manifest)))

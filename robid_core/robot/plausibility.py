@@ -32,6 +32,7 @@ _SLOWEST_RATIO = 0.2  # motor turns per joint turn; motors turn faster than join
 _NO_INERTIA = 1e-9
 _JOINT_SPEED = (0.1, 40.0)  # rad/s
 _RESONANCE_HZ = (1.0, 200.0)
+_WINDUP_RAD = 3e-5  # of a gear at the motor's torque limit, 0.1 minutes of arc; stiff gears for robots have 1
 _HARDLY = 0.9  # of the steps that a file without step_s gets: friction may be a little larger than told
 _LONGEST_M = 20.0
 _FRICTION_SHARE = 0.3  # of the torque limit
@@ -191,6 +192,14 @@ def _gears(robot: Robot) -> Iterator[Remark]:
                 f"axes.{name}.speed_limit",
                 f"{axis.speed_limit:g} rad/s are {axis.speed_limit * 30 / math.pi:.4g} turns a minute of the motor; "
                 "were turns a minute written?",
+            )
+        stiff = None if axis.gear is None else axis.gear.stiffness
+        windup = ratio * (axis.torque_limit or math.inf) / stiff if turns and stiff else math.inf
+        if windup < _WINDUP_RAD:
+            yield Remark(
+                f"axes.{name}.gear.stiffness",
+                f"{stiff:.3g} N m/rad: the motor's torque limit winds the gear up by {windup:.2g} rad, hundreds "
+                "of times less than gears of robots; N m/rad at the joint? Left out, the gear is rigid",
             )
         rubbing = axis.friction.coulomb / (axis.torque_limit or math.inf)
         if rubbing > _FRICTION_SHARE:

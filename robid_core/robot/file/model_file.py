@@ -83,9 +83,7 @@ def read_model(path: Path, locked: Mapping[str, float]) -> RobotModel:
         Where no reader for its suffix can be imported, or what is registered is none.
     """
     if not path.is_file():
-        raise ConfigurationError(
-            f"{path} is no file; in a robot file the path of a model is relative to that file"
-        )
+        raise ConfigurationError(f"{path} is no file (`model:` of a robot file is relative to that file)")
     plugin = registry().find(MODELS, path.suffix.lstrip(".").lower())
     reader = plugin.load()
     if fault := call_fault(reader, "file", "locked joints"):

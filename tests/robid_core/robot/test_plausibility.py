@@ -43,6 +43,7 @@ def test_a_bearing_on_the_line_of_the_next_gear_is_remarked() -> None:
         ({"speed_limit": 6000.0}, "speed_limit", "6000 rad/s are 60 rad/s at the joint", False),
         ({"gear": SOFT, "position_limits": [-0.5, 0.5]}, "axes", "gravity bends the springs over", True),
         ({"gear": {"stiffness": 8e8, "damping": 60.0}}, "axes", "lies at 1.22e.03 to .* too stiff", False),
+        ({"gear": {"stiffness": 1.1e9, "damping": 60.0}}, "gear.stiffness", "winds the gear up by 1.8e-06 rad", False),
         ({"gear": {"stiffness": 1400.0, "damping": 1.0}}, "gear.stiffness", "bends the gear .* per degree", False),
         ({"torque_constant": 350.0}, "torque_constant", "350 N m/A, .* mN m/A. That would be 0.35", False),
         ({"sensors": {"torque_noise": 8.0}}, "sensors.torque_noise", "8 N m in every sample are 40 %", False),
