@@ -28,6 +28,17 @@ FACTORS = {
     "cm": (0.01, "m"),
 }
 WORDS = {"ozf": "oz", "lbf": "lb", "kgf": "kg", "kp": "kg", "gf": "g", "'": "arcmin", '"': "arcsec"}
+DEGREES = (
+    "\N{DEGREE SIGN}",
+    "degree",
+    "degrees",
+    "grad",
+    "grade",
+    "grados",
+    "gradi",
+    "degr\u00e9",
+    "degr\u00e9s",
+)
 PERCENT = ("%", "percent", "per cent", "permille")
 
 
@@ -38,6 +49,10 @@ def unit_advice(unit: str) -> str:
         if name in FACTORS:
             factor, symbol = FACTORS[name]
             return f"write scale: {factor:.9g} and unit_to: {symbol}"
+    if unit.strip().lower() in DEGREES:
+        return (
+            f"for degrees write deg; gons, 400 a turn, take scale: {FACTORS['gon'][0]:.9g} and unit_to: rad"
+        )
     if unit.strip().lower() in PERCENT:
         return "of what? Give scale: what one of them is in SI units, and unit_to: N m (or A)"
     near = difflib.get_close_matches(unit, UNITS, n=1)

@@ -39,6 +39,8 @@ def command(
     it to a file, too, which `robid diagnose --channels` takes.
     `robid records recover FILE` saves what is left of a raw log that was cut, missing samples marked as such.
     """
+    from robid_core.errors import DataRejected
+
     if words[0] == _RECOVER and len(words) > 1:
         from robid_core.commands.recordings.inspection import reader_name
         from robid_core.foreign import guarded_reader
@@ -49,7 +51,9 @@ def command(
         reader = guarded_reader(reader_name(file, form))
         typer.echo("\n".join(recovered(file, reader, output or file.with_suffix(".recovered.h5"))))
         return
-    shown = inspected([Path(word) for word in words], form)
+    shown, left_out = inspected([Path(word) for word in words], form)
+    if left_out and not shown:
+        raise DataRejected(f"none of {left_out} recordings could be read")
     if shown:
         lines = pipeline_lines(shown, data)
         typer.echo("\n".join(lines))
@@ -71,14 +75,18 @@ def write_map(output: Path, lines: Sequence[str]) -> None:
     )
 
 
-def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
-    """Show recordings one after the other, and return them; of several, what cannot be read is told and left out."""
+def inspected(paths: Sequence[Path], form: str) -> tuple[list[Inspected], int]:
+    """Show recordings one after the other, and return them.
+
+    Of several, what cannot be read is said and left out; how many such there are is returned, too.
+    """
     from robid_core.commands.recordings.inspection import inspect, reader_name, recordings_in
     from robid_core.commands.recordings.screen import recording_lines, short_line
     from robid_core.errors import RobidError
     from robid_core.foreign import is_recording
 
     found: list[Inspected] = []
+    left_out = 0
     for path in paths:
         for file in [path] if is_recording(path) or not path.is_dir() else recordings_in(path):
             reader_name(file, form)
@@ -88,11 +96,12 @@ def inspected(paths: Sequence[Path], form: str) -> list[Inspected]:
                 if len(paths) == 1 and not path.is_dir():
                     raise
                 typer.echo(f"{file}: left out: {error}")
+                left_out += 1
                 continue
             alike = one.guesses is not None and any(one.kind == other.kind for other in found)
             typer.echo(short_line(one) if alike else "\n".join([*recording_lines(one), ""]))
             found.append(one)
-    return found
+    return found, left_out
 
 
 def pipeline_lines(recordings: Sequence[Inspected], data: Path | None) -> list[str]:

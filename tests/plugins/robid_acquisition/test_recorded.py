@@ -325,7 +325,11 @@ def test_A13_another_file_than_the_one_meant_is_refused(tmp_path: Path, one: Rob
         ),
         (
             {"motor_position": {"column": "u", "unit": "degree"}},
-            "unit 'degree' is not known; did you mean 'deg'?",
+            "unit 'degree' is not known; for degrees write deg",
+        ),
+        (
+            {"motor_position": {"column": "u", "unit": "Grad"}},
+            "for degrees write deg; gons, 400 a turn, take scale: 0.0157079633 and unit_to: rad",
         ),
         (
             {"motor_position": {"column": "u", "unit": "parsec"}},

@@ -344,6 +344,24 @@ def test_a_cut_table_among_many_alike_is_told(tmp_path: Path, capsys: pytest.Cap
     assert out.count("A01") == 1
 
 
+def test_recordings_of_which_none_can_be_read_are_no_success(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line for each, and the exit code of data; one that can be read is shown, and that is enough."""
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_bytes(b"\x1f\x8b\x08\x00" + bytes(60))
+    shown, left_out = records.inspected([tmp_path], "")
+    assert (shown, left_out) == ([], 2)
+    with pytest.raises(DataRejected, match="none of 2 recordings could be read"):
+        records.command([str(tmp_path)], data=None, output=None)
+    assert capsys.readouterr().out.count("left out: ") == 4
+    (tmp_path / "c.csv").write_text(
+        "time,q\n" + "".join(f"{0.001 * k:.3f},{np.sin(k):.6f}\n" for k in range(50))
+    )
+    shown, left_out = records.inspected([tmp_path], "")
+    assert (len(shown), left_out) == (1, 2)
+
+
 def test_a_period_is_proposed_where_all_files_repeat_after_as_many_samples(tmp_path: Path) -> None:
     """It is found again by the stage that is proposed; files with another period get none."""
     for number, period in enumerate((500, 500, 500, 500, 400), start=1):
