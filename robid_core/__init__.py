@@ -16,7 +16,7 @@ _HOME = {
         "ResidualCurve", "ResponseComparison", "RunErrors", "SearchRecord", "SeparatingExperiment", "Table",
         "TimeComparison", "Timing", "Truth", "VisibleSize", "ResponseCheck", "array", "frozen", "is_by_tolerance",
         "is_determined",
-        "mean_travel", "QUANTITIES", "UNITS",
+        "mean_travel", "significant_digits", "QUANTITIES", "UNITS",
     ),
     "robid_core.stage": (
         "Acquisition", "CandidateDesign", "Context", "DiagnosisStage", "Estimator", "ExcitationDesign",
@@ -111,6 +111,7 @@ if TYPE_CHECKING:  # the same names for type checkers; tests compare the two lis
         is_by_tolerance as is_by_tolerance,
         is_determined as is_determined,
         mean_travel as mean_travel,
+        significant_digits as significant_digits,
     )
     from robid_core.drives import (
         Drives as Drives,

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from robid_core import Fit
-from robid_report.numbers import percent, significant
+from robid_report.numbers import percent, with_error
 
 
 def other_fits(fit: Fit | None, fits: tuple[Fit, ...]) -> list[Fit]:
@@ -37,8 +37,8 @@ def comparison(fit: Fit | None, other: Fit) -> dict[str, Any]:
             {
                 "name": name,
                 "unit": own.units[i],
-                "own": f"{significant(mine)} ± {significant(errors[0], 2)}",
-                "other": f"{significant(theirs)} ± {significant(errors[1], 2)}",
+                "own": with_error(mine, errors[0]),
+                "other": with_error(theirs, errors[1]),
                 "difference": percent(theirs / mine - 1, signed=True) if mine else "–",
                 "apart": f"{apart:+.1f}".replace("-", "−") if math.isfinite(apart) else "–",
             }

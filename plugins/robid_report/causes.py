@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from robid_core import Diagnosis, Finding
 from robid_report.chart import chart
-from robid_report.numbers import significant
+from robid_report.numbers import significant, to_error
 
 HEADINGS = {
     "cause": "Cause",
@@ -31,7 +31,7 @@ def _section(finding: Finding) -> dict[str, Any]:
             name,
             unit if unit != "1" else "",
             significant(float(told), 4) if np.isfinite(told) else "–",
-            significant(float(value), 4),
+            to_error(float(value), float(error)),
             f"± {significant(float(error), 2)}" if np.isfinite(error) else "not determined",
         )
         for name, unit, told, value, error in zip(

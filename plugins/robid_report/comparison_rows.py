@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from robid_core import Fit
-from robid_report.numbers import significant
+from robid_report.numbers import to_error
 
 QUANTILE = 1.959964  # of the normal law: 95 % lie within
 WIDTH = 100.0  # of the plot of a row
@@ -81,8 +81,8 @@ def cells_of(values: list[tuple[float, float] | None]) -> tuple[Cell, ...]:
         apart = (estimate - first[0]) / both if pair is not first and both > 0 else math.nan
         cells.append(
             Cell(
-                estimate=significant(estimate, 5),
-                interval=f"{significant(estimate - reach, 5)} to {significant(estimate + reach, 5)}"
+                estimate=to_error(estimate, error),
+                interval=f"{to_error(estimate - reach, error)} to {to_error(estimate + reach, error)}"
                 if math.isfinite(error)
                 else "",
                 over_error=f"{apart:+.2f}".replace("-", "−") if math.isfinite(apart) else "",

@@ -7,6 +7,8 @@ import re
 
 from markupsafe import Markup, escape
 
+from robid_core import significant_digits
+
 _FOLDERS = re.compile(
     r"(?<![\w.)\]}/\\:])(?:file://)?(?:/|[A-Za-z]:[/\\])(?:[^\s/\\:;,'\"()<>]+[/\\])+(?=[^\s/\\])"
 )
@@ -26,6 +28,24 @@ def significant(value: float, digits: int = 4) -> str:
         return f"{mantissa}×10{str(magnitude).translate(_RAISED)}".replace("-", "−")
     decimals = max(digits - 1 - magnitude, 0)
     return f"{rounded:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+
+
+def to_error(value: float, error: float) -> str:
+    """Write a value to the second digit of its standard error, as the terminal does.
+
+    >>> to_error(204_986.2, 10.3)
+    '204\u202f986'
+    """
+    return significant(value, significant_digits(error, value))
+
+
+def with_error(value: float, error: float) -> str:
+    """Write a value and its standard error, both to the second digit of the error.
+
+    >>> with_error(0.30416, 0.0089)
+    '0.3042 ± 0.0089'
+    """
+    return f"{to_error(value, error)} ± {significant(error, 2)}"
 
 
 def percent(share: float, signed: bool = False) -> str:

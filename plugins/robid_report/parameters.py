@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from robid_core import EssentialParameters, ParameterTable, Truth, is_determined
-from robid_report.numbers import percent, significant
+from robid_report.numbers import percent, significant, to_error
 
 LIMITS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 
@@ -98,9 +98,9 @@ def rows(table: ParameterTable, truth: Truth | None) -> tuple[list[Row], float]:
                 name=name,
                 unit=table.units[i],
                 group=table.groups[i],
-                true=significant(known[name]) if name in known else "–",
+                true=to_error(known[name], error) if name in known else "–",
                 start=significant(start),
-                estimate=significant(estimate),
+                estimate=to_error(estimate, error),
                 standard_error=significant(error, 2),
                 relative_error=relative_error(error, estimate),
                 relative_size=percent(error / abs(estimate)) if estimate else "–",
@@ -135,7 +135,7 @@ def essential_rows(found: EssentialParameters | None) -> Essential | None:
         return None
     values = zip(found.estimate.tolist(), found.standard_error.tolist(), strict=True)
     kept = [
-        (name, unit, significant(value), significant(error, 2), relative_error(error, value))
+        (name, unit, to_error(value, error), significant(error, 2), relative_error(error, value))
         for name, unit, (value, error) in zip(found.names, found.units, values, strict=True)
     ]
     steps = found.relative_error.tolist(), found.increase.tolist(), found.probability.tolist()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robid_core import Diagnosis, is_by_tolerance, is_determined
-from robid_report.numbers import percent, significant
+from robid_report.numbers import percent, significant, to_error
 
 SURE = 5.0  # standard errors from the robot file: what has moved
 OPEN = ("stiffness", "effect")  # groups that stand on the page; the others are folded
@@ -43,7 +43,7 @@ def refitted_table(diagnosis: Diagnosis | None) -> dict[str, list[Any]] | None:
             name,
             "" if unit == "1" else unit,
             significant(start) if in_file else "–",
-            significant(estimate),
+            to_error(estimate, error),
             significant(error, 2) if np.isfinite(error) else "–",
             percent(estimate / start - 1, signed=True) if start and in_file else "–",
             significant(tolerance, 2) if limited else "–",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robid_core import Diagnosis
-from robid_report.numbers import percent, significant
+from robid_report.numbers import percent, significant, with_error
 
 
 def response_check_table(diagnosis: Diagnosis | None) -> dict[str, Any] | None:
@@ -17,8 +17,8 @@ def response_check_table(diagnosis: Diagnosis | None) -> dict[str, Any] | None:
         {
             "name": name,
             "unit": unit,
-            "by_torques": f"{significant(torques)} ± {significant(torques_error, 2)}",
-            "by_responses": f"{significant(responses)} ± {significant(responses_error, 2)}",
+            "by_torques": with_error(torques, torques_error),
+            "by_responses": with_error(responses, responses_error),
             "difference": percent(responses / torques - 1, signed=True),
             "apart": f"{z:+.1f}".replace("-", "−"),
             "agree": agree,

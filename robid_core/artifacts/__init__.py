@@ -7,7 +7,7 @@ from robid_core.artifacts.artifact import (
 from robid_core.artifacts.configurations import Configurations
 from robid_core.artifacts.dense_run import Channel, DenseRun
 from robid_core.artifacts.design import Design
-from robid_core.artifacts.determined import is_by_tolerance, is_determined
+from robid_core.artifacts.determined import is_by_tolerance, is_determined, significant_digits
 from robid_core.artifacts.doubts import Doubt
 from robid_core.artifacts.essential import EssentialParameters
 from robid_core.artifacts.excitation import Excitation, mean_travel
@@ -74,5 +74,6 @@ __all__ = [
     "frozen",
     "is_by_tolerance",
     "is_determined",
+    "significant_digits",
     "mean_travel",
 ]

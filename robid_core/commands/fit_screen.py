@@ -14,10 +14,6 @@ if TYPE_CHECKING:
     from robid_core.artifacts import EssentialParameters, Fit, MisfitTable, ParameterTable
 
 
-DIGITS = 4
-MOST_DIGITS = 9
-
-
 def doubt_lines(doubts: Sequence[object], remarks: Sequence[object] = ()) -> list[str]:
     """Return each doubt, then each remark as a line of its own, whole; for a person broken at the terminal's edge."""
     marked = [*(f"! {doubt}" for doubt in doubts), *(f"- {remark}" for remark in remarks)]
@@ -133,10 +129,11 @@ def aligned(rows: list[list[str]], n_left: int) -> list[str]:
 
 def number_text(value: float, error: float = math.nan) -> str:
     """Return a number with four digits, or with as many as show its standard error: two of that."""
+    from robid_core.artifacts import significant_digits
+
     if value != value:
         return "held"  # it was not estimated
-    digits = math.ceil(math.log10(abs(value) / error)) + 2 if value and 0 < error < math.inf else DIGITS
-    return f"{value:.{min(max(digits, DIGITS), MOST_DIGITS)}g}"
+    return f"{value:.{significant_digits(error, value)}g}"
 
 
 def _width() -> int | None:

@@ -41,7 +41,7 @@ def frf(angles: list[float], frequency: np.ndarray) -> Frf:
 def test_intervals_hold_95_percent_and_distances_count_both_errors() -> None:
     first, second = cells_of([(100.0, 3.0), (110.0, 4.0)])
     reach = norm.ppf(0.975)
-    assert first.interval == f"{100 - 3 * reach:.3f} to {100 + 3 * reach:.2f}"
+    assert first.interval == f"{100 - 3 * reach:.1f} to {100 + 3 * reach:.1f}"  # to the second digit of 3.0
     assert first.over_error == ""
     assert second.over_error == "+2.00"  # 10 over hypot(3, 4)
     low, high = 100 - 3 * reach, 110 + 4 * reach

@@ -592,3 +592,19 @@ def test_the_stick_figure_of_a_turned_arm_stands_where_the_angles_say() -> None:
 
 def test_the_stage_keeps_the_contract() -> None:
     check_stage(HtmlReport, title="Example")
+
+
+def test_estimate_and_truth_are_written_to_the_second_digit_of_the_error(robot: Robot) -> None:
+    """That 204 986 is 1.4 errors of 10 from 205 000 is to be seen from the numbers of the row."""
+    parts = everything(robot)
+    table = parts["fit"].parameters.replace(
+        estimate=np.array([204_986.2, 44.0]), standard_error=np.array([10.3, 3.0])
+    )
+    truth = Truth("one_axis_true", table.names, np.array([205_000.4, 45.0]))
+    page = HtmlReport().run(robot, fit=parts["fit"].replace(parameters=table), truth=truth).html
+    row = re.search(r"<tr>\s*<th scope=\"row\">gear_stiffness.axis_1</th>(.*?)</tr>", page, re.S)
+    assert row
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", row[1])
+    assert cells[0] == "204\u202f986"
+    assert cells[1] == "± 10"
+    assert "205\u202f000" in cells

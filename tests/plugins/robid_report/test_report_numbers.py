@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from robid_report.numbers import percent, significant, with_code
+from robid_core.commands.fit_screen import number_text
+from robid_report.numbers import percent, significant, to_error, with_code, with_error
 
 
 @pytest.mark.parametrize(
@@ -27,6 +28,33 @@ from robid_report.numbers import percent, significant, with_code
 )
 def test_significant_digits(value: float, digits: int, text: str) -> None:
     assert significant(value, digits) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (204_986.2, 10.3, "204\u202f986"),
+        (304_182.0, 890.0, "304\u202f180"),
+        (23_999.762, 0.886, "23\u202f999.76"),
+        (0.30416, 0.0089, "0.3042"),
+        (-99.96, 0.0996, "−99.96"),  # the error rounds to 0.10
+        (4.213, 5.1, "4.2"),
+        (0.4213, 51.0, "0.42"),  # two digits, however large the error
+        (1234.5678, math.nan, "1235"),
+        (1234.5678, math.inf, "1235"),
+    ],
+)
+def test_a_value_is_written_to_the_second_digit_of_its_error_on_page_and_terminal(
+    value: float, error: float, text: str
+) -> None:
+    written = to_error(value, error).replace("1\u202f235", "1235")
+    assert written == text
+    assert float(number_text(value, error)) == float(text.replace("\u202f", "").replace("−", "-"))
+
+
+def test_value_and_error_end_at_the_same_digit() -> None:
+    assert with_error(204_986.2, 10.3) == "204\u202f986 ± 10"
+    assert with_error(0.304163, 0.00894) == "0.3042 ± 0.0089"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ def test_both_estimates_their_difference_and_the_judgement_stand_in_a_row() -> N
     assert table is not None
     assert (table["method"], table["limit"]) == ("frf.lrm, fit.log_response", "3.5")
     (row,) = table["rows"]
-    assert (row["by_torques"], row["by_responses"]) == ("100.0 ± 0.60", "90.00 ± 0.80")
+    assert (row["by_torques"], row["by_responses"]) == ("100.00 ± 0.60", "90.00 ± 0.80")
     assert (row["difference"].split()[0], row["apart"], row["agree"]) == ("−10.00", "−10.0", False)
 
 
