@@ -16,11 +16,20 @@
   const pose = () => body.configurations[configuration];
   const swinging = () => mode >= 0 ? pose().modes[mode] : null;
 
-  function centre() {
-    const every = body.configurations.flatMap((one) => one.points.slice(0, n)).concat([[0, 0, 0]]);
-    return [0, 1, 2].map((k) => (Math.min(...every.map((p) => p[k])) + Math.max(...every.map((p) => p[k]))) / 2);
+  let middle = [0, 0, 0], reach = 1, height = 1;  // of the configuration that is drawn: the scale fits them into the canvas
+  function measure() {
+    const every = pose().points.slice(0, n).concat([[0, 0, 0]], body.meshes.flatMap((mesh, m) => placed(mesh, m, null, 0)));
+    const ends = [0, 1, 2].map((k) => every.reduce(([low, high], p) => [Math.min(low, p[k]), Math.max(high, p[k])], [Infinity, -Infinity]));
+    const margin = 2 * Math.max(...body.radius) + 0.05 * body.size;  // thickness of links, and the swing of modes
+    middle = ends.map(([low, high]) => (low + high) / 2);
+    reach = margin + every.reduce((most, p) => Math.max(most, Math.hypot(p[0] - middle[0], p[1] - middle[1])), 0);
+    height = 2 * margin + ends[2][1] - ends[2][0];
   }
-  const middle = centre();
+  // The same however the robot is turned about the vertical.
+  function fitting(canvas) {
+    const across = 2 * reach, up = Math.cos(pitch) * height + 2 * Math.abs(Math.sin(pitch)) * reach;
+    return Math.min(canvas.width / across, canvas.height / up);
+  }
   // Orthographic: x to the right, y up, depth away from the reader.
   function project(p) {
     const x = p[0] - middle[0], y = p[1] - middle[1], z = p[2] - middle[2];
@@ -57,7 +66,7 @@
     const box = canvas.getBoundingClientRect(), density = window.devicePixelRatio || 1;
     if (!box.width) return;
     canvas.width = Math.round(box.width * density); canvas.height = Math.round(box.height * density);
-    const pen = canvas.getContext("2d"), scale = 0.62 * Math.min(canvas.width, canvas.height) / body.size;
+    const pen = canvas.getContext("2d"), scale = fitting(canvas);
     const own = swinging(), amount = Math.sin(phase);
     const at = (p) => { const [x, y, depth] = project(p); return [canvas.width / 2 + scale * x, canvas.height / 2 - scale * y, scale * depth]; };
     const still = pose().points.map(at);
@@ -136,7 +145,7 @@
     choose(pose().modes.length ? 0 : -1, !reduced.matches);
   }
   poses.forEach((button) => button.addEventListener("click", () => {
-    configuration = Number(button.dataset.body); press(poses, button); running = false; fill();
+    configuration = Number(button.dataset.body); press(poses, button); running = false; measure(); fill();
   }));
   play.addEventListener("click", () => run(!running));
   const turn = (across, up) => { yaw += across; pitch = Math.max(-1.5, Math.min(1.5, pitch + up)); if (!running) draw(); };
@@ -155,5 +164,5 @@
   });
   for (const event of ["resize", "beforeprint", "afterprint"]) addEventListener(event, draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  fill();
+  measure(); fill();
 })();

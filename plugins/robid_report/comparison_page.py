@@ -17,7 +17,7 @@ from robid_core.plot import DARK
 from robid_report.comparison_figures import COLOURS, overlaid
 from robid_report.comparison_rows import compared_rows
 from robid_report.html import json_for_script, packed_library, script_hash
-from robid_report.numbers import significant
+from robid_report.numbers import breakable, significant
 
 
 class ComparisonPage(ReportStage):
@@ -80,6 +80,7 @@ def render(content: dict[str, Any]) -> str:
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["breakable"] = breakable
     page: str = environment.from_string(read["comparison.html.j2"]).render(
         **content,
         data=json_for_script({"figures": content["figures"], "dark": {**DARK, **COLOURS}}),

@@ -13,6 +13,7 @@ STRONG = 0.9  # pairs beyond are named
 MOST_NAMED = 6
 CELL, LABEL, LETTER, TOP = 20.0, 26.0, 6.6, 20.0  # of the drawing, a letter of the names 6.6 wide
 FAINT = 0.05  # less is drawn as nothing
+FEW = 16  # parameters that a phone shows whole; a map of more is moved sideways
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,9 @@ def _picture(names: list[str], matrix: FloatArray) -> Markup:
                 f'height="{CELL - 1:g}" fill-opacity="{min(abs(value), 1.0):.2f}">{title}</rect>'
             )
     width, height = left + CELL * n, TOP + CELL * n
+    kind = "correlation few" if n <= FEW else "correlation"
     return Markup(
-        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}" class="correlation" '
+        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}" class="{kind}" '
         f'role="img" aria-label="correlations of the estimates">{"".join(labels)}{"".join(cells)}</svg>'
     )
 

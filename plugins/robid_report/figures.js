@@ -17,7 +17,7 @@ async function figuresIn(dark) {
     return "Plotly" in window;
   }
 
-  const prefersDark = matchMedia("(prefers-color-scheme: dark)"), PAPER = 700;
+  const prefersDark = matchMedia("(prefers-color-scheme: dark)"), PAPER = 700, FLATTER = 0.8;
   const drawn = new Map();
   let printing = false;
   function coloured(part, key) {
@@ -33,7 +33,7 @@ async function figuresIn(dark) {
     const columns = room < 480 ? 1 : room < 680 ? 2 : 3;
     const fitting = Object.keys(layouts).map(Number).filter((n) => n <= columns);
     const layout = structuredClone(coloured(layouts[Math.max(...fitting)], ""));
-    if (printing) layout.width = PAPER;
+    if (printing) { layout.width = PAPER; layout.height *= FLATTER; }
     Plotly.react(target, coloured(traces, ""), layout, OPTIONS);
   }
   const showAgain = () => { for (const [target, [traces, layouts]] of drawn) show(target, traces, layouts); };

@@ -48,7 +48,7 @@ from robid_report.findings import facts, findings, steps
 from robid_report.friction import friction_sections
 from robid_report.meshes import told_once
 from robid_report.misfits import misfit_sections
-from robid_report.numbers import percent, significant, times, with_code, without_folders
+from robid_report.numbers import breakable, percent, significant, times, with_code, without_folders
 from robid_report.parameters import essential_rows, relative_error, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
@@ -140,11 +140,16 @@ def response_section(
             )
     spectra = spectra_of(record, comparison.frequency_hz)
     steady = steady_state(record, spectra, comparison) if record is not None and spectra is not None else None
-    model_name = "fitted model" if fitted else "robot file"
+    model_name = f"model of {short_method(fit)}" if fit is not None and fitted else "robot file"
     over_time = (
         [] if steady is None else [(f"Excited lines, configuration {steady[0] + 1}, {model_name}", steady[1])]
     )
     return response_plots(comparison, fitted, of_responses, frf, spectra), over_time
+
+
+def short_method(fit: Fit) -> str:
+    """Return a fit's method without what stands after the first comma: `log response`."""
+    return fit.method.partition(",")[0]
 
 
 def body_section(
@@ -239,6 +244,7 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
         finalize=lambda part: without_folders(part) if type(part) is str else part,
     )
     environment.filters["code"] = with_code
+    environment.filters["breakable"] = breakable
     page: str = environment.from_string(text["page.html.j2"]).render(
         **content,
         data=json_for_script(pooled({**data, "dark": DARK})),

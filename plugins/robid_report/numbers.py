@@ -79,6 +79,22 @@ def without_folders(text: str) -> str:
     return _FOLDERS.sub("", text)
 
 
+LONG = 24  # letters; a longer part of a name may break within
+
+
+def breakable(name: str) -> Markup:
+    """Return a name for the page that breaks after its dots where it must, in long parts after underscores.
+
+    >>> breakable("bearing_stiffness.axis_1_x")
+    Markup('bearing_stiffness.<wbr>axis_1_x')
+    """
+    parts = [
+        Markup("_<wbr>").join(part.split("_")) if len(part) > LONG else escape(part)
+        for part in without_folders(name).split(".")
+    ]
+    return Markup(".<wbr>").join(parts)
+
+
 def with_code(text: str) -> Markup:
     """Return a sentence for the page, with what stands between backticks as code, folders left out.
 

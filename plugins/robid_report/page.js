@@ -29,7 +29,9 @@
     return node;
   }
   function matrix(target, configuration, chosen, choose) {
-    const response = data.response, n = response.axes.length, W = 100, H = 66, GAP = 6, LEFT = 14, TOP = 14;
+    const response = data.response, n = response.axes.length, W = 100, H = 66, GAP = 6;
+    // Letters of 10 pixels however small the drawing becomes, as far as they fit beside one another.
+    const letter = Math.min(Math.max(10, 10 * (14 + n * (W + GAP)) / (target.clientWidth || 650)), 22), LEFT = letter + 4, TOP = letter + 4;
     const magnitude = (o, i, name) => entries[o][i].find((trace) => trace.name === name && trace.yaxis === "y");
     const entries = response.entries.data[configuration], start = response.fitted ? "start" : "robot file";
     const f = magnitude(0, 0, "measured").x.map(Math.log), first = f[0], span = f[f.length - 1] - first || 1;
@@ -38,7 +40,7 @@
       if (trace.yaxis === "y" && (trace.name === "measured" || trace.name === start))
         for (const v of trace.y) if (v !== null && v > -200) { low = Math.min(low, v); high = Math.max(high, v); }
     high += 3; low = Math.max(low - 3, high - 90);
-    const svg = element("svg", {viewBox: `0 0 ${LEFT + n * (W + GAP)} ${TOP + n * (H + GAP)}`});
+    const svg = element("svg", {"font-size": letter, viewBox: `0 0 ${LEFT + n * (W + GAP)} ${TOP + n * (H + GAP)}`});
     const path = (trace, dots) => {
       let d = "", open = false;
       trace.y.forEach((v, k) => {
@@ -50,9 +52,9 @@
       return d || "M0 0";
     };
     response.axes.forEach((name, k) => {
-      const short = name.length > 16 ? name.slice(0, 15) + "…" : name;
-      element("text", {x: LEFT + k * (W + GAP) + W / 2, y: 9, "text-anchor": "middle"}, svg).textContent = short;
-      element("text", {transform: `translate(9 ${TOP + k * (H + GAP) + H / 2}) rotate(-90)`, "text-anchor": "middle"}, svg).textContent = short;
+      const room = Math.floor(W / (0.6 * letter)), short = name.length > room ? name.slice(0, room - 1) + "…" : name;
+      element("text", {x: LEFT + k * (W + GAP) + W / 2, y: 0.9 * letter, "text-anchor": "middle"}, svg).textContent = short;
+      element("text", {transform: `translate(${0.9 * letter} ${TOP + k * (H + GAP) + H / 2}) rotate(-90)`, "text-anchor": "middle"}, svg).textContent = short;
     });
     for (let o = 0; o < n; o++) for (let i = 0; i < n; i++) {
       const label = response.axes[o] + " over " + response.axes[i];
@@ -90,6 +92,7 @@
       configuration = Number(button.dataset.configuration); press(buttons, button); drawAxes(); drawEntry();
     }));
     drawAxes(); drawEntry();
+    for (const event of ["resize", "beforeprint", "afterprint"]) addEventListener(event, drawEntry);
   }
 
   data.time.forEach((comparison, index) => {

@@ -319,8 +319,10 @@ def test_Y11_text_of_the_user_stays_text(robot: Robot, full: str, payload: str) 
     hostile = HtmlReport(title=payload).run(Robot(description), **artifacts).html
     page, clean = Page(hostile), Page(full)
 
-    # The same elements with the same attributes in the same order as the harmless page.
-    assert [(t, sorted(a)) for t, a in page.elements] == [(t, sorted(a)) for t, a in clean.elements]
+    # The same elements with the same attributes in the same order as the harmless page; where names break is their own.
+    kept, harmless = ([(t, sorted(a)) for t, a in one.elements if t != "wbr"] for one in (page, clean))
+    assert kept == harmless
+    assert not [a for t, a in page.elements if t == "wbr" and a]
     for tag, attributes in page.elements:
         assert not [name for name in attributes if name.startswith("on")], tag
         assert "id" not in attributes or re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", attributes["id"])
@@ -602,7 +604,7 @@ def test_estimate_and_truth_are_written_to_the_second_digit_of_the_error(robot: 
     )
     truth = Truth("one_axis_true", table.names, np.array([205_000.4, 45.0]))
     page = HtmlReport().run(robot, fit=parts["fit"].replace(parameters=table), truth=truth).html
-    row = re.search(r"<tr>\s*<th scope=\"row\">gear_stiffness.axis_1</th>(.*?)</tr>", page, re.S)
+    row = re.search(r"<tr>\s*<th scope=\"row\">gear_stiffness.<wbr>axis_1</th>(.*?)</tr>", page, re.S)
     assert row
     cells = re.findall(r"<td[^>]*>([^<]*)</td>", row[1])
     assert cells[0] == "204\u202f986"

@@ -21,7 +21,7 @@ from blind.plan import Wanted
 
 from robid_core import Context, LinkMesh, Robot, TimeComparison
 from robid_core.stage import map_in_process
-from robid_core.testing import example_design, example_fit, example_frf
+from robid_core.testing import example_design, example_fit, example_frf, example_truth
 from robid_diagnosis.effects import Effects
 from robid_report.comparison_page import ComparisonPage
 from robid_report.html import HtmlReport
@@ -71,8 +71,7 @@ function look() {
   const beyond = Array.from(document.body.querySelectorAll("*")).filter((one) => !one.closest(".scroll,svg")
     && one.getBoundingClientRect().right > innerWidth + 1).map((one) => `${one.tagName}#${one.id}.${one.className}`);
   const result = {beyond: beyond.slice(0, 5), width: innerWidth, wide: document.documentElement.scrollWidth,
-    words, faint, errors,
-    ground: getComputedStyle(document.body).backgroundColor, cut: cut.length,
+    words, faint, errors, ground: getComputedStyle(document.body).backgroundColor, cut: cut.length,
     plots: plots.length, drawn: plots.filter((one) => one.querySelector(".main-svg")).length};
   const error = document.querySelector("#parameters tbody td:nth-child(3)");
   if (error) {
@@ -88,11 +87,25 @@ function look() {
     const rest = body.toDataURL();
     const pixels = body.getContext("2d").getImageData(0, 0, body.width, body.height).data;
     let blue = 0;  // the colours of links, none else
-    for (let k = 0; k < pixels.length; k += 4) blue += pixels[k + 2] > pixels[k] + 30;
+    const rows = [body.height, 0], columns = [body.width, 0];
+    for (let k = 0; k < pixels.length; k += 4) if (pixels[k + 2] > pixels[k] + 30) {
+      const x = (k / 4) % body.width, y = Math.floor(k / 4 / body.width);
+      blue += 1;
+      rows[0] = Math.min(rows[0], y); rows[1] = Math.max(rows[1], y);
+      columns[0] = Math.min(columns[0], x); columns[1] = Math.max(columns[1], x);
+    }
+    const [left, right] = columns.map((one) => one / body.width), [top, bottom] = rows.map((one) => one / body.height);
+    result.room = [right - left, bottom - top, top, 1 - bottom];
     body.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowLeft"}));
     result.body = [before !== rest, rest !== body.toDataURL(),
       document.getElementById("body-modes").children.length, blue];
   }
+  result.facts = Array.from(document.querySelectorAll(".facts div")).map((one) => one.getBoundingClientRect().top);
+  result.hidden = Array.from(document.querySelectorAll(".correlation.few,.promised")).map((one) =>
+    one.getBoundingClientRect().width - one.closest(".scroll").clientWidth);
+  result.shade = Array.from(document.querySelectorAll(".scroll")).map((one) => getComputedStyle(one).backgroundImage);
+  const matrix = document.querySelector("#response-matrix svg");
+  if (matrix) result.letter = matrix.getScreenCTM().a * parseFloat(matrix.getAttribute("font-size"));
   const cells = document.querySelectorAll("#response-matrix .cell");
   if (cells.length) {
     cells[cells.length - 1].focus();
@@ -156,8 +169,16 @@ def page() -> str:
     time = np.arange(400) * 1e-3
     wave = np.sin(40 * time)[:, None] * np.ones(6)
     trace = TimeComparison(robot.axis_names, "motor_torque", "N m", 0.05, time, wave, 0.95 * wave)
-    fit = example_fit(robot).replace(time=(trace,))
-    return HtmlReport().run(robot, frf=example_frf(robot), fit=fit, design=example_design(robot)).html
+    fit, truth = example_fit(robot), example_truth(robot)
+    table = fit.parameters
+    known = truth.as_mapping()
+    sharp = table.replace(  # large numbers with small errors: as wide as a row becomes
+        estimate=np.array([1.0000123 * known[name] for name in table.names]),
+        standard_error=np.array([3.4e-5 * abs(known[name]) for name in table.names]),
+    )
+    fit = fit.replace(time=(trace,), parameters=sharp)
+    parts = {"frf": example_frf(robot), "design": example_design(robot)}
+    return HtmlReport().run(robot, fit=fit, truth=truth, **parts).html
 
 
 @pytest.fixture(scope="module")
@@ -187,6 +208,33 @@ def test_a_phone_shows_estimate_and_error_beside_the_name_which_stays(
 ) -> None:
     assert light[390]["error"] <= 390
     assert light[390]["name"] == pytest.approx(0, abs=1)  # moved sideways by 200 pixels
+
+
+def test_a_phone_shows_small_tables_and_maps_whole_and_says_where_there_is_more(
+    light: dict[int, dict[str, Any]],
+) -> None:
+    assert len(light[390]["hidden"]) >= 2
+    assert max(light[390]["hidden"]) <= 1
+    assert light[390]["shade"]
+    assert all("gradient" in one for one in light[390]["shade"])
+    assert all(one == "none" for one in light[A4_TEXT_PX]["shade"])
+
+
+@pytest.mark.parametrize("width", [390, 1400, A4_TEXT_PX])
+def test_labels_of_the_matrix_are_readable(light: dict[int, dict[str, Any]], width: int) -> None:
+    assert light[width]["letter"] > 7  # pixels
+
+
+def test_no_headline_figure_stands_alone_in_a_row(light: dict[int, dict[str, Any]]) -> None:
+    """Eight stand in two rows of four; six stood in a row of five and one alone."""
+    tops = light[1400]["facts"]
+    assert sorted(tops.count(top) for top in set(tops)) == [4, 4]
+
+
+def test_the_robot_fills_its_canvas_and_stands_in_its_middle(light: dict[int, dict[str, Any]]) -> None:
+    across, up, above, below = light[1400]["room"]
+    assert max(across, up) > 0.6
+    assert abs(above - below) < 0.1
 
 
 @pytest.mark.parametrize("width", [390, 1400, A4_TEXT_PX])
@@ -236,21 +284,64 @@ def test_the_page_is_dark_where_the_reader_wants_it_and_paper_stays_white(page: 
     assert found["faint"] == []
 
 
-def test_paper_is_a4(tmp_path: Path) -> None:
-    """595 x 842 points."""
-    robot = Robot.load("six_axis")
-    page = HtmlReport().run(robot, design=example_design(robot)).html
-    (tmp_path / "page.html").write_text(page, encoding="utf-8")
-    target = tmp_path / "page.pdf"
-    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
-    address = (tmp_path / "page.html").as_uri()
-    command = [str(CHROMIUM), *options, f"--print-to-pdf={target}", address]
+def printed(folder: Path, page: str) -> Path:
+    """The page as a PDF file, by the browser's own printing."""
+    (folder / "page.html").write_text(page, encoding="utf-8")
+    target = folder / "page.pdf"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=5000"]
+    options += [f"--user-data-dir={folder / 'profile'}", f"--print-to-pdf={target}"]
+    command = [str(CHROMIUM), *options, (folder / "page.html").as_uri()]
     subprocess.run(command, capture_output=True, timeout=60, check=True)
-    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", target.read_bytes())
+    return target
+
+
+@pytest.fixture(scope="module")
+def paper(page: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return printed(tmp_path_factory.mktemp("paper"), page)
+
+
+def test_paper_is_a4(paper: Path) -> None:
+    """595 x 842 points."""
+    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", paper.read_bytes())
     assert boxes
     for width, height in boxes:
         assert float(width) == pytest.approx(595.3, abs=1)
         assert float(height) == pytest.approx(841.9, abs=1)
+
+
+def text_of(paper: Path) -> str:
+    program = shutil.which("pdftotext")
+    if program is None:
+        pytest.skip("no pdftotext on the PATH")
+    return subprocess.run([program, "-layout", paper, "-"], capture_output=True, text=True, check=True).stdout
+
+
+def test_names_of_parameters_are_whole_on_paper(paper: Path) -> None:
+    """In the table of parameters beside estimate, error, truth and start, which is the widest row there is."""
+    text = text_of(paper)
+    for name in example_fit(Robot.load("six_axis")).parameters.names:
+        assert re.search(rf"^ *{re.escape(name)} +\d.* ± ", text, re.M), name
+
+
+def test_a_long_name_breaks_at_its_dots_and_underscores_on_paper(tmp_path: Path) -> None:
+    robot = Robot.load("six_axis")
+    fit = example_fit(robot)
+    long = "bearing_stiffness.manipulator_shoulder_lift_bearing_x"
+    names = (long, *fit.parameters.names[1:])
+    fit = fit.replace(parameters=fit.parameters.replace(names=names), free_names=names)
+    page = HtmlReport().run(robot, fit=fit, truth=example_truth(robot)).html
+    text = text_of(printed(tmp_path, page))
+    pieces = re.findall(r"^ *((?:bearing_stiffness\.)?(?:manipulator_)?[a-z_]*[._])$", text, re.M)
+    assert all(piece in long for piece in pieces)
+    assert "manipulator" in text
+
+
+def test_paper_has_no_buttons_nor_hints_for_a_pointer(paper: Path) -> None:
+    text = text_of(paper)
+    assert "arrow keys" not in text
+    assert "Choose an entry" not in text
+    assert not re.search(r"at rest|Pause", text)
+    assert len(re.findall(r"drawn below", text)) == 1
 
 
 @pytest.mark.parametrize("scheme", [0, 1], ids=["dark", "light"])

@@ -12,6 +12,7 @@ from robid_core.plot import distortion_panels, residual_panels
 from robid_core.plot.panels import WITHIN
 from robid_core.testing import example_fit, example_frf, example_robot
 from robid_report.correlation import correlation_of
+from robid_report.html import response_section
 from robid_report.steady_state import spectra_of, steady_state
 
 STEP, N_SAMPLE = 1e-3, 500
@@ -91,15 +92,18 @@ def test_one_parameter_has_no_correlation() -> None:
     assert correlation_of(None) is None
 
 
-def test_the_steady_state_of_the_true_model_is_the_record_and_of_a_wrong_one_its_error() -> None:
-    """A motor of inertia J turned by three cosines of torque: speed is their integral, amplitude A / (J w)."""
-    inertia, line = 2e-3, np.array([5, 9, 14])
+INERTIA = 2e-3
+
+
+def turned_motor() -> tuple[Record, np.ndarray]:
+    """A motor turned by three cosines of torque, and its speed: their integral, amplitude A / (J w)."""
+    line = np.array([5, 9, 14])
     time = np.arange(N_SAMPLE) * STEP
     omega = 2 * np.pi * line / (N_SAMPLE * STEP)
     amplitude = np.array([0.5, 0.2, 0.4])
     torque = (amplitude * np.cos(np.outer(time, omega))).sum(axis=1)
-    angle = (-amplitude / (inertia * omega**2) * np.cos(np.outer(time, omega))).sum(axis=1)
-    speed = (amplitude / (inertia * omega) * np.sin(np.outer(time, omega))).sum(axis=1)
+    angle = (-amplitude / (INERTIA * omega**2) * np.cos(np.outer(time, omega))).sum(axis=1)
+    speed = (amplitude / (INERTIA * omega) * np.sin(np.outer(time, omega))).sum(axis=1)
 
     def whole(values: np.ndarray) -> np.ndarray:
         return np.tile(values, 2).reshape(1, 1, 1, 2, N_SAMPLE, 1)
@@ -110,10 +114,15 @@ def test_the_steady_state_of_the_true_model_is_the_record_and_of_a_wrong_one_its
     }
     run = DenseRun(STEP, channels, time, np.ones((1, 1, 1, 2, N_SAMPLE), dtype=bool))
     record = Record(("axis_1",), "closed form", "zero_order_hold", (run,), np.zeros((1, 1)), line)
+    return record, speed
+
+
+def test_the_steady_state_of_the_true_model_is_the_record_and_of_a_wrong_one_its_error() -> None:
+    record, speed = turned_motor()
     spectra = spectra_of(record, record.frequency_hz)
     assert spectra is not None
     for scale in (1.0, 0.9):
-        model = np.full((1, 3, 1, 1), scale / inertia + 0j)
+        model = np.full((1, 3, 1, 1), scale / INERTIA + 0j)
         comparison = ResponseComparison(
             ("axis_1",), record.frequency_hz, model, model, model, np.full(model.shape, np.nan)
         )
@@ -126,3 +135,15 @@ def test_the_steady_state_of_the_true_model_is_the_record_and_of_a_wrong_one_its
         assert signals.relative_error == pytest.approx(1 - scale, abs=1e-9)
     assert spectra_of(record, record.frequency_hz[:2]) is None
     assert spectra_of(None, record.frequency_hz) is None
+
+
+def test_a_comparison_over_time_says_whose_model_was_simulated() -> None:
+    record, _ = turned_motor()
+    robot = example_robot(1)
+    model = np.full((1, 3, 1, 1), 1 / INERTIA + 0j)
+    comparison = ResponseComparison(
+        ("axis_1",), record.frequency_hz, model, model, model, np.full(model.shape, np.nan)
+    )
+    fit = example_fit(robot).replace(method="log response, weights from covariance", response=comparison)
+    _, ((title, _),) = response_section(robot, None, fit, record)
+    assert title == "Excited lines, configuration 1, model of log response"
