@@ -13,11 +13,11 @@ from typing import Any
 from markupsafe import Markup
 
 from robid_core import ConfigurationError, Fit, Frf, Report, ReportStage
-from robid_core.plot import DARK
+from robid_core.plot import DARK, pooled
 from robid_report.comparison_figures import COLOURS, overlaid
 from robid_report.comparison_rows import compared_rows
-from robid_report.html import json_for_script, packed_library, script_hash
 from robid_report.numbers import breakable, significant
+from robid_report.packed import packed_json, packed_library, script_hash
 
 
 class ComparisonPage(ReportStage):
@@ -83,7 +83,7 @@ def render(content: dict[str, Any]) -> str:
     environment.filters["breakable"] = breakable
     page: str = environment.from_string(read["comparison.html.j2"]).render(
         **content,
-        data=json_for_script({"figures": content["figures"], "dark": {**DARK, **COLOURS}}),
+        data=packed_json(pooled({"figures": content["figures"], "dark": {**DARK, **COLOURS}})),
         style=Markup(read["page.css"]),
         library=Markup(library),
         scripts=[Markup(script) for script in scripts],

@@ -1,21 +1,35 @@
 "use strict";
-// Draws Plotly figures: `const show = await figuresIn(dark)`, then `show(target, traces, layouts)` for each.
-// `dark`: what stands for each colour on a dark ground. Nothing is returned where the browser cannot unpack Plotly.
-async function figuresIn(dark) {
+// What an element holds as base64 of gzip, as text; null where there is no such element or the browser cannot unpack it.
+async function unpacked(id) {
+  const packed = document.getElementById(id);
+  if (!packed || !("DecompressionStream" in window)) return null;
+  const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+}
+// Draws Plotly figures: `const [show, data] = await figuresIn()`, then `show(target, traces, layouts)` for each.
+// `data` is what #page-data holds; its `dark` says what stands for each colour on a dark ground. Nothing is returned where
+// there are no figures, or the browser cannot unpack them.
+async function figuresIn() {
   const OPTIONS = {responsive: true, displaylogo: false, displayModeBar: "hover",
     modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
 
-  // Plotly stands in the page compressed; the page's policy names what comes out of it by its hash.
-  async function unpackLibrary() {
-    const packed = document.getElementById("library");
-    if (!packed) return true;
-    if (!("DecompressionStream" in window)) return false;
-    const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
-    const script = document.createElement("script");
-    script.textContent = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
-    document.head.append(script);
-    return "Plotly" in window;
+  // The page's policy names Plotly by its hash. What stands in several figures is written once: {"$": 3} is entry 3 of
+  // the pool; lists of numbers are shared.
+  if (!document.getElementById("library")) return [null, null];
+  const library = await unpacked("library");
+  if (library !== null) document.head.append(Object.assign(document.createElement("script"), {textContent: library}));
+  if (!("Plotly" in window)) {
+    document.getElementById("outdated").hidden = false;
+    return [null, null];
   }
+  const {pool, value} = JSON.parse(await unpacked("page-data"));
+  function whole(part) {
+    if (Array.isArray(part)) return part.some((entry) => entry && typeof entry === "object") ? part.map(whole) : part;
+    if (!part || typeof part !== "object") return part;
+    if ("$" in part) return whole(pool[part.$]);
+    return Object.fromEntries(Object.entries(part).map(([key, entry]) => [key, whole(entry)]));
+  }
+  const data = whole(value), dark = data.dark;
 
   const prefersDark = matchMedia("(prefers-color-scheme: dark)"), PAPER = 700, FLATTER = 0.8;
   const drawn = new Map();
@@ -43,6 +57,5 @@ async function figuresIn(dark) {
   let width = innerWidth;
   addEventListener("resize", () => { if (innerWidth !== width && !printing) { width = innerWidth; showAgain(); } });
 
-  if (await unpackLibrary()) return show;
-  document.getElementById("outdated").hidden = false;
+  return [show, data];
 }

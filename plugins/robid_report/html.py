@@ -7,13 +7,8 @@ from outside. No clock unless asked, and fixed ids: equal inputs give equal byte
 
 from __future__ import annotations
 
-import base64
 import dataclasses
 import datetime
-import functools
-import gzip
-import hashlib
-import json
 import platform
 import sys
 from importlib import metadata, resources
@@ -49,6 +44,7 @@ from robid_report.friction import friction_sections
 from robid_report.meshes import told_once
 from robid_report.misfits import misfit_sections
 from robid_report.numbers import breakable, percent, significant, times, with_code, without_folders
+from robid_report.packed import json_for_script, packed_json, packed_library, script_hash
 from robid_report.parameters import essential_rows, relative_error, rows
 from robid_report.plots import response_plots, time_plots
 from robid_report.prediction import curve_sections, error_sections, run_sections
@@ -63,17 +59,6 @@ LIBRARIES = ("numpy", "scipy", "numba", "pydantic", "h5py", "pin", "cvxpy", "pyt
 
 NO_WEIGHT = 5e-4
 """A pose with less of the weight, at which nothing is measured, is not shown."""
-
-
-def json_for_script(data: Any) -> Markup:
-    """JSON that may stand in a script element: no character of it can end the element or start a comment."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
-    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
-
-
-def script_hash(script: str) -> str:
-    """What a Content-Security-Policy calls an inline script: the base64 of its SHA-256."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 def versions() -> list[tuple[str, str, str]]:
@@ -205,16 +190,6 @@ def design_section(robot: Robot, design: Design | None, fit: Fit | None) -> dict
     }
 
 
-@functools.cache
-def packed_library() -> tuple[str, str]:
-    """Plotly as base64 of gzip (2.0 MB of 4.8), and the hash under which the page's policy allows what comes out."""
-    from plotly.offline import get_plotlyjs
-
-    script = str(get_plotlyjs()).replace("\r\n", "\n")
-    packed = gzip.compress(script.encode(), compresslevel=9, mtime=0)
-    return base64.b64encode(packed).decode(), script_hash(script)
-
-
 def made(date: bool, host: bool) -> str:
     """Say when and where the page is made, as far as it is asked: `made on 2026-05-04 at 10:30 UTC on bench-3`."""
     parts = [f"on {datetime.datetime.now(datetime.UTC):%Y-%m-%d at %H:%M UTC}"] if date else []
@@ -247,7 +222,7 @@ def render(content: dict[str, Any], data: dict[str, Any]) -> str:
     environment.filters["breakable"] = breakable
     page: str = environment.from_string(text["page.html.j2"]).render(
         **content,
-        data=json_for_script(pooled({**data, "dark": DARK})),
+        data=packed_json(pooled({**data, "dark": DARK})),
         style=Markup(text["page.css"]),
         library=Markup(library),
         scripts=[Markup(script) for script in scripts],

@@ -1,5 +1,5 @@
 "use strict";
-// Draws the page's figures, which robid made, from #page-data (`figuresIn` stands in figures.js). Text from there is only ever written as text.
+// Draws the page's figures, which robid made, from what `figuresIn` unpacks (in figures.js). Text from there is only ever written as text.
 (async () => {
   // On paper nothing can be unfolded: all is but what takes pages (.screen), and folded again afterwards.
   let folded = [];
@@ -9,17 +9,7 @@
   });
   addEventListener("afterprint", () => { folded.forEach((one) => { one.open = false; }); folded = []; });
 
-  const {pool, value} = JSON.parse(document.getElementById("page-data").textContent);
   const press = (buttons, chosen) => buttons.forEach((b) => b.setAttribute("aria-pressed", String(b === chosen)));
-
-  // What stands in several figures is written once: {"$": 3} is entry 3 of the pool; lists of numbers are shared.
-  function whole(part) {
-    if (Array.isArray(part)) return part.some((entry) => entry && typeof entry === "object") ? part.map(whole) : part;
-    if (!part || typeof part !== "object") return part;
-    if ("$" in part) return whole(pool[part.$]);
-    return Object.fromEntries(Object.entries(part).map(([key, entry]) => [key, whole(entry)]));
-  }
-  const data = whole(value);
 
   const SVG = "http://www.w3.org/2000/svg";
   function element(name, attributes, parent) {
@@ -28,6 +18,9 @@
     if (parent) parent.appendChild(node);
     return node;
   }
+  const [show, data] = await figuresIn();
+  if (!show) return;
+
   function matrix(target, configuration, chosen, choose) {
     const response = data.response, n = response.axes.length, W = 100, H = 66, GAP = 6;
     // Letters of 10 pixels however small the drawing becomes, as far as they fit beside one another.
@@ -71,9 +64,6 @@
     }
     target.replaceChildren(svg);
   }
-
-  const show = await figuresIn(data.dark);
-  if (!show) return;
 
   if (data.response) {
     const axes = data.response.axes, buttons = Array.from(document.querySelectorAll("[data-configuration]"));
