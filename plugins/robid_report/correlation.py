@@ -26,6 +26,8 @@ class Correlation:
     n: int
     reported: Markup | None
     """Picture of the reported parameters alone; None where they are all, or fewer than two."""
+    derived: int
+    """How many parameters of the robot have a standard error and no place in the covariance."""
 
 
 def correlation_of(fit: Fit | None) -> Correlation | None:
@@ -60,7 +62,11 @@ def correlation_of(fit: Fit | None) -> Correlation | None:
     alone = None
     if 2 <= shown.sum() < len(names):
         alone = _picture([names[i] for i in np.flatnonzero(shown)], matrix[np.ix_(shown, shown)])
-    return Correlation(_picture(names, matrix), strong, len(names), alone)
+    errors = zip(fit.parameters.names, fit.parameters.standard_error.tolist(), strict=True)
+    derived = [
+        n for n, error in errors if groups[n] != "nuisance" and error == error and n not in fit.free_names
+    ]
+    return Correlation(_picture(names, matrix), strong, len(names), alone, len(derived))
 
 
 def _picture(names: list[str], matrix: FloatArray) -> Markup:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,7 @@ from robid_core.artifacts.timing import Timing
 
 N_CURVE = 300  # over two decades a step of 1.5 %: a resonance of 1 % damping is 2 % wide
 NEAR = 1e-6  # a line and a frequency between lines are one
+HELD = "held"  # no group: what was not estimated
 NUISANCE = "nuisance"  # group of what a fit estimates besides the robot's parameters
 
 
@@ -80,6 +82,27 @@ class ParameterTable(Artifact):
         (['gear_stiffness.axis_1'], ['N m/rad', 'N m s/rad'])
         """
         return parameter_table(self, everything)
+
+    def unreported(self) -> str:
+        """Say what was estimated beside the reported parameters, by group, for terminal and page; empty for nothing.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_fit
+        >>> example_fit(robid.Robot.load("six_axis")).parameters.unreported()
+        '12 more parameters of the robot (12 of damping)'
+        """
+        rows = zip(self.groups, self.reported.tolist(), self.standard_error.tolist(), strict=True)
+        counts = Counter(group if error == error else HELD for group, shown, error in rows if not shown)
+        nuisances, held = counts.pop(NUISANCE, 0), counts.pop(HELD, 0)
+        groups = ", ".join(f"{count} of {group}" for group, count in counts.items())
+        parts = [_more(counts.total(), "parameter", f" of the robot ({groups})")] if counts else []
+        parts += [_more(nuisances, "nuisance parameter", "", bool(counts))] if nuisances else []
+        return ", ".join([*parts, *([f"{held} held"] if held else [])])
+
+
+def _more(count: int, noun: str, of: str, follows: bool = False) -> str:
+    """Return `2 more parameters of ...`; without `more` where it follows others."""
+    return f"{count} {'' if follows else 'more '}{noun}{'' if count == 1 else 's'}{of}"
 
 
 @dataclass(frozen=True, eq=False)

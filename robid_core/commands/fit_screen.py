@@ -6,7 +6,6 @@ import math
 import shutil
 import sys
 import textwrap
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -74,20 +73,6 @@ def parameter_lines(
             ]
         )
     return aligned(rows, n_left=2)
-
-
-def unshown_text(fit: Fit) -> str:
-    """Say how many numbers of the robot were estimated beside those that are reported; empty where there are none."""
-    table = fit.parameters
-    estimated = [
-        group
-        for group, shown, size in zip(
-            table.groups, table.reported, table.standard_error.tolist(), strict=True
-        )
-        if not shown and size == size and group != "nuisance"
-    ]
-    counts = Counter(estimated)
-    return ", ".join(f"{count} of {group}" for group, count in counts.items())
 
 
 def essential_lines(found: EssentialParameters) -> list[str]:

@@ -9,7 +9,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from robid_core.commands.fit_screen import doubt_lines, first_line, fit_line, fit_table, unshown_text
+from robid_core.commands.fit_screen import doubt_lines, first_line, fit_line, fit_table
 
 if TYPE_CHECKING:
     from robid_core.artifacts import Artifact, Fit
@@ -51,8 +51,8 @@ def last_screen(pipeline: Pipeline, result: RunResult, again: str) -> list[str]:
         return [*head, *verdicts, "", *tail]
     stage, fit = found[-1]
     table = fit_table(fit, true_parameters(pipeline))
-    unshown = unshown_text(fit)
-    beside = [f"also estimated: {unshown}; {show} {stage}"] if unshown else []
+    unshown = fit.parameters.unreported()
+    beside = [f"{unshown}: {show} {stage}"] if unshown else []
     told = [first_line(f"{name}: {fit_line(one)}") for name, one in found]
     room = LAST_SCREEN_LINES - len(head) - len(tail) - 2 - len(told)  # two empty lines
     room = max(room - len(beside), FEWEST_ROWS)

@@ -12,7 +12,7 @@ from robid_core.plot import distortion_panels, residual_panels
 from robid_core.plot.panels import WITHIN
 from robid_core.testing import example_fit, example_frf, example_robot
 from robid_report.correlation import correlation_of
-from robid_report.html import response_section
+from robid_report.html import HtmlReport, response_section
 from robid_report.steady_state import spectra_of, steady_state
 
 STEP, N_SAMPLE = 1e-3, 500
@@ -147,3 +147,23 @@ def test_a_comparison_over_time_says_whose_model_was_simulated() -> None:
     fit = example_fit(robot).replace(method="log response, weights from covariance", response=comparison)
     _, ((title, _),) = response_section(robot, None, fit, record)
     assert title == "Excited lines, configuration 1, model of log response"
+
+
+def test_the_map_says_how_many_parameters_follow_from_what_was_fitted() -> None:
+    """A friction law that is nearest to functions of speed has errors, and no place in the covariance."""
+    robot = Robot.load("six_axis")
+    fit = example_fit(robot)
+    found, without = correlation_of(fit), fit.free_names.index("gear_damping.axis_1")
+    assert found is not None
+    assert found.derived == 0
+    names = tuple(name for place, name in enumerate(fit.free_names) if place != without)
+    shorter = fit.replace(
+        free_names=names, covariance=np.delete(np.delete(fit.covariance, without, 0), without, 1)
+    )
+    rest = correlation_of(shorter)
+    assert rest is not None
+    assert (rest.n, rest.derived) == (found.n - 1, 1)
+    page = HtmlReport().run(robot, fit=shorter).html
+    assert fit.parameters.unreported() == "12 more parameters of the robot (12 of damping)"
+    assert f"<summary>{fit.parameters.unreported()}</summary>" in page
+    assert f"{found.n - 1} fitted parameters of the robot; 1 more follow" in page

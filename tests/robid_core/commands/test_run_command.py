@@ -352,8 +352,6 @@ def test_show_tells_where_a_model_misfits(tmp_path: Path, robid: Robid) -> None:
 
 
 def test_a_fit_says_what_it_estimated_beside_what_it_shows() -> None:
-    from robid_core.commands.fit_screen import unshown_text
-
     names = (
         "gear_stiffness.a",
         "friction.a.coulomb",
@@ -366,8 +364,9 @@ def test_a_fit_says_what_it_estimated_beside_what_it_shows() -> None:
     errors = np.array([1.0, 0.1, 0.1, np.nan, 0.1, 0.1])  # the offset was held
     table = ParameterTable(names, ("1",) * 6, groups, ones, ones, errors, shown, np.zeros(6, dtype=bool))
     fit = Fit("test", "ended", True, 1.0, 1, 1, table, np.eye(6))
-    assert unshown_text(fit) == "2 of friction, 1 of damping"
-    assert unshown_text(fit.replace(parameters=table.replace(reported=np.ones(6, dtype=bool)))) == ""
+    said = "3 more parameters of the robot (2 of friction, 1 of damping), 1 nuisance parameter, 1 held"
+    assert fit.parameters.unreported() == said
+    assert table.replace(reported=np.ones(6, dtype=bool)).unreported() == ""
 
 
 def test_a_long_table_is_cut_to_the_screen(world: Any, robid: Robid) -> None:
