@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from robid_core.commands.fit_screen import aligned, number_text
+
 if TYPE_CHECKING:
     from robid_core.artifacts import Fit
     from robid_core.run import Manifest, RunFolder
+
+
+MOST = 12  # parameters of a fit that are shown
+NEGLIGIBLE = 0.005  # standard errors: less is printed as 0.00
+NUISANCE = "nuisance"  # group of parameters that are not the robot's
 
 
 def command(
@@ -25,6 +32,9 @@ def command(
             "--page", metavar="FILE", help="Write a page: parameters side by side, responses overlaid."
         ),
     ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="All parameters that differ, in place of those that differ most.")
+    ] = False,
 ) -> None:
     """Compare runs with the first: settings, versions, results; parameters by their difference over its standard error.
 
@@ -43,18 +53,21 @@ def command(
     for other in others:
         if len(others) > 1:
             typer.echo(f"{one.path} -> {other.path}")
-        typer.echo("\n".join(difference_lines(one, manifest_of(one), other, manifest_of(other))))
+        found = difference_lines(one, manifest_of(one), other, manifest_of(other), everything)
+        typer.echo("\n".join(found))
     if page is not None:
         write_page(folders, page)
         typer.echo(f"page       {page}")
 
 
-def difference_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest) -> list[str]:
+def difference_lines(
+    one: RunFolder, old: Manifest, other: RunFolder, new: Manifest, everything: bool = False
+) -> list[str]:
     """Return what differs, under headings; one line where nothing does."""
     sections = {
         "settings": setting_lines(old, new),
         "versions": version_lines(old, new),
-        "results": result_lines(one, old, other, new),
+        "results": result_lines(one, old, other, new, everything),
     }
     lines = []
     for heading, found in sections.items():
@@ -113,7 +126,9 @@ def _core(manifest: Manifest) -> dict[str, Any]:
     return dict(found[0]) if found else {}
 
 
-def result_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest) -> list[str]:
+def result_lines(
+    one: RunFolder, old: Manifest, other: RunFolder, new: Manifest, everything: bool = False
+) -> list[str]:
     """Return which artifacts differ, and by how much where they are fits."""
     from robid_core.artifacts import Fit
     from robid_core.run.results import refuse_damaged
@@ -130,7 +145,7 @@ def result_lines(one: RunFolder, old: Manifest, other: RunFolder, new: Manifest)
         if before.artifact == after.artifact == Fit.__name__:
             lines.append(f"{name}:")
             fits = (Fit.read(one.path / before.file), Fit.read(other.path / after.file))
-            lines += [f"  {line}" for line in fit_difference_lines(*fits)]
+            lines += [f"  {line}" for line in fit_difference_lines(*fits, everything)]
         elif not before.sha256 or not after.sha256:
             lines.append(f"{name}: no result in the {'second' if before.sha256 else 'first'}")
         else:
@@ -143,37 +158,68 @@ def _by_occurrence(names: Sequence[str]) -> dict[tuple[str, int], int]:
     return {(name, names[:index].count(name)): index for index, name in enumerate(names)}
 
 
-def fit_difference_lines(old: Fit, new: Fit) -> list[str]:
+def fit_difference_lines(old: Fit, new: Fit, everything: bool = False) -> list[str]:
     """Return the parameters that differ, with the difference over the standard error of the difference.
 
-    The two errors are added as if they were independent.
+    The two errors are added as if they were independent. Parameters of the robot that differ most come first, `MOST` of
+    them and what the others are; with `everything` all in the order of the fit.
     """
-    rows = [["parameter", "first", "second", "change", "over std error"]]
+    rows, sizes, kinds = [], [], []
     theirs = _by_occurrence(new.parameters.names)
     ours = _by_occurrence(old.parameters.names)
     for (name, occurrence), index in ours.items():
+        kinds.append(old.parameters.groups[index])
         if (name, occurrence) not in theirs:
-            rows.append([name, f"{old.parameters.estimate[index]:.5g}", "-", "", ""])
+            rows.append([name, _estimate(old, index), "-", "", ""])
+            sizes.append(math.inf)
             continue
         other = theirs[name, occurrence]
         a, b = old.parameters.estimate[index], new.parameters.estimate[other]
         error = math.hypot(old.parameters.standard_error[index], new.parameters.standard_error[other])
-        if a != b:
-            over = f"{(b - a) / error:+.2f}" if error > 0 else "-"
-            change = f"{100 * (b - a) / a:+.3g} %" if a else "-"
-            rows.append([name, f"{a:.5g}", f"{b:.5g}", change, over])
-    rows += [
-        [name, "-", f"{new.parameters.estimate[index]:.5g}", "", ""]
-        for (name, occurrence), index in theirs.items()
-        if (name, occurrence) not in ours
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    table = [
-        "  ".join(
-            cell.rjust(width) if column else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+        if a == b:
+            kinds.pop()
+            continue
+        over = f"{(b - a) / error:+.2f}" if error > 0 else "-"
+        change = f"{100 * (b - a) / a:+.3g} %" if a else "-"
+        rows.append([name, _estimate(old, index), _estimate(new, other), change, over])
+        sizes.append(abs(b - a) / error if error > 0 else 0.0)
+    for (name, occurrence), index in theirs.items():
+        if (name, occurrence) not in ours:
+            rows.append([name, "-", _estimate(new, index), "", ""])
+            sizes.append(math.inf)
+            kinds.append(new.parameters.groups[index])
     status = [f"converged: {old.converged} -> {new.converged}"] if old.converged != new.converged else []
-    return status + (table if len(rows) > 1 else ["the estimates are equal; the evidence differs"])
+    if not rows:
+        return [*status, "the estimates are equal; the evidence differs"]
+    order = list(range(len(rows)))
+    if not everything:
+        order.sort(key=lambda place: (kinds[place] == NUISANCE, -sizes[place]))
+        worth = [place for place in order if sizes[place] >= NEGLIGIBLE]
+        shown = min(MOST, sum(kinds[place] != NUISANCE for place in worth) or len(worth))
+        order, left = order[:shown], order[shown:]
+        left_lines = _left_lines(
+            [kinds[place] for place in left], [sizes[place] for place in left], bool(order)
+        )
+    else:
+        left_lines = []
+    head = ["parameter", "first", "second", "change", "over std error"]
+    table = aligned([head, *(rows[place] for place in order)], n_left=1) if order else []
+    return [*status, *table, *left_lines]
+
+
+def _estimate(fit: Fit, index: int) -> str:
+    table = fit.parameters
+    return number_text(float(table.estimate[index]), float(table.standard_error[index]))
+
+
+def _left_lines(kinds: list[str], sizes: list[float], follows: bool) -> list[str]:
+    """Say how many parameters are not shown, and by how much the farthest of them differ."""
+    if not kinds:
+        return []
+    nuisances = kinds.count(NUISANCE)
+    parts = [f"{len(kinds) - nuisances} of the robot"] if nuisances < len(kinds) else []
+    parts += [f"{nuisances} nuisance parameters"] if nuisances else []
+    known = [size for size in sizes if size < math.inf]
+    most = f", by {max(known):.2g} standard errors at most" if known else ""
+    head = f"... {len(kinds)} more differ" if follows else f"{len(kinds)} parameters differ"
+    return [f"{head} ({', '.join(parts)}){most}: --all shows them"]

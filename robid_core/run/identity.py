@@ -225,6 +225,10 @@ def _change(place: tuple[str, ...], before: Any, after: Any) -> str:
             return f"setting {'.'.join(keys)} of the drives: {from_to}"
         case ("core", "version"):
             return f"version of robid: {from_to}"
+        case ("told", "run"):
+            return f"name of the run, which the page tells: {from_to}"
+        case ("told", "warnings"):
+            return "warnings of the stages before it, which the page tells, changed"
         case (*_, "inputs" | "files" as noun, name):
             return f"{noun.removesuffix('s')} {name} {happened}"
         case ("core", "sources"):
