@@ -13,6 +13,7 @@ import numpy as np
 
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
+from robid_core.mechanics.display import model_html
 from robid_core.mechanics.dynamics import dynamics
 from robid_core.mechanics.mechanism import Mechanism
 from robid_core.mechanics.rest import terms_at_rest
@@ -49,7 +50,7 @@ class SecondOrderModel:
         return int(self.input_map.shape[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LinearModel:
     """State space x' = A x + B u, y = C x + D u of deviations from the operating point (2.5)."""
 
@@ -60,6 +61,21 @@ class LinearModel:
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+
+    def resonances(self) -> tuple[FloatArray, FloatArray]:
+        """Frequencies in Hz and damping ratios of the modes that oscillate, lowest first."""
+        values = np.linalg.eigvals(self.a)
+        values = values[values.imag > 0]
+        values = values[np.argsort(np.abs(values))]
+        return np.abs(values) / (2 * np.pi), -values.real / np.abs(values)
+
+    def __repr__(self) -> str:
+        modes = ", ".join(f"{frequency:.3g} Hz" for frequency in self.resonances()[0])
+        sizes = f"{len(self.a)} states, {self.d.shape[1]} inputs, {len(self.d)} outputs"
+        return f"LinearModel: {sizes}; resonances: {modes or 'none'}"
+
+    def _repr_html_(self) -> str:
+        return model_html(self.resonances(), self.input_names, self.output_names, self.state_names)
 
 
 def second_order_model(

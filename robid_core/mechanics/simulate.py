@@ -17,6 +17,7 @@ from robid_core.arrays import FloatArray, IntArray
 from robid_core.compiled.lanes import LANES
 from robid_core.errors import ConfigurationError, NotTrustworthy
 from robid_core.mechanics.closed_loop import run_blocks
+from robid_core.mechanics.display import simulation_html, simulation_text
 from robid_core.mechanics.equilibrium import solve_equilibrium
 from robid_core.mechanics.mechanical_model import MechanicalModel, motors_last
 from robid_core.mechanics.mechanism import Mechanism
@@ -97,7 +98,7 @@ class SimulationState:
         return replace(self, speed=np.concatenate((motor_speed, motor_speed @ rate[free].T), axis=1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Simulation:
     """What the drives would sample."""
 
@@ -112,6 +113,12 @@ class Simulation:
     """True generalised coordinates where they were asked for, (n_lane, n_sample, n_coordinate)."""
     state: SimulationState
     """After the last sample; a run can go on from it."""
+
+    def __repr__(self) -> str:
+        return simulation_text(self.position, self.saturated)
+
+    def _repr_html_(self) -> str:
+        return simulation_html(self.position, self.torque, self.saturated)
 
 
 def rest_state(

@@ -6,6 +6,7 @@ import functools
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +84,7 @@ class RobotChoice:
         return Robot.load(self.source, dynamics=self.dynamics)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Pipeline:
     """A pipeline file that was read, checked and wired; `stages` are in the order in which they can run."""
 
@@ -97,6 +98,22 @@ class Pipeline:
     executor: PluginChoice | None
     stages: tuple[StageNode, ...]
     places: Places
+
+    def __repr__(self) -> str:
+        stages = ", ".join(node.name for node in self.stages)
+        return f"Pipeline {self.name}: seed {self.seed}, robot {self.robot.written}; stages: {stages}"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows of it: its stages, what each uses and takes, and its settings."""
+        rows = []
+        for node in self.stages:
+            said = node.stage.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+            settings = ", ".join(f"{key}: {value}" for key, value in said.items())
+            rows.append((node.name, node.plugin.name.rpartition(":")[2], settings))
+        cells = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+        head = "<tr><th>stage</th><th>use</th><th>with</th></tr>"
+        of = escape(f"{self.name}: robot {self.robot.written}, seed {self.seed}")
+        return f"<div><b>Pipeline</b> {of}<table><thead>{head}</thead><tbody>{cells}</tbody></table></div>"
 
     @property
     def folder(self) -> Path:

@@ -111,7 +111,11 @@ def time(result: Fit | Diagnosis, axis: str | None = None, index: int = 0) -> An
     """
     check_kind("time: result", result, Fit, Diagnosis)
     if not 0 <= index < len(result.time):
-        raise ConfigurationError(f"it has {len(result.time)} comparisons over time, no number {index}")
+        if not result.time:
+            raise ConfigurationError(f"{result.method} compares nothing over time{_drawn(result)}")
+        raise ConfigurationError(
+            f"{result.method} has comparisons 0 to {len(result.time) - 1} over time, none of number {index}"
+        )
     comparison = result.time[index]
     return shown(traces(comparison, 0 if axis is None else axis_number(comparison.axis_names, axis)))
 
@@ -223,8 +227,7 @@ def _response_residuals(fit: Fit, axis: str | None, configuration: int) -> Any:
     comparison = fit.response
     if comparison is None or not np.isfinite(np.einsum("cfii->cfi", comparison.deviation)).any():
         raise ConfigurationError(
-            f"{fit.method} has no residuals of responses with known deviations; plot.time shows what a fit leaves over "
-            "time, and a diagnosis has residuals of torques"
+            f"{fit.method} has no residuals of responses with known deviations{_drawn(fit)}"
         )
     check_number("configuration", configuration, len(comparison.measured))
     if axis is not None:
@@ -233,6 +236,18 @@ def _response_residuals(fit: Fit, axis: str | None, configuration: int) -> Any:
     names = comparison.axis_names
     layout = panel_layout(names, "std. errors", columns_of(len(names)), PANEL, {"rangemode": "tozero"})
     return shown({"data": residual_panels(comparison, configuration), "layout": layout})
+
+
+def _drawn(result: Fit | Diagnosis) -> str:
+    """Say which figures show what this result leaves, for those that ask for one that it has not."""
+    ways = ["plot.time draws what it leaves over time"] if result.time else []
+    if isinstance(result, Fit):
+        ways += ["plot.friction draws its friction over speed"] if result.friction else []
+        ways += (
+            ["its misfit_table has the misfit by axis and band"] if result.misfit_table is not None else []
+        )
+    ways += ["a diagnosis (diagnosis.effects) draws residual torques"] if isinstance(result, Fit) else []
+    return "".join(f"; {way}" for way in ways)
 
 
 def _entries(names: tuple[str, ...], output: str | None, into: str | None) -> list[Entry]:

@@ -124,7 +124,7 @@ def test_a_comparison_over_time_shows_what_is_left(robot: Robot) -> None:
     comparison: TimeComparison = found.time[0]
     left = comparison.measured[:, 1] - comparison.modelled[:, 1]
     np.testing.assert_allclose(figure.data[2].y, left, atol=1e-3 * np.abs(left).max())
-    with pytest.raises(ConfigurationError, match="it has 1 comparisons over time, no number 1"):
+    with pytest.raises(ConfigurationError, match="has comparisons 0 to 0 over time, none of number 1"):
         plot.time(found, index=1)
 
 

@@ -12,9 +12,11 @@ from robid_core import (
     Diagnosis,
     Fit,
     Frf,
+    FrictionCurve,
     Record,
     ResidualCurve,
     Robot,
+    TimeComparison,
     plot,
 )
 from robid_core.testing import example_diagnosis, example_fit, example_frf, example_record, example_robot
@@ -125,6 +127,23 @@ def test_what_a_fit_of_responses_leaves_is_drawn_in_standard_errors(fit: Fit) ->
         ConfigurationError, match="example has no residuals of responses with known deviations"
     ):
         plot.residuals(fit.replace(response=None))
+
+
+def test_advice_is_of_figures_that_the_fit_has(fit: Fit) -> None:
+    """plot.residuals sent to plot.time, which refused."""
+    without = fit.replace(response=None, time=(), friction=())
+    for draw in (plot.residuals, plot.time):
+        with pytest.raises(ConfigurationError) as told:
+            draw(without)
+        assert "plot." not in str(told.value)
+        assert "diagnosis.effects" in str(told.value)
+    wave = np.zeros((4, 2))
+    trace = TimeComparison(("axis_1", "axis_2"), "motor_torque", "N m", 0.0, np.arange(4.0), wave, wave)
+    with pytest.raises(ConfigurationError, match="plot.time draws what it leaves over time"):
+        plot.residuals(without.replace(time=(trace,)))
+    curve = FrictionCurve("axis_1", "coulomb", "rad/s", "N m", np.ones(2), np.ones(2), np.ones(2))
+    with pytest.raises(ConfigurationError, match="plot.friction draws"):
+        plot.time(without.replace(friction=(curve,)))
 
 
 def test_residuals_of_a_diagnosis_are_those_of_one_axis(robot: Robot) -> None:
