@@ -110,7 +110,7 @@ class Caller:
         if not self._compiled and Robot in node.stage.lends().values() and any(map(_has_drives, stages)):
             self._compiled = True
             jobs = self._tasks.jobs if isinstance(self._tasks, ProcessMap) else 0
-            compile_ahead(self._progress(node), jobs)
+            compile_ahead(self._progress(node), jobs, self._listener.note)
 
     def _tell_compilation(self, node: StageNode, kernel: str) -> None:
         if not self._compiled:

@@ -6,6 +6,7 @@ What a simulation does not need is compiled when it is called.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -29,11 +30,16 @@ _WAVES: tuple[tuple[_Chain, ...], ...] = (
 What the second wave has in common is compiled in the first, and eight experiments at once share their recursion with
 prescribed motions: across chains only small functions are compiled twice.
 """
+_SECONDS = "20 to 40 s"  # on two cores and on one
 _WIDTHS = 2
 """Codes that the simulator's outermost loop has: for one experiment and for eight at once."""
 
 
-def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int = 0) -> None:
+def compile_ahead(
+    note: Callable[[int, int, str], None] | None = None,
+    jobs: int = 0,
+    say: Callable[[str], None] | None = None,
+) -> None:
     """Compile the kernels of simulations, unless they are on disk.
 
     Parameters
@@ -42,6 +48,8 @@ def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int
         Told how many groups of kernels are compiled, of how many, and what is waited for.
     jobs
         Processes; 0 takes as many as there are processors.
+    say
+        Told once when it begins, which a log shows at once, and once how long it took.
     """
     if kept_codes(run_blocks) >= _WIDTHS:
         return
@@ -49,11 +57,16 @@ def compile_ahead(note: Callable[[int, int, str], None] | None = None, jobs: int
     tell = note if note is not None else _say_nothing
     with process_executor(jobs) as tasks:
         text = f"compiling kernels, once, on {_processors(tasks, max(map(len, _WAVES)))}"
+        if say is not None:
+            say(f"{text}: {_SECONDS}; later runs on this machine load them from disk")
+        began = time.perf_counter()
         tell(done, total, text)
         for wave, chains in enumerate(_WAVES):
             for _ in tasks.stream(_compile, [(wave, chain) for chain in range(len(chains))]):
                 done += 1
                 tell(done, total, text)
+    if say is not None:
+        say(f"kernels compiled in {time.perf_counter() - began:.1f} s")
 
 
 def _compile(wave: int, chain: int) -> None:

@@ -71,7 +71,7 @@ def rehearse(pipeline: Pipeline, listener: Listener | None = None) -> dict[str, 
             began = time.perf_counter()
             progress = _progress(listener, node.name)
             if index == 1:
-                compile_ahead(progress)
+                compile_ahead(progress, say=listener.note)
             made[node.name] = _make(node, pipeline, robot, made, progress)
             listener.end(node.name, "made", time.perf_counter() - began)
     return made

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from robid_core import Robot
+from robid_core import Pipeline, Robot
 from robid_core.estimation.rigid.rigid_torque import motor_torque
 from robid_core.residual import rigid_drives
 
@@ -22,7 +25,7 @@ def part():
     small.plus(1.0)
 c._WAVES = (((part,),),)
 if __name__ == "__main__":
-    c.compile_ahead(lambda done, total, text: print(done, total, text))
+    c.compile_ahead(lambda done, total, text: print(done, total, text), say=lambda text: print("say", text))
 """
 _TOLD = """
 from robid_core.compiled.telling import compilation_told
@@ -46,8 +49,12 @@ def said(script: Path, text: str, cache: Path) -> list[str]:
 
 def test_what_is_compiled_ahead_is_told_and_found_by_the_next_process(tmp_path: Path) -> None:
     told = said(tmp_path / "ahead.py", _AHEAD, tmp_path / "cache")
-    assert [line.split(" ", 2)[:2] for line in told] == [["0", "1"], ["1", "1"]]
-    assert "compiling kernels, once" in told[0]
+    assert [line.split(" ", 2)[:2] for line in told[1:3]] == [["0", "1"], ["1", "1"]]
+    assert "compiling kernels, once" in told[1]
+    assert told[0].startswith("say compiling kernels, once, on")
+    assert told[0].endswith("20 to 40 s; later runs on this machine load them from disk")
+    (seconds,) = re.findall(r"^say kernels compiled in ([\d.]+) s$", told[3])
+    assert 0 < float(seconds) < 60
     assert said(tmp_path / "told.py", _TOLD, tmp_path / "cache") == [], "nothing is left to compile"
 
 
@@ -64,6 +71,37 @@ def test_nothing_is_done_where_the_simulator_is_on_disk(monkeypatch: pytest.Monk
     monkeypatch.setattr(compilation, "kept_codes", lambda _: 2)
     monkeypatch.setattr(compilation, "process_executor", lambda _: pytest.fail("work is given out"))
     compilation.compile_ahead()
+
+
+def test_a_log_is_told_when_compiling_begins_and_how_long_it_took(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], world: Any
+) -> None:
+    """A pipe or the log of a CI run shows no bar: 22 s passed in silence there."""
+    from robid_core.commands.run_screen import Lines
+    from robid_core.run import calling, rehearsal
+
+    def compiled(_note: object, _jobs: int = 0, say: Callable[[str], None] | None = None) -> None:
+        assert say is not None
+        say("compiling kernels")
+
+    monkeypatch.setattr(rehearsal, "compile_ahead", compiled)
+    monkeypatch.setattr(calling, "compile_ahead", compiled)
+    multisine = {"band_hz": [4, 40], "lines": 8, "period_s": 1}
+    pipeline = Pipeline.from_dict(
+        {
+            "robot": "one_axis",
+            "drives": {"use": "simulated", "with": {"plant": "one_axis_true"}},
+            "stages": {
+                "where": {"use": "design.candidates", "with": {"count": 1}},
+                "excite": {"use": "excitation.multisine", "with": multisine},
+                "acquire": {"use": "acquisition.drives", "inputs": {"configurations": "where"}},
+            },
+        }
+    )
+    rehearsal.rehearse(pipeline, Lines())
+    assert "compiling kernels\n" in capsys.readouterr().err
+    world.run(listener=Lines())
+    assert "compiling kernels\n" in capsys.readouterr().err
 
 
 _RECORDING = """
