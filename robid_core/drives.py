@@ -45,7 +45,16 @@ class Plant(Protocol):
 
 @dataclass(frozen=True)
 class Experiment:
-    """One cleared motion: go to `start`, repeat `reference` `periods` times, keep the last `traced` ones."""
+    """One cleared motion: go to `start`, repeat `reference` `periods` times, keep the last `traced` ones.
+
+    >>> import numpy as np, robid_core as robid
+    >>> still, one = np.zeros(1), np.ones(1)
+    >>> limits = robid.MotionLimits(("axis_1",), -one, one, 2 * one, 1000 * one)
+    >>> wave = np.sin(2 * np.pi * np.arange(1000) / 1000)[:, None]
+    >>> clearance = robid.clear_motion(still, wave, 0.001, 2, limits)
+    >>> robid.Experiment("first", still, wave, 2, 1, 0.001, 0, clearance).cleared
+    True
+    """
 
     label: str
     start: FloatArray  # (n_axis,) motor angle, rad
@@ -100,6 +109,14 @@ def assemble_record(plan: RecordPlan, traces: Mapping[ExperimentIndex, Trace]) -
     """Record of a plan from the traces of its experiments.
 
     What was not measured is NaN and not valid, a trace that is not there included. Without lines the record has none.
+
+    >>> import numpy as np, robid_core as robid
+    >>> plan = robid.RecordPlan(("axis_1",), "bench", 0.001, 1, 2, 1, 50, np.zeros((1, 1)), np.array([5]))
+    >>> wave, all_valid = np.zeros((1, 50, 1)), np.ones((1, 50), dtype=bool)
+    >>> trace = robid.Trace(wave, wave, all_valid, np.zeros(1), wave[0], time_s=0.0)
+    >>> record = robid.assemble_record(plan, {(0, 0, 0): trace})  # the second experiment was not measured
+    >>> record.run.valid.shape, int(record.run.valid.sum())
+    ((1, 1, 2, 1, 50), 50)
     """
     shape = (len(plan.angle), plan.n_block, plan.n_exp, plan.n_period, plan.n_sample, len(plan.axis_names))
     position, torque, reference = (np.full(shape, np.nan) for _ in range(3))

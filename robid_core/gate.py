@@ -106,6 +106,16 @@ def clear_motion(
     MotionRefused
         Where a sample leaves position, speed or acceleration limits (start and wrap included), where a value is NaN,
         and where types or shapes are not those above.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> still, one = np.zeros(1), np.ones(1)
+    >>> limits = robid.MotionLimits(("axis_1",), -one, one, 2 * one, 1000 * one)
+    >>> wave = np.sin(2 * np.pi * np.arange(1000) / 1000)[:, None]
+    >>> clearance = robid.clear_motion(still, wave, 0.001, 2, limits)
+    >>> clearance.covers(still, wave, 0.001, 2), clearance.covers(still, 2 * wave, 0.001, 2)
+    (True, False)
     """
     flaw = _flaw(start, reference, sample_time_s, periods) or _flaw_of_limits(limits, len(start))
     if flaw:

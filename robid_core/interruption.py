@@ -155,6 +155,10 @@ def heed() -> None:
     """Raise KeyboardInterrupt where a signal has asked to stop; called wherever somebody waits or reports progress.
 
     Not while one is being handled already, nor where signals are held.
+
+    >>> import robid_core as robid
+    >>> for _ in range(3):  # a long loop of a plugin
+    ...     robid.heed()
     """
     if _latch.requested and not _latch.held and not _being_handled():
         raise KeyboardInterrupt
@@ -162,7 +166,12 @@ def heed() -> None:
 
 @contextlib.contextmanager
 def at_safe_points() -> Iterator[None]:
-    """Let signals interrupt at `heed()` only: what is between two calls runs to its end."""
+    """Let signals interrupt at `heed()` only: what is between two calls runs to its end.
+
+    >>> import robid_core as robid
+    >>> with robid.at_safe_points():
+    ...     robid.heed()  # here, between two motions, and nowhere else
+    """
     _latch.at_safe_points += 1
     try:
         yield

@@ -34,6 +34,12 @@ def load_plugin(group: str, name: str) -> Any:
         Where there is none, with what comes near.
     PluginError
         Where it cannot be imported, or is not what its group asks for.
+
+    Examples
+    --------
+    >>> import robid_core as robid
+    >>> robid.load_plugin("robid.stages", "design.candidates").__name__
+    'RandomCandidates'
     """
     plugin = registry.registry().find(group, name)
     loaded = plugin.load()

@@ -198,7 +198,12 @@ def _without_a_list() -> Iterator[str]:
 
 
 def record_readers() -> dict[str, str]:
-    """Return the readers of recordings by the suffixes of their files, without the dot."""
+    """Return the readers of recordings by the suffixes of their files, without the dot.
+
+    >>> import robid_core as robid
+    >>> robid.record_readers()["csv"]
+    'csv'
+    """
     names = registry().names(RECORDS)
     return {name: name for name in names} | {s: name for s, name in READERS.items() if name in names}
 

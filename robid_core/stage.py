@@ -67,7 +67,13 @@ class MapTasks(Protocol):
 
 @dataclass(frozen=True)
 class Context:
-    """Services of a run for its stages: random numbers, parallel work, progress and log."""
+    """Services of a run for its stages: random numbers, parallel work, progress and log.
+
+    >>> from robid_core.testing import example_context
+    >>> context = example_context()
+    >>> context.map(max, [(1, 2), (3, 4)]), list(context.track("ab", 2))
+    ([2, 4], ['a', 'b'])
+    """
 
     generator: np.random.Generator
     map: MapTasks

@@ -23,6 +23,13 @@ class Finding(Artifact):
     in each configuration, `held_out` with sizes from the other configurations, `by_own_size` what a size of its own
     gains there beside such sizes in all others: of that which acts in one configuration only, nothing elsewhere. The
     picture shows mean residual torques over a variable, and what the effect does there.
+
+    >>> import numpy as np, robid_core as robid
+    >>> one, seen = np.ones(1), np.array([60.0])
+    >>> finding = robid.Finding("cause", "friction.stribeck", "axis_1", "motor", 50.0, 1e-6, 0.9, ("excess",), ("N m",),
+    ...     np.full(1, np.nan), one, 0.1 * one, seen, seen, seen)
+    >>> finding.where, finding.n_seen
+    ('axis_1 (motor)', 1)
     """
 
     kind: str

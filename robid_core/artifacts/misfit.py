@@ -23,6 +23,11 @@ class MisfitTable(Artifact):
 
     Band b reaches from `band_edges_hz[b]` to `band_edges_hz[b + 1]`; `lines` is of the excited lines, `other` of all
     other bins. `line_freedom` and `other_freedom` are the degrees of freedom of each, where they are known.
+
+    >>> import numpy as np, robid_core as robid
+    >>> misfit = robid.MisfitTable(("axis_1",), np.array([0.0, 3.0, 10.0]), np.array([[1.1, 4.0]]), np.ones((1, 2)))
+    >>> misfit.band_names
+    ('below 3 Hz', '3-10 Hz')
     """
 
     axis_names: tuple[str, ...]

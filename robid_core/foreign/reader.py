@@ -61,5 +61,9 @@ def guarded_reader(name: str) -> GuardedReader:
     """Return the reader of recordings of this name, or pinned as `distribution:name`, under guard.
 
     Raises ConfigurationError where there is none, PluginError where it cannot be imported or is no reader.
+
+    >>> import robid_core as robid
+    >>> type(robid.guarded_reader(robid.record_readers()["csv"])).__name__
+    'GuardedReader'
     """
     return GuardedReader(registry().find(RECORDS, name))

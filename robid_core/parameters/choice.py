@@ -35,6 +35,13 @@ def chosen_names(names: Sequence[str], free: Iterable[str], fixed: Iterable[str]
     ------
     ConfigurationError
         For a pattern that means no parameter, and where nothing is left.
+
+    Examples
+    --------
+    >>> import robid_core as robid
+    >>> names = list(robid.Robot.load("one_axis").parameters())
+    >>> robid.chosen_names(names, ["gear_*"], fixed=["gear_ratio.*"])
+    ('gear_stiffness.axis_1', 'gear_damping.axis_1')
     """
     freed = {name for pattern in free for name in matching(pattern, names)}
     held = {name for pattern in fixed for name in matching(pattern, names)}

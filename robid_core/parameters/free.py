@@ -37,7 +37,14 @@ INSIDE = 2e-3  # of coordinates: a difference may still be taken beside a bound
 
 @dataclass(frozen=True, eq=False)
 class FreeParameters:
-    """Names, start values, priors and bounds of what a fit may change, in the order of the robot's names."""
+    """Names, start values, priors and bounds of what a fit may change, in the order of the robot's names.
+
+    >>> import robid_core as robid
+    >>> robot = robid.Robot.load("one_axis")
+    >>> free = robid.FreeParameters.of_robot(robot, ["gear_stiffness.axis_1", "gear_damping.axis_1"])
+    >>> free.names, free.kinds, free.start.tolist()
+    (('gear_stiffness.axis_1', 'gear_damping.axis_1'), ('logarithm', 'logarithm'), [80000.0, 60.0])
+    """
 
     robot: Robot
     names: tuple[str, ...]

@@ -28,6 +28,12 @@ def pattern_problems(
     -------
     Messages by place, as `Stage.problems_with` gives them: ``("free", 0)``, ``("prior", "mass.*")``. Patterns that mean
     nothing come alone: the rest might follow from them.
+
+    Examples
+    --------
+    >>> import robid_core as robid
+    >>> robid.pattern_problems(robid.Robot.load("one_axis"), ["gear_stifness.*"])
+    {('free', 0): "the robot has no parameter 'gear_stifness.*'; did you mean 'gear_stiffness.*'?"}
     """
     names, priors = list(robot.layout), dict(prior or {})
     places: dict[KeyPath, str] = {("free", i): pattern for i, pattern in enumerate(free)}

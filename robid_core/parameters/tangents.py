@@ -32,6 +32,15 @@ def mechanism_change(
         Their coordinates, shape (n_free,).
     index
         Numbers of the parameters that are asked for: the rows.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> robot = robid.Robot.load("one_axis")
+    >>> free = robid.FreeParameters.of_robot(robot, ["gear_stiffness.axis_1", "gear_damping.axis_1"])
+    >>> change = robid.mechanism_change(free, robot, np.zeros(2), [0, 1])
+    >>> change.stiffness.round(1).tolist()  # of the spring, to the logarithm of each
+    [[80000.0], [0.0]]
     """
     here = free.set_on(robot, point)
     values, known = free.values(point), here.layout

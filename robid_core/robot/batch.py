@@ -112,6 +112,17 @@ def simulate_portions(
         Where arrays do not fit one another or the robot, or its controller is unstable.
     PluginError
         Where a worker lacks the code, or has another version of it.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> from robid_core.testing import example_context
+    >>> robot = robid.Robot.load("one_axis")
+    >>> reference = np.sin(2 * np.pi * np.arange(100) / 100)[None, :, None] * np.ones((3, 1, 1))
+    >>> batch = robid.ExperimentBatch(robot, reference, np.zeros((3, 1)))
+    >>> portions = robid.simulate_portions(example_context().map, [batch, batch])
+    >>> sorted({portion.batch for portion in portions})
+    [0, 1]
     """
     for index, batch in enumerate(batches):
         batch.check(f"batch {index + 1}: " if len(batches) > 1 else "")
@@ -176,6 +187,16 @@ def simulate_over(
     ------
     BatchDiverged
         Where an experiment leaves all bounds; it holds what was computed before.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> from robid_core.testing import example_context
+    >>> robot = robid.Robot.load("one_axis")
+    >>> reference = np.sin(2 * np.pi * np.arange(100) / 100)[None, :, None] * np.ones((3, 1, 1))
+    >>> batch = robid.simulate_over(example_context().map, robot, reference, np.zeros((3, 1)), seed=[1, 2, 3])
+    >>> batch.torque.shape
+    (3, 100, 1)
     """
     seeds = None if seed is None else np.atleast_1d(np.asarray(seed, dtype=np.int64))
     start = robot.motor_angle(np.atleast_2d(np.asarray(angle, dtype=float)))

@@ -62,6 +62,17 @@ def effect_columns(robot: Robot, names: Iterable[str], motion: RobotMotion) -> t
     ------
     ConfigurationError
         Where a name is no parameter of such an effect, or the motion lacks what a law asks for.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> sizes = {"coulomb": 0.2, "breakaway": 0.3}
+    >>> robot = robid.Robot.load("one_axis").with_effect("rub", "friction.stribeck", "axis_1", "motor", sizes)
+    >>> speed = np.linspace(-10.0, 10.0, 5)[None, :, None] * np.ones(len(robot.mechanism.coordinate_names))
+    >>> motion = robid.RobotMotion(np.zeros_like(speed), speed, step=0.001)
+    >>> (column,) = robid.effect_columns(robot, ["effect.rub.coulomb"], motion)
+    >>> column.channel, column.linear, column.values.shape
+    ('force', True, (1, 5))
     """
     asked = [_parameter(robot, name) for name in names]
     exerting = {bound.label for bound, _ in asked if issubclass(bound.effect, ForceEffect)}

@@ -104,6 +104,16 @@ def forces_along(robot: Robot, motion: RobotMotion, labels: Collection[str] | No
     ------
     ConfigurationError
         Where a law asks for the load of a rigid gear and the motion has no torques.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> sizes = {"coulomb": 0.2, "breakaway": 0.3}
+    >>> robot = robid.Robot.load("one_axis").with_effect("rub", "friction.stribeck", "axis_1", "motor", sizes)
+    >>> speed = np.linspace(-10.0, 10.0, 5)[None, :, None] * np.ones(len(robot.mechanism.coordinate_names))
+    >>> motion = robid.RobotMotion(np.zeros_like(speed), speed, step=0.001)
+    >>> [force.velocity.tolist() for force in robid.forces_along(robot, motion).of("rub")]
+    [[[-10.0, -5.0, 0.0, 5.0, 10.0]]]
     """
     gears = np.flatnonzero(robot.mechanism.elastic_gear)
     rows = robot.mechanism.spring_directions[: len(gears)]

@@ -39,7 +39,12 @@ class LinkMesh:
 
 
 def link_meshes(robot: Robot) -> tuple[list[LinkMesh], list[str]]:
-    """Return the meshes of a robot whose file has a `model`, and a sentence for each that cannot be read."""
+    """Return the meshes of a robot whose file has a `model`, and a sentence for each that cannot be read.
+
+    >>> import robid_core as robid
+    >>> robid.link_meshes(robid.Robot.load("six_axis"))  # its file has bodies of its own, and no `model`
+    ([], [])
+    """
     if robot.file is None:
         return [], []
     try:

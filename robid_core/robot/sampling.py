@@ -13,7 +13,13 @@ ALIKE = 1e-3  # of a sampling time: a clock that is off by more is another one
 
 
 def other_sampling(sample_time_s: float, robot: Robot) -> str:
-    """Say that a record of this sampling time is not one of the robot's drives; empty where it is."""
+    """Say that a record of this sampling time is not one of the robot's drives; empty where it is.
+
+    >>> import robid_core as robid
+    >>> robot = robid.Robot.load("one_axis")
+    >>> robid.other_sampling(robot.sample_time_s, robot)
+    ''
+    """
     if abs(sample_time_s / robot.sample_time_s - 1) <= ALIKE:
         return ""
     return (

@@ -39,6 +39,16 @@ def prescribe_many(
     Returns
     -------
     A simulation of each robot, of n_exp lanes.
+
+    Examples
+    --------
+    >>> import numpy as np, robid_core as robid
+    >>> from robid_core.mechanics import MotorMotion
+    >>> robot = robid.Robot.load("one_axis")
+    >>> softer = robot.with_parameters({"gear_stiffness.axis_1": 4e4})
+    >>> motion = MotorMotion(np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 400, 1)))
+    >>> [run.torque.shape for run in robid.prescribe_many([robot, softer], motion)]
+    [(1, 100, 1), (1, 100, 1)]
     """
     models = [MechanicalModel(robot.mechanism, *robot.spring_arrays(), robot.forces) for robot in robots]
     if states is None:

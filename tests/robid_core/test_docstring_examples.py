@@ -107,6 +107,14 @@ def lacking() -> Iterator[tuple[str, str]]:
             yield "robid_core", noun.__name__
 
 
+def test_every_public_function_has_an_example_for_authors_of_plugins_too() -> None:
+    """Base classes are shown by docs/plugins.md."""
+    public = [getattr(robid_core, name) for name in robid_core.__all__]
+    assert [one.__name__ for one in public if inspect.isfunction(one) and not has_example(one)] == []
+    called = ("FreeParameters", "Finding", "MisfitTable", "Experiment", "Context")
+    assert [name for name in called if not has_example(getattr(robid_core, name))] == []
+
+
 def test_what_a_notebook_calls_has_an_example() -> None:
     found: dict[str, set[str]] = {}
     for noun, name in lacking():
