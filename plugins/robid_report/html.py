@@ -292,6 +292,7 @@ class HtmlReport(ReportStage):
             "rows": [row for row in table if row.reported],
             "nuisances": [row for row in table if not row.reported],
             "unreported": fit.parameters.unreported() if fit is not None else "",
+            "spread": any(row.spread for row in table),
             "base": rows(fit.base, None)[0] if fit is not None and fit.base is not None else [],
             "essential": essential_rows(fit.essential) if fit is not None else None,
             "plant": "" if truth is None else Path(truth.plant).name,  # no folder of the machine

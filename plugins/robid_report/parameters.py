@@ -33,6 +33,8 @@ class Row:
     start: str
     estimate: str
     standard_error: str
+    spread: str
+    """Standard error that the spread over experiments says; empty where it says none."""
     relative_error: str
     relative_size: str
     determined: bool
@@ -102,6 +104,7 @@ def rows(table: ParameterTable, truth: Truth | None) -> tuple[list[Row], float]:
                 start=significant(start),
                 estimate=to_error(estimate, error),
                 standard_error=significant(error, 2),
+                spread=_spread(table, i),
                 relative_error=relative_error(error, estimate),
                 relative_size=percent(error / abs(estimate)) if estimate else "–",
                 determined=is_determined(error, estimate),
@@ -117,6 +120,12 @@ def rows(table: ParameterTable, truth: Truth | None) -> tuple[list[Row], float]:
             )
         )
     return result, limit
+
+
+def _spread(table: ParameterTable, i: int) -> str:
+    if table.spread is None or not math.isfinite(table.spread[i]):
+        return ""
+    return significant(float(table.spread[i]), 2)
 
 
 @dataclass(frozen=True)
