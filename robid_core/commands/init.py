@@ -106,8 +106,13 @@ def files_of_urdf(
 
     Raises ConfigurationError where the file is no URDF, or cannot be a chain.
     """
+    from robid_core.errors import ConfigurationError
     from robid_core.robot.draft import draft_of
 
+    if not urdf.is_file():
+        raise ConfigurationError(
+            f"--robot {urdf}: there is no such file; name the URDF file of your robot, or a packaged robot"
+        )
     name = project_name(folder)
     draft = draft_of(urdf, name, lock)
     files = _filled(folder, "robot.yaml", "plant.yaml", configurations_for(draft.n_springs), FIRST)

@@ -7,7 +7,7 @@ from oracles.robots import changed
 
 from robid_core.artifacts import Excitation, Fit
 from robid_core.commands.init import configurations_for, files_of_urdf, project_files
-from robid_core.errors import MotionRefused
+from robid_core.errors import ConfigurationError, MotionRefused
 from robid_core.pipeline import Pipeline
 from robid_core.robot import Robot
 from robid_core.run import RunOptions, run_pipeline
@@ -30,6 +30,14 @@ def test_a_new_project_ends_without_doubt_and_finds_the_plants_spring(
     error = table.standard_error[table.names.index(spring)]
     assert abs(table.value(spring) - true) < 5 * error
     assert error < 1e-3 * true
+
+
+def test_a_urdf_that_is_not_there_is_named_as_it_was_given(tmp_path: Path) -> None:
+    """No robot file is at hand yet to which a path would be relative."""
+    with pytest.raises(ConfigurationError) as told:
+        files_of_urdf(tmp_path, tmp_path / "nope.urdf", ())
+    assert str(told.value).startswith(f"--robot {tmp_path / 'nope.urdf'}: there is no such file")
+    assert "in a robot file" not in str(told.value)
 
 
 def test_configurations_suffice_for_the_springs() -> None:

@@ -404,6 +404,7 @@ def test_show_lists_a_run_and_explains_each_artifact(world: Any, robid: Robid) -
     "words, message",
     [
         (("show",), "not a run"),
+        (("show", "nothing"), "nothing: no such run; robid run makes one in runs"),
         (("show", "nowhere", "fit"), "nowhere: no such run; robid run makes one"),
         (("diff", "a", "b"), "not a run"),
     ],
