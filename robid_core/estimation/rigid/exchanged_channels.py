@@ -23,21 +23,7 @@ def exchanged_in(
 ) -> Mended | None:
     """Return the axes whose angle and torque, exchanged, make a recording fit the robot; None where none do.
 
-    Parameters
-    ----------
-    drives
-        The robot as its file says it is.
-    experiments
-        Motor angle and torque, (n_sample, n_axis) each, as recorded.
-    sample_time
-        Between two samples, s.
-    cutoff_hz
-        Below the robot's first resonance.
-
-    Raises
-    ------
-    DataRejected
-        If the cutoff is not below the Nyquist frequency, or an experiment is too short for it.
+    Arguments and errors are those of `speeds_in`.
     """
     experiments = experiments[:: max(1, -(-len(experiments) // FEW))]
     before = Recorded.of_experiments(drives, experiments, sample_time, cutoff_hz).left
