@@ -151,7 +151,10 @@ class Registry:
         noun = NOUNS[group]
         if not candidates:
             near = difflib.get_close_matches(name, self.names(group), n=1, cutoff=0.6)
-            hint = f"; did you mean '{near[0]}'?" if near else f"; there are: {', '.join(self.names(group))}"
+            known = (
+                f"; there are: {', '.join(self.names(group))}; is the package that brings it installed here?"
+            )
+            hint = f"; did you mean '{near[0]}'?" if near else known
             raise ConfigurationError(f"no {noun} '{name}'{hint}")
         if len(candidates) > 1:
             owners = " and ".join(f"{p.distribution} {p.version}" for p in candidates)

@@ -60,7 +60,7 @@ def layout_of(path: Path, text: str) -> Layout:
         raise DataRejected(f"{path}: {what}")
     remarks = []
     if title := _title(lines):
-        remarks.append(f"{title} lines above the names of the columns are left out")
+        remarks.append(f"{title} line{'s' if title > 1 else ''} above the names of the columns left out")
         lines = lines[title:]
     sample = [line for _, line in lines[: LOOKED_AT + 1]]
     separator = _separator(sample[0], sample[1:])
@@ -114,7 +114,10 @@ def trimmed(cells: list[str], n_column: int) -> list[str]:
 
 
 def _title(lines: Sequence[Line]) -> int:
-    """Return how many lines stand above the names of the columns: text with another number of cells than the table."""
+    """Return how many lines stand above the names of the columns.
+
+    Text with another number of cells than the table, or with empty ones, as spreadsheets fill up short lines.
+    """
     for first in range(min(LONGEST_TITLE, len(lines) - 1)):
         separator = _separator(lines[first][1], [line for _, line in lines[first + 1 :][:LOOKED_AT]])
         names = _without_last_empty(split(lines[first][1], separator))
@@ -125,7 +128,8 @@ def _title(lines: Sequence[Line]) -> int:
         below = [trimmed(split(line, separator), len(names)) for _, line in lines[first + 1 :][:2]]
         row = below[-1] if _units(below[0], len(names)) else below[0]
         if len(row) == len(names) and all(map(is_number, row)):
-            alike = any(len(split(line, separator)) == len(names) for _, line in lines[:first])
+            above = [split(line, separator) for _, line in lines[:first]]
+            alike = any(len(cells) == len(names) and all(cells) for cells in above)
             return 0 if alike or len(names) == 1 else first
     return 0
 

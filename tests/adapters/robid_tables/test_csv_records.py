@@ -222,7 +222,15 @@ def test_a_big_table_with_decimal_commas_takes_the_fast_way(
     np.testing.assert_array_equal(np.stack(list(columns.values()), axis=1), values)
 
 
-@pytest.mark.parametrize("title", ["Test bench 3;12.03.2024\n", "Test bench 3\nOperator;A. B.;hall 2;\n\n"])
+@pytest.mark.parametrize(
+    "title",
+    [
+        "Test bench 3;12.03.2024\n",
+        "Test bench 3\nOperator;A. B.;hall 2;\n\n",
+        "Test bench 3;;\n",
+        "Test bench 3;;;\nOperator;A. B.;;\n",
+    ],
+)
 @pytest.mark.parametrize("units", ["", "s;deg;A\n"])
 def test_a_title_above_the_header_is_left_out_and_reported(tmp_path: Path, title: str, units: str) -> None:
     path = tmp_path / "bench.csv"
@@ -230,7 +238,7 @@ def test_a_title_above_the_header_is_left_out_and_reported(tmp_path: Path, title
     columns = CsvRecords.read(path)
     assert list(columns) == ["time", "angle", "current"]
     assert columns["angle"].tolist() == [1.5, 1.6]
-    assert any("above the names of the columns are left out" in line for line in CsvRecords.describe(path))
+    assert any("above the names of the columns left out" in line for line in CsvRecords.describe(path))
 
 
 def test_a_header_of_another_length_is_no_title(tmp_path: Path) -> None:

@@ -410,7 +410,10 @@ def test_a_model_file_is_told_at_the_line_that_names_it(tmp_path: Path) -> None:
     assert "none.urdf is no file" in found
     (tmp_path / "robot.sdf").write_text("<sdf/>")
     (found,) = mistakes(tmp_path, text=f"{head}model: robot.sdf\n{tail}")
-    assert found == "3:1: model: no reader of robot models 'sdf'; there are: urdf"
+    assert (
+        found
+        == "3:1: model: no reader of robot models 'sdf'; there are: urdf; is the package that brings it installed here?"
+    )
     pytest.importorskip("pinocchio")
     joint = '<joint name="a" type="continuous"><parent link="{}"/><child link="{}"/></joint>'
     (tmp_path / "robot.urdf").write_text(
