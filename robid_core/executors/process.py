@@ -144,8 +144,16 @@ class ProcessMap:
     def _give_out(self, function: Callable[..., Any], tasks: Iterable[_Given]) -> None:
         for given in tasks:
             given.future = None
-            with held():  # a worker that is started and never told what for ends with a traceback
-                given.future = self._workers().submit(_call, function, given.argument)
+            pool = self._workers()
+            try:
+                with held():  # a worker that is started and never told what for ends with a traceback
+                    given.future = pool.submit(_call, function, given.argument)
+            except OSError as error:
+                if (
+                    pool._broken
+                ):  # a worker died while another one was started: its pipes were closed meanwhile
+                    raise BrokenProcessPool(str(pool._broken)) from error
+                raise
 
     def _workers(self) -> concurrent.futures.ProcessPoolExecutor:
         if self._pool is None:

@@ -6,6 +6,7 @@ import importlib
 import logging
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,32 @@ def test_a_task_that_kills_every_process_is_given_up_and_what_came_before_is_kep
     with pytest.raises(PluginError, match=r"process died while it ran stream_tasks\.die_at, 4 times"):
         next(results)
     assert two(tasks.square, [(1,), (2,)]) == [1, 4], "a new pool"
+
+
+def test_a_worker_that_dies_while_another_one_is_started_is_a_dead_worker(
+    tasks: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The pool has closed its pipes by then, and starting fails with an OSError; any other one is passed on."""
+    spawn, times = ProcessPoolExecutor._spawn_process, list[str]()
+
+    def fails_first(pool: Any) -> None:
+        if not times:
+            times.append("once")
+            pool._broken = "a child process terminated abruptly"
+            raise OSError("handle is closed")
+        spawn(pool)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "_spawn_process", fails_first)
+    with process_executor(jobs=2) as workers, caplog.at_level(logging.WARNING, "robid"):
+        assert workers(tasks.square, [(1,), (2,), (3,)]) == [1, 4, 9]
+    assert "a worker process died" in caplog.text
+
+    def never(pool: Any) -> None:
+        raise OSError("too many open files")
+
+    monkeypatch.setattr(ProcessPoolExecutor, "_spawn_process", never)
+    with process_executor(jobs=2) as workers, pytest.raises(OSError, match="too many open files"):
+        workers(tasks.square, [(1,), (2,), (3,)])
 
 
 def test_an_exception_that_cannot_travel_is_told_and_kills_nobody(two: ProcessMap, tasks: Any) -> None:
