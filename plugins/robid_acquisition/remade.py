@@ -65,10 +65,9 @@ def _exchanged(record: Record, robot: Robot) -> Iterator[tuple[Slip, Mended]]:
 
 def _counts(record: Record, robot: Robot) -> Iterator[tuple[Slip, Mended]]:
     """Angles that are counts of an encoder."""
-    axes, recorded = list(coarse_steps(record, robot)), recorded_below(record, robot)
-    if not axes or recorded is None:
-        return
-    if found := bare_counts_in(recorded, axes):
+    axes = list(coarse_steps(record, robot))
+    recorded = recorded_below(record, robot) if axes else None
+    if recorded is not None and (found := bare_counts_in(recorded, axes)):
         turns, mended = found
         what = _named(mended, robot, "looks like counts of an encoder", "look like counts of encoders")
         remedy = f"motor_position: unit: counts, unit_to: rad, scale: {2 * np.pi / turns[0]:.9g}"
@@ -78,8 +77,8 @@ def _counts(record: Record, robot: Robot) -> Iterator[tuple[Slip, Mended]]:
 def _clock(record: Record, robot: Robot) -> Iterator[tuple[Slip, Mended]]:
     """Samples that were taken as often as the robot's drives take them, where another time is stated."""
     stated, step = record.runs[0].sample_time_s, robot.sample_time_s
-    recorded = recorded_below(record, robot)
-    if not other_sampling(stated, robot) or recorded is None:
+    recorded = recorded_below(record, robot) if other_sampling(stated, robot) else None
+    if recorded is None:
         return
     cutoff = cutoff_of(record, robot, step)
     experiments = long_experiments(record, cutoff_of(record, robot))

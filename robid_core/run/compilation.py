@@ -30,7 +30,7 @@ _WAVES: tuple[tuple[_Chain, ...], ...] = (
 What the second wave has in common is compiled in the first, and eight experiments at once share their recursion with
 prescribed motions: across chains only small functions are compiled twice.
 """
-_SECONDS = "20 to 40 s"  # on two cores and on one
+_SECONDS = "15 to 40 s"  # on two idle cores, and on one or a busy machine
 _WIDTHS = 2
 """Codes that the simulator's outermost loop has: for one experiment and for eight at once."""
 

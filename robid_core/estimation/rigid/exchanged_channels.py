@@ -13,9 +13,7 @@ import numpy as np
 from robid_core.estimation.rigid.mended import Mended, mends
 from robid_core.estimation.rigid.plausibility import FITS, Recorded
 from robid_core.estimation.rigid.rigid_torque import RigidDrives
-from robid_core.estimation.rigid.speeds_for_angles import Experiment
-
-FEW = 4  # experiments that are looked at, evenly: what holds for all shows in some
+from robid_core.estimation.rigid.speeds_for_angles import FEW, Experiment
 
 
 def exchanged_in(
@@ -44,9 +42,11 @@ def _exchanged(
     drives: RigidDrives, experiments: Sequence[Experiment], axes: Sequence[int]
 ) -> Iterator[list[Experiment]]:
     """Exchange angles and torques of some axes, whose numbers a map took for one of these units."""
-    some, ratio = list(axes), np.abs(1 / np.diag(drives.gear)[list(axes)])
+    some = list(axes)
+    turned = np.diag(drives.gear)[some]  # none where an axis is moved by the motors of others alone
+    sides = (np.ones(len(some)), turned**-2.0) if turned.all() else (np.ones(len(some)),)
     for unit in (1.0, np.pi / 180):
-        for side in (np.ones(len(some)), ratio**2):
+        for side in sides:
             found = list[Experiment]()
             for position, torque in experiments:
                 angle, driven = np.array(position), np.array(torque)

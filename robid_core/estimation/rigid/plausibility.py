@@ -310,7 +310,7 @@ def _units(drives: RigidDrives, names: Sequence[str]) -> Iterator[tuple[Slip, Se
     """Another unit, or the other side of the gear, of one axis."""
     whole, every, degree = np.eye(drives.n_axis), range(drives.n_axis), np.pi / 180
     for a, name in enumerate(names):
-        ratio = abs(1 / float(drives.gear[a, a]))
+        ratio = 1 / (abs(float(drives.gear[a, a])) or 1.0)  # nothing to ask where other motors move it
         for factor, seen, remedy in (
             (degree, "degrees", "motor_position: unit: deg"),
             (1 / degree, "radians that were taken for degrees", "motor_position: unit: rad"),

@@ -66,6 +66,18 @@ def test_angles_and_torques_of_joints_that_were_exchanged_are_named(tmp_path: Pa
     ]
 
 
+def test_exchanged_channels_of_an_arm_that_other_motors_move_are_named(tmp_path: Path) -> None:
+    """The first motor moves the second joint, and the second the first: no side of a gear is one number."""
+    coupling = [[0.0, 0.02, 0.0], [-0.025, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    robot = loaded(tmp_path, {**ARM, "name": "crossed", "coupling": coupling})
+    angle, torque = moved(robot)
+    record = record_of(robot, torque, angle)
+    assert [slip.what for slip in slips_of(record, robot)] == [
+        "the angles of j1, j2, j3 and their torques are exchanged"
+    ]
+    assert not slips_of(record_of(robot, angle, torque), robot)
+
+
 def test_counts_are_named_with_those_of_a_turn_and_the_advice_is_read(tmp_path: Path) -> None:
     """Weight and inertia distinguish 4096 from 4000. The third axis is a slide, whose drive gives lengths."""
     robot = loaded(tmp_path, ARM)
