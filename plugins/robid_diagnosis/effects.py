@@ -7,7 +7,7 @@ robot and fitted with all else, and taken where they are significant after the s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
@@ -30,6 +30,7 @@ from robid_core import (
     StageRef,
 )
 from robid_core.estimation.copies import refuse_copies
+from robid_core.estimation.sticks import explains_most
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
 from robid_diagnosis.asked import asked_lines, nearest_lines
 from robid_diagnosis.asked_effects import wrong_names
@@ -59,6 +60,7 @@ from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
 from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
+from robid_diagnosis.sticking import cases_without_turns
 from robid_diagnosis.timing import timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
@@ -74,6 +76,7 @@ from robid_diagnosis.wording import (
     separation_line,
     settling_line,
     silent_line,
+    sticking_line,
     untried_line,
     values_line,
 )
@@ -113,8 +116,8 @@ class Effects(DiagnosisStage):
 
     Half of it may be alike in all bins: what gains less than such an error could is not named."""
     at_rest: Literal["leave_out", "keep"] = "leave_out"
-    """What becomes of samples at which an axis stands still, where motions do not repeat: friction holds it there by
-    any torque up to its level."""
+    """What becomes of samples at which friction holds an axis by any torque up to its level: where it stands still, in
+    motions that do not repeat, and where it sticks before it turns back."""
     passes: PositiveInt = 12
     """Prescribed motions of a fit at most."""
     discard: NonNegativeInt | None = None
@@ -171,10 +174,18 @@ class Effects(DiagnosisStage):
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
         discard = leading_periods(record, self.discard, context.log)
         case, tests = self._case(record, robot, robots, discard)
-        selection = Selection(
-            case, uses, self._places(), context.generator, context.progress, self.most, context.log
-        )
+        selection = self._selection(case, uses, context)
         outcome = selection.run()
+        misfit = outcome.final.misfit
+        for without in cases_without_turns(case, misfit, [one.on for one in unknown_of(outcome)]):
+            context.log.info(
+                "misfit %.3g: again without the turns of %s", misfit, " and ".join(without.sticking)
+            )
+            again = self._selection(without, uses, context)
+            found = again.run()
+            if explains_most(found.final.misfit, misfit):
+                selection, outcome = again, found
+                break
         check_related(outcome.final)
         for one in self.only:
             if one.partition("@")[0] not in outcome.searches[0].tried:
@@ -183,6 +194,11 @@ class Effects(DiagnosisStage):
                     "springs are refitted in any case"
                 )
         return self._told(robot, whole, tests, selection, outcome, chain, context)
+
+    def _selection(self, case: Case, uses: Sequence[str], context: Context) -> Selection:
+        return Selection(
+            case, uses, self._places(), context.generator, context.progress, self.most, context.log
+        )
 
     def _case(
         self, records: tuple[Record, ...], robot: Robot, robots: Mapping[str, Robot], discard: int
@@ -260,6 +276,7 @@ class Effects(DiagnosisStage):
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
         lines.append(rests_line(robot.axis_names, problem.at_rest.tolist()))
+        lines.append(sticking_line(case.sticking))
         lines += gear_ratio_lines(causes, values)
         if response_check is not None:
             lines.append(response_check_line(response_check))

@@ -219,7 +219,9 @@ class Case:
     robots: Mapping[str, Robot] = field(default_factory=dict)
     """Those that were told for variants that are not the nominal one."""
     leave_out_rests: bool = True
-    """Whether samples at which an axis stands still do not count in its torque, where motions do not repeat."""
+    """Whether samples at which friction holds an axis do not count in its torque."""
+    sticking: tuple[str, ...] = ()
+    """Axes that friction holds where they turn back although their angles do not show it."""
 
     @cached_property
     def variants(self) -> Variants:
@@ -290,6 +292,7 @@ class Case:
             highest_hz=self.highest_hz,
             each_delay=True,
             leave_out_rests=self.leave_out_rests,
+            sticking=self.sticking,
             spectra=self.spectra,
         )
         return replace(problem, doubt=self.doubt)

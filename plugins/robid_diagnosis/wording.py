@@ -157,7 +157,19 @@ def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
         return ""
     return (
         f"Samples at which an axis stands still do not count in its torque: {', '.join(told)} of the samples. Friction "
-        "holds it there by any torque up to its level."
+        "holds it there, at rest or where it turns back, by any torque up to its level."
+    )
+
+
+def sticking_line(axis_names: Sequence[str]) -> str:
+    """Say where only the torque shows that friction holds axes at their turns; empty where none."""
+    if not axis_names:
+        return ""
+    turn = "turns" if len(axis_names) == 1 else "turn"
+    return (
+        f"Where {' and '.join(axis_names)} {turn} back, torque is no function of the speed, and no effect explains it: "
+        "friction that turns more abruptly than the measured angle resolves holds the motor for a moment. A finer "
+        "encoder would show that; at_rest: keep counts these samples."
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robid_core import Doubt, FloatArray, Record
+from robid_core import BoolArray, Doubt, FloatArray, Record
 from robid_core.estimation.standstill import rests_of
 from robid_core.residual import Solution, TorqueProblem
 from robid_fit.tolerances import WIDENED, tolerance_factor
@@ -29,17 +29,19 @@ def with_rests(
 ) -> tuple[Doubt, ...]:
     """Put the doubt about axes that stand still first, and leave out what a fit says of clocks: a consequence.
 
-    A problem that does not count such samples has none.
+    Axes of which a problem does not count such samples are no reason to doubt.
     """
-    if any(block.moving is not None for block in problem.blocks):
-        return (*found, *_left_out(problem))
-    rests = standing(records)
-    return (*rests, *(one for one in found if not (rests and one.kind == "timing")))
+    rests = standing(records, problem.at_rest > 0)
+    clear = (one for one in found if not (rests and one.kind == "timing"))
+    return (*rests, *clear, *_left_out(problem))
 
 
-def standing(records: Sequence[Record]) -> tuple[Doubt, ...]:
-    """Doubt friction of axes that stand still for much of the time: what holds them is no function of the speed."""
-    shares = _share_at_rest(records)
+def standing(records: Sequence[Record], but: BoolArray) -> tuple[Doubt, ...]:
+    """Doubt friction of axes that stand still for much of the time: what holds them is no function of the speed.
+
+    `but`: of some, (n_axis,).
+    """
+    shares = np.where(but, 0.0, _share_at_rest(records))
     told = [
         f"{name} in {100 * share:.0f} %"
         for name, share in zip(records[0].axis_names, shares.tolist(), strict=True)
@@ -71,6 +73,19 @@ def _left_out(problem: TorqueProblem) -> tuple[Doubt, ...]:
         f"samples at which an axis stands still do not count in its torque: {', '.join(told)} of the samples"
     )
     return (Doubt("standstill", sentence, "at_rest: keep counts them", "remark"),)
+
+
+def unseen_sticks(axis_names: Sequence[str]) -> tuple[Doubt, ...]:
+    """Say that only the torque showed that friction holds axes where they turn back."""
+    if not axis_names:
+        return ()
+    sentence = (
+        f"where {' and '.join(axis_names)} turn{'s' * (len(axis_names) == 1)} back, torque is no function of the "
+        "speed; samples there do not count, which explains most of what was left. Friction that turns more abruptly "
+        "than the measured angle resolves holds a motor for a moment, or a law acts there that the robot file lacks"
+    )
+    remedy = "at_rest: keep counts them; a diagnosis says whether a law explains them"
+    return (Doubt("standstill", sentence, remedy, "remark"),)
 
 
 def _share_at_rest(records: Sequence[Record]) -> FloatArray:

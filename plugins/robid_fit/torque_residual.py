@@ -8,8 +8,10 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
+import contextlib
 import fnmatch
 import logging
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
@@ -26,12 +28,14 @@ from robid_core import (
     FreeParameters,
     ParameterTable,
     Record,
+    RobidError,
     Robot,
     RobotName,
     chosen_names,
     pattern_problems,
 )
 from robid_core.estimation.copies import refuse_copies
+from robid_core.estimation.sticks import explains_most
 from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.residual import (
     Solution,
@@ -52,7 +56,7 @@ from robid_core.residual import (
     words_of_pieces,
 )
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
-from robid_fit.torque_doubts import doubts, with_rests
+from robid_fit.torque_doubts import doubts, unseen_sticks, with_rests
 from robid_fit.torque_gain import common_scale_problem
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
@@ -135,8 +139,8 @@ class TorqueResidualFit(Estimator):
     """Standard deviation of the angles by which accelerometers and gyroscopes are turned on their links beside what the
     robot file says, rad; they are unknowns."""
     at_rest: Literal["leave_out", "keep"] = "leave_out"
-    """What becomes of samples at which an axis stands still, in motions that do not repeat: friction holds it there by
-    any torque up to its level, so that its own torque does not count at them."""
+    """What becomes of samples at which friction holds an axis by any torque up to its level: where it stands still, in
+    motions that do not repeat, and where it sticks before it turns back. Its own torque does not count at them."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
@@ -174,8 +178,10 @@ class TorqueResidualFit(Estimator):
             context.log.warning("fit.torque_residual %s", words)
         record = whole
         robot, robots = self._told(record, robot)
-        problem, solution, n_starts = self._solved(record, robot, robots, context)
-        problem, solution, friction = self._about_its_width(record, robot, robots, problem, solution, context)
+        problem, solution, n_starts, sticking = self._fitted(record, robot, robots, context)
+        problem, solution, friction = self._about_its_width(
+            record, robot, robots, problem, solution, context, sticking
+        )
         model = estimated_robot(
             robot, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, friction
         )
@@ -185,11 +191,37 @@ class TorqueResidualFit(Estimator):
             model=model,
             excited=excited_range(record),
             friction=curves_of(problem, solution.point, friction),
-            stated_doubts=(*with_rests(fit.stated_doubts, record, problem), *other_shapes(robot, friction)),
+            stated_doubts=(
+                *with_rests(fit.stated_doubts, record, problem),
+                *unseen_sticks(sticking),
+                *other_shapes(robot, friction),
+            ),
         )
 
-    def _solved(
+    def _fitted(
         self, record: tuple[Record, ...], robot: Robot, robots: dict[str, Robot], context: Context
+    ) -> tuple[TorqueProblem, Solution, int, tuple[str, ...]]:
+        """Fit, and again without the samples at which axes turn back, where these may make most of what is left.
+
+        The last part is axes whose turns do not count.
+        """
+        found = self._solved(record, robot, robots, context)
+        left = misfit(found[0], found[1].point)
+        if self.at_rest == "leave_out" and explains_most(1.0, left):
+            context.log.info("misfit %.3g: again without the samples at which axes turn back", left)
+            with contextlib.suppress(RobidError):  # too little is left
+                again = self._solved(record, robot, robots, context, robot.axis_names)
+                if explains_most(misfit(again[0], again[1].point), left):
+                    return *again, robot.axis_names
+        return *found, ()
+
+    def _solved(
+        self,
+        record: tuple[Record, ...],
+        robot: Robot,
+        robots: dict[str, Robot],
+        context: Context,
+        sticking: Collection[str] = (),
     ) -> tuple[TorqueProblem, Solution, int]:
         """Fit from the starts that are asked for; where none are and the nominal robot's leads nowhere, from several.
 
@@ -197,7 +229,7 @@ class TorqueResidualFit(Estimator):
         """
 
         def solved(starts: int) -> tuple[TorqueProblem, Solution, int]:
-            problem = self._problem(record, robot, robots, context.log)
+            problem = self._problem(record, robot, robots, context.log, sticking=sticking)
             points = self._start_points(problem.free, starts, context.generator)
             solution = solve(
                 problem,
@@ -224,6 +256,7 @@ class TorqueResidualFit(Estimator):
         problem: TorqueProblem,
         solution: Solution,
         context: Context,
+        sticking: Collection[str],
     ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...]]:
         """Fit again with functions of speed about the width that friction has, where theirs was another one.
 
@@ -235,7 +268,7 @@ class TorqueResidualFit(Estimator):
             motions = [block.motion for block in problem.blocks]
             if are_alike(problem.blocks[0].laws, functions_of_speed(robot, motions, None, width)):
                 break
-            other = self._problem(record, robot, robots, width=width)
+            other = self._problem(record, robot, robots, width=width, sticking=sticking)
             told = ", ".join(f"{own:.3g}" for own in width)
             context.log.info(
                 "transition speed of Coulomb friction: %s rad/s; the free functions of speed are placed about it",
@@ -285,6 +318,7 @@ class TorqueResidualFit(Estimator):
         robots: dict[str, Robot],
         log: logging.Logger | None = None,
         width: FloatArray | None = None,
+        sticking: Collection[str] = (),
     ) -> TorqueProblem:
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")
@@ -303,6 +337,7 @@ class TorqueResidualFit(Estimator):
             gain_prior=self.arm_side_gain,
             mounting_prior=self.arm_side_mounting_rad,
             leave_out_rests=self.at_rest == "leave_out",
+            sticking=sticking,
         )
 
     # What is stated

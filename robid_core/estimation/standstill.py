@@ -13,6 +13,7 @@ import scipy
 
 from robid_core.arrays import BoolArray, FloatArray
 from robid_core.estimation.rigid.regression import differentiate, smooth
+from robid_core.estimation.sticks import sticks_of
 
 STICK_S, STICK = 0.02, 5  # an angle that stays for that long, and so many samples, may stick
 RANGE = 4.0  # standard deviations of its noise within which it stays then
@@ -25,23 +26,29 @@ SHORTEST = 50  # samples: fewer are at rest nowhere
 SLOWEST, SLOW = 1e-3, 2e-2  # of the rms speed of an axis: what counts as rest at least, and at most
 
 
-def rests_of(angles: Sequence[FloatArray], sample_times: Sequence[float]) -> list[BoolArray]:
-    """Return at which samples each axis stands still, (n_sample, n_axis) of each experiment, as `at_rest` does.
+def rests_of(
+    angles: Sequence[FloatArray], sample_times: Sequence[float], sticking: BoolArray | None = None
+) -> list[BoolArray]:
+    """Return at which samples each axis stands still, (n_sample, n_axis) of each experiment.
+
+    They are those of `at_rest`, and moments at which it sticks before it turns back (`sticks_of`).
 
     Parameters
     ----------
     angles, sample_times
         Measured angles of the motors, (n_sample, n_axis) each, without holes, and s.
+    sticking
+        As of `sticks_of`.
     """
     edge = min([OF_MOTION_HZ, *(0.2 / step for step in sample_times)])
-    found = [np.zeros(angle.shape, dtype=np.bool_) for angle in angles]
+    found = sticks_of(angles, sticking=sticking)
     long = [i for i, angle in enumerate(angles) if len(angle) >= SHORTEST]
     smoothed = [smooth(angles[i], sample_times[i], edge) for i in long]
     speeds = [differentiate(one, sample_times[i]) for i, one in zip(long, smoothed, strict=True)]
     if long:
         still = at_rest([angles[i] for i in long], speeds, smoothed, [sample_times[i] for i in long], edge)
         for i, own in zip(long, still, strict=True):
-            found[i] = own
+            found[i] |= own
     return found
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from robid_core.artifacts import Record
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion
@@ -25,6 +27,7 @@ from robid_core.robot import Robot
 from robid_core.robot.sampling import check_sampling
 
 Motion = PeriodicMotion | WindowedMotion
+FEWEST_VALUES = 5.0  # for each unknown function of an axis' speed
 
 NOUNS = (
     "gear_stiffness", "gear_damping", "bearing_stiffness", "bearing_damping", "rotor_inertia",
@@ -54,6 +57,7 @@ def torque_problem(
     gain_prior: float = 0.01,
     mounting_prior: float = 0.02,
     leave_out_rests: bool = True,
+    sticking: Collection[str] = (),
     spectra: Callable[[Record, int, float, float], Motion] = spectra_of,
 ) -> TorqueProblem:
     """Prepare what is minimised.
@@ -85,7 +89,10 @@ def torque_problem(
     mounting_prior
         Standard deviation of the angles by which inertial units are turned on their links, rad.
     leave_out_rests
-        Whether samples at which an axis stands still do not count in its torque, where motions do not repeat.
+        Whether samples at which friction holds an axis do not count in its torque: those at which it stands still,
+        where motions do not repeat, and sticks.
+    sticking
+        Axes that friction holds where they turn back even if their angles do not show it.
     spectra
         `spectra_of`, or one that remembers what it has transformed.
 
@@ -119,7 +126,7 @@ def torque_problem(
         )
     motions = [motion for motion, _ in parts]
     laws = speed_functions(robot, motions)
-    counted = _moving(motions) if leave_out_rests else dict[int, MovingSamples]()
+    counted = _moving(robot, motions, laws, sticking) if leave_out_rests else dict[int, MovingSamples]()
     blocks: tuple[Any, ...] = tuple(
         block_of(motion, under, laws, arm, counted.get(number))
         for number, ((motion, under), arm) in enumerate(zip(parts, arms, strict=True))
@@ -129,11 +136,35 @@ def torque_problem(
     )
 
 
-def _moving(motions: Sequence[MotionSpectra]) -> dict[int, MovingSamples]:
-    """Samples at which axes move, by the number of a motion that does not repeat and has rests."""
-    cuts = {number: motion for number, motion in enumerate(motions) if isinstance(motion, WindowedMotion)}
-    found = zip(cuts, moving_samples(list(cuts.values())), strict=True)
-    return {number: own for number, own in found if own is not None}
+def _moving(
+    robot: Robot, motions: Sequence[MotionSpectra], laws: SpeedFunctions, sticking: Collection[str]
+) -> dict[int, MovingSamples]:
+    """Samples at which axes move, by the number of a motion with rests.
+
+    Raises DataRejected where so few of an axis are left that its friction cannot be told from its motion.
+    """
+    named = np.isin(robot.axis_names, list(sticking))
+    found, n_axis = moving_samples(motions, named), robot.n_axis
+    values, n_sample, moves = np.zeros((3, n_axis))
+    for motion, own in zip(motions, found, strict=True):
+        n_run, n_bin = int(np.prod(motion.angle.shape[:2])), len(motion.bin)
+        values += 2 * n_run * n_bin if own is None else 2 * own.share.sum(axis=(0, 1, 2))[:n_axis]
+        n_sample += n_run * motion.n_sample
+        share = np.ones(n_axis) if own is None else own.weight.mean(axis=(0, 1, 2))[:n_axis]
+        moves += n_run * motion.n_sample * share
+    few = values < FEWEST_VALUES * (len(laws.odd) + len(laws.even) + 1)
+    if few.any():
+        each = ", ".join(
+            f"{robot.axis_names[axis]} {100 * (1 - moves[axis] / n_sample[axis]):.0f} %"
+            for axis in np.flatnonzero(few)
+        )
+        raise DataRejected(
+            f"friction holds axes, at rest or where they turn back, at nearly all samples ({each}, margins included): "
+            "what is left cannot tell their friction from their motion; record motions "
+            "that turn back less often (a large slow one beside the small fast one), or count all samples "
+            "(at_rest: keep)"
+        )
+    return {number: own for number, own in enumerate(found) if own is not None}
 
 
 def _bare(robot: Robot) -> Robot:

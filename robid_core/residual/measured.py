@@ -116,9 +116,9 @@ def block_of(
     arm: ArmSpectra | None = None,
     moving: MovingSamples | None = None,
 ) -> PeriodicBlock | WindowedBlock:
-    """Return the block of one record under its robot; `moving`: samples that count where it does not repeat."""
+    """Return the block of one record under its robot; `moving`: samples that count."""
     if isinstance(motion, PeriodicMotion):
-        return PeriodicBlock.of_record(robot, motion, laws, arm)
+        return PeriodicBlock.of_record(robot, motion, laws, arm, moving)
     assert arm is None or isinstance(arm, WindowedArm)
     return WindowedBlock.of_record(robot, motion, laws, arm, moving)
 

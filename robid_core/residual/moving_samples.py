@@ -1,4 +1,4 @@
-"""Samples of a motion that does not repeat at which each axis moves: the others do not count in its row.
+"""Samples at which each axis moves: the others, at rests and sticks, do not count in its row.
 
 What friction is while an axis sticks, no function of its speed says, and a spectrum spreads it over all bins. So the
 residual over time, below the highest frequency, is multiplied by a weight that is zero at rest and one in motion.
@@ -20,7 +20,9 @@ import scipy
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.estimation.standstill import rests_of
-from robid_core.estimation.torque.windowed import WindowedMotion
+from robid_core.estimation.sticks import sticks_of
+from robid_core.estimation.torque.periodic import PeriodicMotion
+from robid_core.estimation.torque.spectra import MotionSpectra
 
 PERIODS = 2.0  # of the highest frequency, on either side of a rest
 REACH_S = 0.03  # likewise, at least
@@ -40,14 +42,15 @@ class MovingSamples:
     """Weight of each bin in rows with rests, (n_bin,)."""
 
     @classmethod
-    def of_motion(cls, motion: WindowedMotion, rests: BoolArray) -> MovingSamples:
+    def of_motion(cls, motion: MotionSpectra, rests: BoolArray) -> MovingSamples:
         """Prepare rows of the motors' torques; `rests` at the samples, (n_config, n_exp, n_sample, n_axis)."""
         n_sample, n_bin = rests.shape[2], len(motion.bin)
         n_time = min(scipy.fft.next_fast_len(FINER * n_bin, real=True), n_sample)
         reach_s = max(PERIODS / motion.frequency_hz[-1], REACH_S)
         wider, edge = (max(round(span / motion.sample_time_s), 1) for span in (2 * reach_s + EDGE_S, EDGE_S))
-        still = scipy.ndimage.maximum_filter1d(rests, wider, axis=2, mode="nearest")
-        moves = scipy.ndimage.uniform_filter1d((~still).astype(np.float64), edge, axis=2, mode="nearest")
+        mode = "wrap" if isinstance(motion, PeriodicMotion) else "nearest"
+        still = scipy.ndimage.maximum_filter1d(rests, wider, axis=2, mode=mode)
+        moves = scipy.ndimage.uniform_filter1d((~still).astype(np.float64), edge, axis=2, mode=mode)
         at = np.minimum(np.round(np.arange(n_time) * n_sample / n_time).astype(int), n_sample - 1)
         fading = np.clip((np.arange(n_bin) / n_bin - 1 + FADES) / FADES, 0.0, 1.0)
         return cls(moves[:, :, at], 0.5 * (1 + np.cos(np.pi * fading)))
@@ -104,14 +107,29 @@ class MovingSamples:
         return result
 
 
-def moving_samples(motions: Sequence[WindowedMotion]) -> list[MovingSamples | None]:
-    """Return the weights of each of several motions that do not repeat; None where no axis rests."""
-    lanes = [lane for motion in motions for lane in motion.angle.reshape(-1, *motion.angle.shape[2:])]
-    times = [motion.sample_time_s for motion in motions for _ in range(int(np.prod(motion.angle.shape[:2])))]
-    still, found, first = rests_of(lanes, times), list[MovingSamples | None](), 0
-    for motion in motions:
-        count = int(np.prod(motion.angle.shape[:2]))
-        rests = np.stack(still[first : first + count]).reshape(motion.angle.shape)
-        found.append(MovingSamples.of_motion(motion, rests) if rests.any() else None)
-        first += count
+def moving_samples(
+    motions: Sequence[MotionSpectra], sticking: BoolArray | None = None
+) -> list[MovingSamples | None]:
+    """Return the weights of each of several motions; None where no axis rests.
+
+    In motions that repeat only sticks are rests: an axis that stands still throughout a period shows noise, and its
+    friction, a constant, is a function of the speed. `sticking` as of `sticks_of`.
+    """
+    found: list[MovingSamples | None] = [None] * len(motions)
+    for repeat in (False, True):
+        chosen = [i for i, motion in enumerate(motions) if isinstance(motion, PeriodicMotion) == repeat]
+        lanes = [lane for i in chosen for lane in motions[i].angle.reshape(-1, *motions[i].angle.shape[2:])]
+        times = [
+            motions[i].sample_time_s for i in chosen for _ in range(int(np.prod(motions[i].angle.shape[:2])))
+        ]
+        still, first = (
+            sticks_of(lanes, repeat=True, sticking=sticking) if repeat else rests_of(lanes, times, sticking),
+            0,
+        )
+        for i in chosen:
+            shape = motions[i].angle.shape
+            count = int(np.prod(shape[:2]))
+            rests = np.stack(still[first : first + count]).reshape(shape)
+            found[i] = MovingSamples.of_motion(motions[i], rests) if rests.any() else None
+            first += count
     return found

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
+from robid_core.estimation.torque.shown_noise import shown_noise
 from robid_core.estimation.torque.spectra import MOTION_BAND_HZ, friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
@@ -19,6 +20,7 @@ from robid_core.residual.block import TorqueBlock
 from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
 from robid_core.residual.motor_laws import braking_torque, viscous_of_motors
+from robid_core.residual.moving_samples import MovingSamples
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
@@ -33,6 +35,9 @@ LONGEST_S = 30.0  # of motion: what has not rung out then never will
 ROUNDS = 4  # of NEXT_PERIODS: what differs by more than noise in all, and does not shrink, never repeats
 NOISE = 1.0  # of the noise: what two periods differ by
 FEWEST = 0.5  # of the experiments: where fewer repeat, none is left out
+MORE = (
+    2.0  # times the variance that differences between periods show: what angles show beyond is alike in all
+)
 ALIKE = 2.0  # times the power that is left of other experiments, or less: explained as well as they are
 
 
@@ -40,6 +45,8 @@ ALIKE = 2.0  # times the power that is left of other experiments, or less: expla
 class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     """Spectra of periods, the mean of those measured."""
 
+    repeated_noise: FloatArray
+    """Variance of what each period's angles err by alike, as by steps of an encoder, rad^2, (n_axis,)."""
     friction_deviation: ComplexArray
     """Functions of each period's speed less their mean, (n_law, n_config, n_exp, n_period, n_bin, n_axis)."""
     law_deviation: ComplexArray | None = field(init=False, default=None)
@@ -62,19 +69,31 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
 
     @classmethod
     def of_record(
-        cls, robot: Robot, motion: PeriodicMotion, laws: SpeedFunctions, arm: ArmSpectra | None = None
+        cls,
+        robot: Robot,
+        motion: PeriodicMotion,
+        laws: SpeedFunctions,
+        arm: ArmSpectra | None = None,
+        moving: MovingSamples | None = None,
     ) -> PeriodicBlock:
-        """Prepare a block."""
+        """Prepare a block; `moving`: samples that count in the rows of the motors' torques."""
+        shown = shown_noise(motion.angle, motion.sample_time_s, float(motion.omega[-1]) / (2 * np.pi))
+        repeated = np.where(shown > MORE * motion.angle_noise, shown - motion.angle_noise, 0.0)
+        motion = replace(motion, angle_noise=motion.angle_noise + repeated)
         recorded, motion = motion, true_motion(robot, motion)
         angle = robot.joint_angle(motion.angle.mean(axis=(1, 2)))
         friction, added = friction_spectra(motion, laws, motion.fine_speed()), added_torque(robot, motion)
         deviation = friction_deviation(motion, laws)
         if arm is not None:
             check_sensors(robot, arm.sensors)
-        return cls(robot, recorded, motion, laws, friction, added, angle, deviation, arm=arm)
+            moving = None if moving is None else moving.with_sensors(len(arm.sensors))
+        return cls(
+            robot, recorded, motion, laws, friction, added, angle, repeated, deviation, arm=arm, moving=moving
+        )
 
     def thinned(self, keep: npt.NDArray[np.int64]) -> PeriodicBlock:
-        """Return the block with some of its bins, before any motion was prescribed."""
+        """Return the block with some of its bins, before any motion was prescribed; with sticks with all of them."""
+        keep = keep if self.moving is None else np.arange(len(self.motion.bin))
         return replace(super().thinned(keep), friction_deviation=self.friction_deviation[..., keep, :])
 
     def simulated_rows(self, robots: Sequence[Robot], final: bool) -> list[ComplexArray]:
@@ -210,15 +229,32 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         freedom = n_config * n_exp * n_period * (n_period - 1)
         left = motion.torque_deviation - moved
         if self.arm is None:
-            return covariance_of(left, freedom)
+            return covariance_of(self._of_periods_at_full_power(left), freedom) + self._of_all_periods(z)
         swing = np.zeros_like(left)
         swing[..., 1:, :] = -motion.acceleration_deviation[..., 1:, :] / motion.omega[1:, None] ** 2
         shown = self.arm.deviation - self.arm.linear(robot, self.angle, motion.omega, swing)
-        covariance, n_axis = covariance_of(np.concatenate((left, shown), axis=-1), freedom), robot.n_axis
+        rows, n_axis = self._of_periods_at_full_power(np.concatenate((left, shown), axis=-1)), robot.n_axis
+        covariance = covariance_of(rows, freedom)
+        covariance[:, :n_axis, :n_axis] += self._of_all_periods(z)
         covariance[0, :n_axis, n_axis:] = covariance[0, n_axis:, :n_axis] = (
             0.0  # sensors do not show the mean
         )
         return covariance
+
+    def _of_all_periods(self, z: ComplexArray) -> ComplexArray:
+        """Covariance of the torque for angle noise that all periods have alike, (n_bin, n_axis, n_axis).
+
+        `z`: inverse response, (n_config, n_bin, n_axis, n_axis).
+        """
+        taken = z * (self.motion.omega**2)[:, None, None]
+        covariance: ComplexArray = np.einsum("cfab,b,cfdb->fad", taken, self.repeated_noise, taken.conj())
+        return covariance / (len(z) * self.motion.n_sample)
+
+    def _of_periods_at_full_power(self, rows: ComplexArray) -> ComplexArray:
+        """`at_full_power` of rows of each period, (n_config, n_exp, n_period, n_bin, n_row)."""
+        if self.moving is None:
+            return rows
+        return np.stack([self.at_full_power(period) for period in np.moveaxis(rows, 2, 0)], axis=2)
 
     @property
     def noise_source(self) -> str:
@@ -229,7 +265,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     def noise_freedom(self) -> float:
         """Complex degrees of freedom of the noise at each bin."""
         n_config, n_exp, n_period = self.motion.torque_deviation.shape[:3]
-        return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1))
+        return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1) * self.share.mean())
 
 
 def _most(*masks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -1,0 +1,63 @@
+"""Diagnoses beside friction that turns abruptly, of a plant by hand: it is no cause, and hides none."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+from oracles.sticking_rotor import record_of, robot, run
+
+from robid_core import Context
+from robid_core.artifacts import Diagnosis
+from robid_core.stage import map_in_process
+from robid_diagnosis.effects import Effects
+
+RIPPLE = 0.02  # N m, of order 7
+
+
+def diagnosed(seed: int, n_period: int, ripple: float, step: float = 0.0) -> Diagnosis:
+    runs = [run(10 * seed + k, n_period=n_period, ripple=ripple, step=step) for k in range(4)]
+    record = record_of(runs, n_period=n_period)
+    context = Context(np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("test"))
+    settings = {
+        "separate": False,
+        "response_check": (),
+        "closed_loop": False,
+        "prior": {"rotor_inertia.*": 0.3},
+    }
+    return Effects.model_validate(settings).run((record,), robot(), context)
+
+
+@pytest.mark.parametrize("n_period", [1, 3], ids=["one cut", "periods"])
+def test_abrupt_friction_is_no_cause(n_period: int) -> None:
+    found = diagnosed(1, n_period, 0.0)
+    assert not found.findings
+    assert "Friction holds it there, at rest or where it turns back" in found.verdict
+
+
+@pytest.mark.parametrize("n_period", [1, 3], ids=["one cut", "periods"])
+def test_a_ripple_is_named_beside_abrupt_friction(n_period: int) -> None:
+    found = diagnosed(2, n_period, RIPPLE)
+    assert [(one.kind, one.effect, one.on) for one in found.findings] == [
+        ("cause", "drive.cogging", "axis_1")
+    ]
+    (named,) = found.findings
+    values = dict(zip(named.names, zip(named.value, named.standard_error, strict=True), strict=True))
+    for name, true in (("amplitude", RIPPLE), ("order", 7.0)):
+        value, error = values[name]
+        assert abs(value - true) < 4 * error, name
+        assert error < 0.01 * true, name
+
+
+@pytest.mark.parametrize(
+    ("step", "ripple"), [(3e-4, 0.0), pytest.param(5e-4, RIPPLE, marks=pytest.mark.full)]
+)
+def test_torque_shows_what_a_coarse_encoder_does_not(step: float, ripple: float) -> None:
+    """Only the torque shows that friction holds the rotor where it turns back; the encoder's step in rad."""
+    found = diagnosed(3, 3, ripple, step=step)
+    assert [(one.kind, one.effect) for one in found.findings] == [("cause", "drive.cogging")] * bool(ripple)
+    assert "Where axis_1 turns back, torque is no function of the speed" in found.verdict
+    if ripple:
+        values = dict(zip(found.findings[0].names, found.findings[0].value, strict=True))
+        assert values["amplitude"] == pytest.approx(ripple, rel=0.02)
