@@ -29,6 +29,7 @@ SESSION = "the order of the experiments: friction that changes over the session"
 POWERS = (1, 2, 3)  # of an experiment's number: warming up is an exponential, near to a cubic
 MOTOR, GEAR = "motor displacement", "gear deflection"
 THRESHOLDS = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3)  # of a way that is hardly exceeded
+REMEMBERED = " since a reversal"
 PER_NUMBER = 2.0  # of twice the log-likelihood: what a free number gains by chance, and somewhat more
 
 
@@ -118,7 +119,7 @@ def memories(motion: Motion, projection: Projection, axes: tuple[int, ...]) -> l
                 )
                 for k in range(len(THRESHOLDS))
             ]
-            found.append(_ceiling(motion, projection, axis, f"{what} since a reversal", rows))
+            found.append(_ceiling(motion, projection, axis, f"{what}{REMEMBERED}", rows))
     return found
 
 

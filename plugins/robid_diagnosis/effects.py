@@ -30,7 +30,6 @@ from robid_core import (
     StageRef,
 )
 from robid_core.estimation.copies import refuse_copies
-from robid_core.estimation.sticks import explains_most
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
 from robid_diagnosis.asked import asked_lines, nearest_lines
 from robid_diagnosis.asked_effects import wrong_names
@@ -60,7 +59,7 @@ from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
 from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
-from robid_diagnosis.sticking import cases_without_turns
+from robid_diagnosis.sticking import searched_without_turns, with_sticking_axes
 from robid_diagnosis.timing import timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
@@ -176,16 +175,9 @@ class Effects(DiagnosisStage):
         case, tests = self._case(record, robot, robots, discard)
         selection = self._selection(case, uses, context)
         outcome = selection.run()
-        misfit = outcome.final.misfit
-        for without in cases_without_turns(case, misfit, [one.on for one in unknown_of(outcome)]):
-            context.log.info(
-                "misfit %.3g: again without the turns of %s", misfit, " and ".join(without.sticking)
-            )
-            again = self._selection(without, uses, context)
-            found = again.run()
-            if explains_most(found.final.misfit, misfit):
-                selection, outcome = again, found
-                break
+        selection, outcome, unseen = searched_without_turns(
+            selection, outcome, lambda other: self._selection(other, uses, context), tests, context
+        )
         check_related(outcome.final)
         for one in self.only:
             if one.partition("@")[0] not in outcome.searches[0].tried:
@@ -193,7 +185,7 @@ class Effects(DiagnosisStage):
                     f"diagnosis.effects: '{one}' could be tried nowhere in {robot.name}; masses, rotors and "
                     "springs are refitted in any case"
                 )
-        return self._told(robot, whole, tests, selection, outcome, chain, context)
+        return self._told(robot, whole, tests, selection, outcome, unseen, chain, context)
 
     def _selection(self, case: Case, uses: Sequence[str], context: Context) -> Selection:
         return Selection(
@@ -212,6 +204,7 @@ class Effects(DiagnosisStage):
             training, robot, self.prior, self.highest_hz, discard, self.passes, self.model_error,
             robots=robots, leave_out_rests=self.at_rest == "leave_out",
         )  # fmt: skip
+        case = with_sticking_axes(case, records) if case.leave_out_rests else case
         if tests:
             case.problem(Hypothesis(), tests)
         return case, tests
@@ -234,6 +227,7 @@ class Effects(DiagnosisStage):
         tests: tuple[Record, ...],
         selection: Selection,
         outcome: Outcome,
+        unseen: Sequence[str],
         chain: Chain,
         context: Context,
     ) -> Diagnosis:
@@ -276,7 +270,7 @@ class Effects(DiagnosisStage):
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
         lines.append(rests_line(robot.axis_names, problem.at_rest.tolist()))
-        lines.append(sticking_line(case.sticking))
+        lines.append(sticking_line(unseen))
         lines += gear_ratio_lines(causes, values)
         if response_check is not None:
             lines.append(response_check_line(response_check))

@@ -220,8 +220,8 @@ class Case:
     """Those that were told for variants that are not the nominal one."""
     leave_out_rests: bool = True
     """Whether samples at which friction holds an axis do not count in its torque."""
-    sticking: tuple[str, ...] = ()
-    """Axes that friction holds where they turn back although their angles do not show it."""
+    sticking: tuple[str, ...] | None = None
+    """Axes that friction holds where they turn back; None: those whose angles show it in the records of a problem."""
 
     @cached_property
     def variants(self) -> Variants:

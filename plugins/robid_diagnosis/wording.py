@@ -147,7 +147,7 @@ def left_out_line(left_out: Sequence[int], n: int) -> str:
 
 
 def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
-    """Say which share of the samples does not count, since an axis stands still at them; empty where all do."""
+    """Say which share of the samples does not count, since friction holds an axis at them; empty where all do."""
     told = [
         f"{name} {100 * share:.0f} %"
         for name, share in zip(axis_names, at_rest, strict=True)
@@ -156,20 +156,20 @@ def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
     if not told:
         return ""
     return (
-        f"Samples at which an axis stands still do not count in its torque: {', '.join(told)} of the samples. Friction "
-        "holds it there, at rest or where it turns back, by any torque up to its level."
+        f"Samples at which friction holds an axis do not count in its torque: {', '.join(told)} of the samples. "
+        "At rest and where an axis turns back it is any torque up to its level."
     )
 
 
 def sticking_line(axis_names: Sequence[str]) -> str:
-    """Say where only the torque shows that friction holds axes at their turns; empty where none."""
+    """Say which axes seem to be held by friction where they turn back, as only the torque shows; empty where none."""
     if not axis_names:
         return ""
     turn = "turns" if len(axis_names) == 1 else "turn"
     return (
-        f"Where {' and '.join(axis_names)} {turn} back, torque is no function of the speed, and no effect explains it: "
-        "friction that turns more abruptly than the measured angle resolves holds the motor for a moment. A finer "
-        "encoder would show that; at_rest: keep counts these samples."
+        f"Where {' and '.join(axis_names)} {turn} back, torque is no function of the speed, and no effect explains it; "
+        "without these samples next to nothing is left. Friction that turns more abruptly than the measured angle "
+        "resolves, and holds a motor for a moment, is like that: a finer encoder shows it. at_rest: keep counts them."
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid_core import BoolArray, Doubt, FloatArray, Record
 from robid_core.estimation.standstill import rests_of
-from robid_core.residual import Solution, TorqueProblem
+from robid_core.residual import Solution, TorqueProblem, WindowedBlock
 from robid_fit.tolerances import WIDENED, tolerance_factor
 
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
@@ -31,7 +31,7 @@ def with_rests(
 
     Axes of which a problem does not count such samples are no reason to doubt.
     """
-    rests = standing(records, problem.at_rest > 0)
+    rests = standing(records, _left_out_at_rest(problem))
     clear = (one for one in found if not (rests and one.kind == "timing"))
     return (*rests, *clear, *_left_out(problem))
 
@@ -61,7 +61,7 @@ def standing(records: Sequence[Record], but: BoolArray) -> tuple[Doubt, ...]:
 
 
 def _left_out(problem: TorqueProblem) -> tuple[Doubt, ...]:
-    """Say which share of the samples does not count since an axis stands still."""
+    """Say which share of the samples does not count since friction holds an axis."""
     told = [
         f"{name} {100 * share:.0f} %"
         for name, share in zip(problem.free.robot.axis_names, problem.at_rest.tolist(), strict=True)
@@ -70,9 +70,19 @@ def _left_out(problem: TorqueProblem) -> tuple[Doubt, ...]:
     if not told:
         return ()
     sentence = (
-        f"samples at which an axis stands still do not count in its torque: {', '.join(told)} of the samples"
+        "samples at which friction holds an axis, at rest or where it turns back, do not count in its torque: "
+        f"{', '.join(told)} of the samples"
     )
     return (Doubt("standstill", sentence, "at_rest: keep counts them", "remark"),)
+
+
+def _left_out_at_rest(problem: TorqueProblem) -> BoolArray:
+    """Axes of which rests do not count, (n_axis,): in motions that do not repeat."""
+    left_out = np.zeros(problem.free.robot.n_axis, dtype=np.bool_)
+    for block in problem.blocks:
+        if isinstance(block, WindowedBlock) and block.moving is not None:
+            left_out |= (block.moving.weight[..., : len(left_out)] < 1).any(axis=(0, 1, 2))
+    return left_out
 
 
 def unseen_sticks(axis_names: Sequence[str]) -> tuple[Doubt, ...]:

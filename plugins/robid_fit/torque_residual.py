@@ -8,7 +8,6 @@ a pass changes is small against what is stated. Weights are differences between 
 
 from __future__ import annotations
 
-import contextlib
 import fnmatch
 import logging
 from collections.abc import Collection
@@ -22,20 +21,19 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from robid_core import (
     ConfigurationError,
     Context,
+    DataRejected,
     Estimator,
     Fit,
     FloatArray,
     FreeParameters,
     ParameterTable,
     Record,
-    RobidError,
     Robot,
     RobotName,
     chosen_names,
     pattern_problems,
 )
 from robid_core.estimation.copies import refuse_copies
-from robid_core.estimation.sticks import explains_most
 from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.residual import (
     Solution,
@@ -43,6 +41,8 @@ from robid_core.residual import (
     default_patterns,
     estimated_robot,
     excited_range,
+    explained_by_turns,
+    faded_misfit,
     friction_of_motors,
     functions_of_speed,
     leading_periods,
@@ -193,27 +193,29 @@ class TorqueResidualFit(Estimator):
             friction=curves_of(problem, solution.point, friction),
             stated_doubts=(
                 *with_rests(fit.stated_doubts, record, problem),
-                *unseen_sticks(sticking),
+                *unseen_sticks(sticking or ()),
                 *other_shapes(robot, friction),
             ),
         )
 
     def _fitted(
         self, record: tuple[Record, ...], robot: Robot, robots: dict[str, Robot], context: Context
-    ) -> tuple[TorqueProblem, Solution, int, tuple[str, ...]]:
+    ) -> tuple[TorqueProblem, Solution, int, tuple[str, ...] | None]:
         """Fit, and again without the samples at which axes turn back, where these may make most of what is left.
 
-        The last part is axes whose turns do not count.
+        The last part is axes whose turns do not count; None: those whose angles show that friction holds them.
         """
         found = self._solved(record, robot, robots, context)
-        left = misfit(found[0], found[1].point)
-        if self.at_rest == "leave_out" and explains_most(1.0, left):
+        left = faded_misfit(found[0], found[1].point)
+        if self.at_rest == "leave_out" and explained_by_turns(1.0, left):
             context.log.info("misfit %.3g: again without the samples at which axes turn back", left)
-            with contextlib.suppress(RobidError):  # too little is left
+            try:
                 again = self._solved(record, robot, robots, context, robot.axis_names)
-                if explains_most(misfit(again[0], again[1].point), left):
+                if explained_by_turns(faded_misfit(again[0], again[1].point), left):
                     return *again, robot.axis_names
-        return *found, ()
+            except DataRejected as error:
+                context.log.info("the first fit stands: %s", error)
+        return *found, None
 
     def _solved(
         self,
@@ -221,7 +223,7 @@ class TorqueResidualFit(Estimator):
         robot: Robot,
         robots: dict[str, Robot],
         context: Context,
-        sticking: Collection[str] = (),
+        sticking: Collection[str] | None = None,
     ) -> tuple[TorqueProblem, Solution, int]:
         """Fit from the starts that are asked for; where none are and the nominal robot's leads nowhere, from several.
 
@@ -256,7 +258,7 @@ class TorqueResidualFit(Estimator):
         problem: TorqueProblem,
         solution: Solution,
         context: Context,
-        sticking: Collection[str],
+        sticking: Collection[str] | None,
     ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...]]:
         """Fit again with functions of speed about the width that friction has, where theirs was another one.
 
@@ -318,7 +320,7 @@ class TorqueResidualFit(Estimator):
         robots: dict[str, Robot],
         log: logging.Logger | None = None,
         width: FloatArray | None = None,
-        sticking: Collection[str] = (),
+        sticking: Collection[str] | None = None,
     ) -> TorqueProblem:
         for place, message in self.problems_with(robot).items():
             raise ConfigurationError(f"{place[0]}: {message}")

@@ -13,7 +13,7 @@ import scipy
 
 from robid_core.arrays import BoolArray, FloatArray
 from robid_core.estimation.rigid.regression import differentiate, smooth
-from robid_core.estimation.sticks import sticks_of
+from robid_core.estimation.sticks import sticking_axes, sticks_of
 
 STICK_S, STICK = 0.02, 5  # an angle that stays for that long, and so many samples, may stick
 RANGE = 4.0  # standard deviations of its noise within which it stays then
@@ -29,7 +29,7 @@ SLOWEST, SLOW = 1e-3, 2e-2  # of the rms speed of an axis: what counts as rest a
 def rests_of(
     angles: Sequence[FloatArray], sample_times: Sequence[float], sticking: BoolArray | None = None
 ) -> list[BoolArray]:
-    """Return at which samples each axis stands still, (n_sample, n_axis) of each experiment.
+    """Return at which samples each axis stands still or sticks, (n_sample, n_axis) of each experiment.
 
     They are those of `at_rest`, and moments at which it sticks before it turns back (`sticks_of`).
 
@@ -38,10 +38,10 @@ def rests_of(
     angles, sample_times
         Measured angles of the motors, (n_sample, n_axis) each, without holes, and s.
     sticking
-        As of `sticks_of`.
+        Whether each axis sticks, (n_axis,); None: as the angles show.
     """
     edge = min([OF_MOTION_HZ, *(0.2 / step for step in sample_times)])
-    found = sticks_of(angles, sticking=sticking)
+    found = sticks_of(angles, sticking_axes(angles) if sticking is None else sticking)
     long = [i for i, angle in enumerate(angles) if len(angle) >= SHORTEST]
     smoothed = [smooth(angles[i], sample_times[i], edge) for i in long]
     speeds = [differentiate(one, sample_times[i]) for i, one in zip(long, smoothed, strict=True)]

@@ -20,33 +20,26 @@ STAYS = 6.0  # standard deviations of the noise within which all of them lie
 BESIDE = 10  # samples on either side, of which the acceleration is taken
 FARTHER = 5.0  # times as far as it stays a motor would have gone at that acceleration: it was held
 CERTAIN = 3.0  # standard errors by which an acceleration is taken smaller
+MOVES = 20.0  # times as far as an angle stays: experiments in which an axis moves no farther show no turns
 HELD = 5  # of the stays, at least
 SHARE = 0.5  # of them, likewise: abrupt friction held 0.6 and more, others 0.3 or less on 99 of 100 axes
 TURN = 1  # samples beside a turn that do not count with it
 NOISE_FROM = 0.25  # of the sampling rate: angles have noise alone above
 MEDIAN = 0.455  # of a chi square with one degree of freedom
-LEFT = 0.2  # of a misfit, at most, without the turns of axes that are held there
 OVERLAP = 100  # samples of a motion that repeats, beyond its ends
 
 
-def sticks_of(
-    angles: Sequence[FloatArray], *, repeat: bool = False, sticking: BoolArray | None = None
-) -> list[BoolArray]:
-    """Return at which samples each axis sticks for a moment, (n_sample, n_axis) of each experiment.
+def sticking_axes(angles: Sequence[FloatArray]) -> BoolArray:
+    """Return whether friction that turns abruptly holds each axis where it turns back, (n_axis,).
 
     Where an angle stays within its noise for five samples or more, half its acceleration before and after, the smaller
     of both, times the square of half that time says how far the motor would have gone: several times farther, and it
-    was held. An axis that was held in half of such moments has friction that turns abruptly: all of them are sticks
-    then, and samples beside each turn. Otherwise none are.
+    was held. An axis sticks that was held in half of such moments. Experiments in which it hardly moves are not asked.
 
     Parameters
     ----------
     angles
         Measured angles at even steps, (n_sample, n_axis) of each experiment, any unit.
-    repeat
-        Whether each is one period of a motion that repeats.
-    sticking
-        Axes that are held where they turn back even if their angles do not show it, (n_axis,); None: none.
 
     Examples
     --------
@@ -55,51 +48,86 @@ def sticks_of(
     >>> away = np.abs(0.001 * np.arange(2000) % 0.4 - 0.2)
     >>> held, turned = 20.0 * np.maximum(away - 0.01, 0.0) ** 2, 20.0 * away**2
     >>> noise = 1e-5 * np.random.default_rng(1).normal(size=(2000, 2))
-    >>> (sticks,) = sticks_of([np.stack((held, turned), axis=1) + noise])
-    >>> (sticks.sum(axis=0) / 5).tolist()
-    [25.4, 0.0]
+    >>> sticking_axes([np.stack((held, turned), axis=1) + noise]).tolist()
+    [True, False]
+    """
+    held, n_stay = np.zeros((2, angles[0].shape[1] if angles else 0))
+    for angle in angles:
+        if len(angle) > 3 * BESIDE:
+            noise = _noise(angle, _quiet(angle))
+            for axis in np.flatnonzero(np.ptp(angle, axis=0) > MOVES * STAYS * noise):
+                own = angle[:, axis]
+                stays = _stays(own, noise[axis])
+                held[axis] += _held(own, stays, noise[axis]).sum()
+                n_stay[axis] += len(stays)
+    sticking: BoolArray = held >= np.maximum(HELD, SHARE * n_stay)
+    return sticking
+
+
+def sticks_of(angles: Sequence[FloatArray], sticking: BoolArray, *, repeat: bool = False) -> list[BoolArray]:
+    """Return at which samples friction holds axes, for however short, (n_sample, n_axis) of each experiment.
+
+    These are all at which the angle of an axis that sticks stays within its noise for five samples or more, and those
+    beside each turn.
+
+    Parameters
+    ----------
+    angles
+        Measured angles at even steps, (n_sample, n_axis) of each experiment, any unit.
+    sticking
+        Whether each axis sticks, (n_axis,).
+    repeat
+        Whether each experiment is one period of a motion that repeats.
+
+    Examples
+    --------
+    A motor that stands still for 20 ms each time before it turns back.
+
+    >>> away = np.abs(0.001 * np.arange(2000) % 0.4 - 0.2)
+    >>> angle = 20.0 * np.maximum(away - 0.01, 0.0)[:, None] ** 2
+    >>> angle += 1e-5 * np.random.default_rng(1).normal(size=angle.shape)
+    >>> (sticks,) = sticks_of([angle], sticking_axes([angle]))
+    >>> sticks.sum() / 5
+    np.float64(25.4)
     """
     found = [np.zeros(angle.shape, dtype=np.bool_) for angle in angles]
-    long = [i for i, angle in enumerate(angles) if len(angle) > 3 * BESIDE]
-    if not long:
-        return found
-    before = min(OVERLAP, *(len(angles[i]) for i in long)) if repeat else 0
-    lanes = [np.pad(angles[i], ((before, before), (0, 0)), mode="wrap") for i in long]
-    quiet = [smooth(lane, 1.0, NOISE_FROM) for lane in lanes]
-    for axis in range(angles[0].shape[1]):
-        of_axis = [_stays(lane[:, axis], own[:, axis]) for lane, own in zip(lanes, quiet, strict=True)]
-        shown = np.concatenate([own for _, own in of_axis])
-        if not (sticking is not None and sticking[axis]) and shown.sum() < max(HELD, SHARE * len(shown)):
+    for angle, marks in zip(angles, found, strict=True):
+        if len(angle) <= 3 * BESIDE or not sticking.any():
             continue
-        for i, own, (stays, _) in zip(long, quiet, of_axis, strict=True):
-            sticks = _turns(own[:, axis])
-            for first, stop in stays:
+        beyond = min(OVERLAP, len(angle)) if repeat else 0
+        lane = np.pad(angle, ((beyond, beyond), (0, 0)), mode="wrap")
+        quiet = _quiet(lane)
+        noise = _noise(lane, quiet)
+        for axis in np.flatnonzero(sticking):
+            sticks = _turns(quiet[:, axis])
+            for first, stop in _stays(lane[:, axis], noise[axis]):
                 sticks[first:stop] = True
-            found[i][:, axis] = sticks[before : len(sticks) - before]
+            marks[:, axis] = sticks[beyond : len(sticks) - beyond]
     return found
 
 
-def explains_most(without: float, counted: float) -> bool:
-    """Whether samples at which axes turn back make most of a misfit: without them next to nothing is left.
-
-    Of axes that are held although their angles are too coarse to show it.
-
-    >>> explains_most(1.2, 74.0), explains_most(1.2, 3.0)
-    (True, False)
-    """
-    return without <= LEFT * counted
+def _quiet(angle: FloatArray) -> FloatArray:
+    """Angles without what lies above all motion, their shape."""
+    return smooth(angle, 1.0, NOISE_FROM)
 
 
-def _stays(angle: FloatArray, quiet: FloatArray) -> tuple[IntArray, BoolArray]:
-    """Where an angle stays within its noise, first samples and those after the last, (n_stay, 2); whether it was held.
+def _noise(angle: FloatArray, quiet: FloatArray) -> FloatArray:
+    """Standard deviation of white noise of which that is left above, (n_axis,)."""
+    noise: FloatArray = np.sqrt(np.median((angle - quiet) ** 2, axis=0) / MEDIAN / (1 - 2 * NOISE_FROM))
+    return noise
 
-    What a low-pass leaves of it is `quiet`, (n_sample,) both.
-    """
-    noise = np.sqrt(np.median((angle - quiet) ** 2) / MEDIAN / (1 - 2 * NOISE_FROM))
-    reach = STAYS * noise
-    within = np.ptp(np.lib.stride_tricks.sliding_window_view(angle, FEWEST), axis=1) < reach
+
+def _stays(angle: FloatArray, noise: float) -> IntArray:
+    """Where an angle, (n_sample,), stays within its noise: first samples and those after the last, (n_stay, 2)."""
+    within = np.ptp(np.lib.stride_tricks.sliding_window_view(angle, FEWEST), axis=1) < STAYS * noise
     edge = np.flatnonzero(np.diff(within, prepend=False, append=False))
-    first, stop = edge[::2], edge[1::2] + FEWEST - 1
+    stays: IntArray = np.stack((edge[::2], edge[1::2] + FEWEST - 1), axis=1)
+    return stays
+
+
+def _held(angle: FloatArray, stays: IntArray, noise: float) -> BoolArray:
+    """Whether a motor would have gone farther at its acceleration before and after it stayed, (n_stay,)."""
+    first, stop = stays.T
     inside = (first >= BESIDE) & (stop + BESIDE <= len(angle))
     first, stop = first[inside], stop[inside]
     # Of a parabola through the samples, by least squares: its acceleration, and what noise does to it.
@@ -108,7 +136,9 @@ def _stays(angle: FloatArray, quiet: FloatArray) -> tuple[IntArray, BoolArray]:
     before, after = (np.abs(angle[start[:, None] + beside] @ parabola) for start in (first - BESIDE, stop))
     sure = np.minimum(before, after) - CERTAIN * noise * np.linalg.norm(parabola)
     gone = 0.5 * np.maximum(sure, 0.0) * ((stop - first) / 2) ** 2
-    return np.stack((first, stop), axis=1), gone > FARTHER * reach
+    held = np.zeros(len(stays), dtype=np.bool_)
+    held[inside] = gone > FARTHER * STAYS * noise
+    return held
 
 
 def _turns(quiet: FloatArray) -> BoolArray:

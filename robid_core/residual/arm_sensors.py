@@ -122,13 +122,19 @@ class ArmSpectra:
 
     # What a robot says of it
 
+    def follow(self, robot: Robot, angle: FloatArray, omega: FloatArray) -> ComplexArray:
+        """What sensors show per motor angle, (n_config, n_omega, n_sensor, n_axis)."""
+        shown: ComplexArray = np.matmul(
+            self.outputs(robot, angle, omega), passive_motion(robot, angle, omega)
+        )
+        return shown
+
     def linear(self, robot: Robot, angle: FloatArray, omega: FloatArray, swing: ComplexArray) -> ComplexArray:
         """Spectra of the linear model for motor angles, (n_config, ..., n_bin, n_sensor), zero in the first bin.
 
         `angle` are the poses, rad, (n_config, n_axis), `swing` the spectra, (n_config, ..., n_bin, n_axis).
         """
-        outputs, follow = self.outputs(robot, angle, omega[1:]), passive_motion(robot, angle, omega[1:])
-        shown = np.matmul(outputs, follow)
+        shown = self.follow(robot, angle, omega[1:])
         found = np.zeros((*swing.shape[:-1], len(self.sensors)), dtype=np.complex128)
         found[..., 1:, :] = np.einsum("cfsa,c...fa->c...fs", shown, swing[..., 1:, :])
         return found

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from robid_core.arrays import BoolArray
 from robid_core.artifacts import Record
 from robid_core.errors import DataRejected
 from robid_core.estimation.torque.periodic import PeriodicMotion
@@ -57,7 +58,7 @@ def torque_problem(
     gain_prior: float = 0.01,
     mounting_prior: float = 0.02,
     leave_out_rests: bool = True,
-    sticking: Collection[str] = (),
+    sticking: Collection[str] | None = None,
     spectra: Callable[[Record, int, float, float], Motion] = spectra_of,
 ) -> TorqueProblem:
     """Prepare what is minimised.
@@ -92,7 +93,7 @@ def torque_problem(
         Whether samples at which friction holds an axis do not count in its torque: those at which it stands still,
         where motions do not repeat, and sticks.
     sticking
-        Axes that friction holds where they turn back even if their angles do not show it.
+        Axes that friction holds where they turn back; None: those whose angles show it.
     spectra
         `spectra_of`, or one that remembers what it has transformed.
 
@@ -137,34 +138,41 @@ def torque_problem(
 
 
 def _moving(
-    robot: Robot, motions: Sequence[MotionSpectra], laws: SpeedFunctions, sticking: Collection[str]
+    robot: Robot, motions: Sequence[MotionSpectra], laws: SpeedFunctions, sticking: Collection[str] | None
 ) -> dict[int, MovingSamples]:
     """Samples at which axes move, by the number of a motion with rests.
 
-    Raises DataRejected where so few of an axis are left that its friction cannot be told from its motion.
+    Raises DataRejected where too few are left of an axis that is said to stick.
     """
-    named = np.isin(robot.axis_names, list(sticking))
-    found, n_axis = moving_samples(motions, named), robot.n_axis
-    values, n_sample, moves = np.zeros((3, n_axis))
-    for motion, own in zip(motions, found, strict=True):
-        n_run, n_bin = int(np.prod(motion.angle.shape[:2])), len(motion.bin)
-        values += 2 * n_run * n_bin if own is None else 2 * own.share.sum(axis=(0, 1, 2))[:n_axis]
-        n_sample += n_run * motion.n_sample
-        share = np.ones(n_axis) if own is None else own.weight.mean(axis=(0, 1, 2))[:n_axis]
-        moves += n_run * motion.n_sample * share
-    few = values < FEWEST_VALUES * (len(laws.odd) + len(laws.even) + 1)
-    if few.any():
-        each = ", ".join(
-            f"{robot.axis_names[axis]} {100 * (1 - moves[axis] / n_sample[axis]):.0f} %"
-            for axis in np.flatnonzero(few)
-        )
-        raise DataRejected(
-            f"friction holds axes, at rest or where they turn back, at nearly all samples ({each}, margins included): "
-            "what is left cannot tell their friction from their motion; record motions "
-            "that turn back less often (a large slow one beside the small fast one), or count all samples "
-            "(at_rest: keep)"
-        )
+    if sticking is None:
+        found = moving_samples(motions)
+    else:
+        named = np.isin(robot.axis_names, list(sticking))
+        found = moving_samples(motions, named)
+        _check_enough(robot, motions, found, named, FEWEST_VALUES * (len(laws.odd) + len(laws.even) + 1))
     return {number: own for number, own in enumerate(found) if own is not None}
+
+
+def _check_enough(
+    robot: Robot,
+    motions: Sequence[MotionSpectra],
+    found: Sequence[MovingSamples | None],
+    named: BoolArray,
+    fewest: float,
+) -> None:
+    values = np.zeros(robot.n_axis)
+    for motion, own in zip(motions, found, strict=True):
+        n_run = int(np.prod(motion.angle.shape[:2]))
+        values += (
+            2 * n_run * len(motion.bin) if own is None else 2 * own.share.sum(axis=(0, 1, 2))[: robot.n_axis]
+        )
+    few = named & (values < fewest)
+    if few.any():
+        each = " and ".join(robot.axis_names[axis] for axis in np.flatnonzero(few))
+        raise DataRejected(
+            f"{each}: without the samples at which an axis turns back too little is left to tell its friction from its "
+            "motion; record motions that turn back less often (a large slow one beside the small fast one)"
+        )
 
 
 def _bare(robot: Robot) -> Robot:

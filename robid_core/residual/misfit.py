@@ -11,15 +11,38 @@ from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.artifacts import MisfitTable
 from robid_core.estimation.torque.weights import whitener
 from robid_core.residual.block import TorqueBlock
+from robid_core.residual.moving_samples import fading
 from robid_core.residual.problem import TorqueProblem
 from robid_core.residual.weighting import Weighting
 from robid_core.robot import Robot
 
+LEFT = 0.2  # of a misfit, at most, without the turns of axes that are held there
 EDGES_HZ = (0.0, 3.0, 10.0, 25.0, 50.0, 100.0)  # of the bands: friction and load, arm, gears, above
+
+
+def explained_by_turns(without: float, counted: float) -> bool:
+    """Whether samples at which axes turn back make most of a misfit: without them next to nothing is left.
+
+    Of axes that friction holds there although their angles are too coarse to show it. `counted`: what is left with
+    them; both as of `faded_misfit`.
+
+    >>> explained_by_turns(1.2, 74.0), explained_by_turns(1.2, 3.0)
+    (True, False)
+    """
+    return without <= LEFT * counted
 
 
 def misfit(problem: TorqueProblem, point: FloatArray) -> float:
     """One where model and noise are right; corrected for few periods."""
+    return _misfit(problem, point, faded=False)
+
+
+def faded_misfit(problem: TorqueProblem, point: FloatArray) -> float:
+    """Likewise, with the upper half of the band counting less and less, as beside weights over time, in all rows."""
+    return _misfit(problem, point, faded=True)
+
+
+def _misfit(problem: TorqueProblem, point: FloatArray, *, faded: bool) -> float:
     total = count = 0.0
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
@@ -29,8 +52,15 @@ def misfit(problem: TorqueProblem, point: FloatArray) -> float:
             block.used,
             block.moving,
         )
-        total += (weight.residual(residual) ** 2).sum() * _correction(block)
-        count += block.share[_used(block)][:, 1:].sum()
+        n_config, n_exp, n_bin, n_row = residual.shape
+        fade = np.ones((n_config, n_exp, n_bin, n_row))
+        if faded:
+            fade *= fading(n_bin)[:, None]
+            if block.moving is not None:
+                fade[np.broadcast_to(block.moving.rests[:, :, None], fade.shape)] = 1.0  # is in the weights
+        rows = weight.residual(residual).reshape(n_config, n_exp, 2, n_bin, n_row)
+        total += ((fade[:, :, None] * rows) ** 2).sum() * _correction(block)
+        count += (fade**2 * block.share)[_used(block)][:, 1:].sum()
     return float(total / count)
 
 
@@ -39,7 +69,8 @@ def power_in_noise(
 ) -> FloatArray:
     """Mean power of a residual (n_config, n_exp, n_bin, n_row) over that of the noise, (n_config, n_exp)."""
     noise = np.einsum("faa->fa", block.noise(robot, coefficient)).real
-    power: FloatArray = (np.abs(residual) ** 2 / noise)[:, :, 1:].mean(axis=(2, 3))
+    power: FloatArray = (np.abs(block.counted(residual)) ** 2 / noise)[:, :, 1:].sum(axis=(2, 3))
+    power /= np.maximum(block.share[:, :, 1:].sum(axis=(2, 3)), 1.0)
     return power
 
 
@@ -94,4 +125,5 @@ def _without_mean(whitener: ComplexArray) -> ComplexArray:
 def _correction(block: TorqueBlock[Any]) -> float:
     """What few periods add to the mean of an inverse estimated covariance, taken off."""
     freedom = block.noise_freedom
-    return (freedom - block.measured.shape[-1]) / freedom if np.isfinite(freedom) else 1.0
+    left = max(freedom - block.measured.shape[-1], 1.0)  # with fewer the correction is not known either
+    return left / freedom if np.isfinite(freedom) else 1.0

@@ -20,7 +20,7 @@ import scipy
 
 from robid_core.arrays import BoolArray, ComplexArray, FloatArray
 from robid_core.estimation.standstill import rests_of
-from robid_core.estimation.sticks import sticks_of
+from robid_core.estimation.sticks import sticking_axes, sticks_of
 from robid_core.estimation.torque.periodic import PeriodicMotion
 from robid_core.estimation.torque.spectra import MotionSpectra
 
@@ -29,6 +29,7 @@ REACH_S = 0.03  # likewise, at least
 EDGE_S = 0.02  # from zero to one
 FADES = 0.5  # of the band
 FAINT = 0.01  # share of the data of a bin and row: what counts less is not made as large as if all counted
+ENOUGH = 0.2  # of the samples of an axis that sticks
 FINER = 3  # points a bin: products with a weight have a wider band than their factors
 
 
@@ -52,8 +53,7 @@ class MovingSamples:
         still = scipy.ndimage.maximum_filter1d(rests, wider, axis=2, mode=mode)
         moves = scipy.ndimage.uniform_filter1d((~still).astype(np.float64), edge, axis=2, mode=mode)
         at = np.minimum(np.round(np.arange(n_time) * n_sample / n_time).astype(int), n_sample - 1)
-        fading = np.clip((np.arange(n_bin) / n_bin - 1 + FADES) / FADES, 0.0, 1.0)
-        return cls(moves[:, :, at], 0.5 * (1 + np.cos(np.pi * fading)))
+        return cls(moves[:, :, at], fading(n_bin))
 
     @cached_property
     def rests(self) -> BoolArray:
@@ -107,29 +107,51 @@ class MovingSamples:
         return result
 
 
+def fading(n_bin: int) -> FloatArray:
+    """Weight of each bin beside weights over time, (n_bin,): from one in the middle of a band to zero at its end."""
+    upper = np.clip((np.arange(n_bin) / n_bin - 1 + FADES) / FADES, 0.0, 1.0)
+    weight: FloatArray = 0.5 * (1 + np.cos(np.pi * upper))
+    return weight
+
+
 def moving_samples(
     motions: Sequence[MotionSpectra], sticking: BoolArray | None = None
 ) -> list[MovingSamples | None]:
     """Return the weights of each of several motions; None where no axis rests.
 
     In motions that repeat only sticks are rests: an axis that stands still throughout a period shows noise, and its
-    friction, a constant, is a function of the speed. `sticking` as of `sticks_of`.
+    friction, a constant, is a function of the speed. `sticking`: which axes stick, (n_axis,); None: as the angles show.
     """
-    found: list[MovingSamples | None] = [None] * len(motions)
-    for repeat in (False, True):
-        chosen = [i for i, motion in enumerate(motions) if isinstance(motion, PeriodicMotion) == repeat]
-        lanes = [lane for i in chosen for lane in motions[i].angle.reshape(-1, *motions[i].angle.shape[2:])]
-        times = [
-            motions[i].sample_time_s for i in chosen for _ in range(int(np.prod(motions[i].angle.shape[:2])))
-        ]
-        still, first = (
-            sticks_of(lanes, repeat=True, sticking=sticking) if repeat else rests_of(lanes, times, sticking),
-            0,
-        )
-        for i in chosen:
-            shape = motions[i].angle.shape
-            count = int(np.prod(shape[:2]))
-            rests = np.stack(still[first : first + count]).reshape(shape)
-            found[i] = MovingSamples.of_motion(motions[i], rests) if rests.any() else None
-            first += count
+    sticking = sticking_in(motions) if sticking is None else sticking
+    lanes = [_lanes(motion) for motion in motions]
+    cuts = [i for i, motion in enumerate(motions) if not isinstance(motion, PeriodicMotion)]
+    times = [motions[i].sample_time_s for i in cuts for _ in lanes[i]]
+    of_cuts = iter(rests_of([lane for i in cuts for lane in lanes[i]], times, sticking))
+    found = list[MovingSamples | None]()
+    for i, motion in enumerate(motions):
+        still = [next(of_cuts) for _ in lanes[i]] if i in cuts else sticks_of(lanes[i], sticking, repeat=True)
+        rests = np.stack(still).reshape(motion.angle.shape)
+        found.append(MovingSamples.of_motion(motion, rests) if rests.any() else None)
     return found
+
+
+def sticking_in(motions: Sequence[MotionSpectra]) -> BoolArray:
+    """Return which axes stick in some motions, (n_axis,), as `sticking_axes` says.
+
+    Not those that turn back so often that without their turns hardly any sample counts: what friction is then has to
+    pass for a function of the speed, as it nearly is where it turns gradually but within a low speed.
+    """
+    sticking = sticking_axes([lane for motion in motions for lane in _lanes(motion)])
+    if sticking.any():
+        counted, n_sample = np.zeros(len(sticking)), 0
+        for motion, own in zip(motions, moving_samples(motions, sticking), strict=True):
+            share = np.ones(1) if own is None else own.weight.mean(axis=(0, 1, 2))
+            counted += motion.angle[..., 0].size * share
+            n_sample += motion.angle[..., 0].size
+        sticking &= counted > ENOUGH * n_sample
+    return sticking
+
+
+def _lanes(motion: MotionSpectra) -> list[FloatArray]:
+    """Angles of each experiment, (n_sample, n_axis)."""
+    return list(motion.angle.reshape(-1, *motion.angle.shape[2:]))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.estimation.torque.periodic import PeriodicMotion, friction_deviation
-from robid_core.estimation.torque.shown_noise import shown_noise
+from robid_core.estimation.torque.shown_noise import MORE, shown_noise
 from robid_core.estimation.torque.spectra import MOTION_BAND_HZ, friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.weights import HALF_WINDOW, covariance_of
@@ -21,6 +21,7 @@ from robid_core.residual.columns import passive_motion
 from robid_core.residual.impedance import impedance
 from robid_core.residual.motor_laws import braking_torque, viscous_of_motors
 from robid_core.residual.moving_samples import MovingSamples
+from robid_core.residual.noise_of_angles import noise_of_angles
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
@@ -35,9 +36,6 @@ LONGEST_S = 30.0  # of motion: what has not rung out then never will
 ROUNDS = 4  # of NEXT_PERIODS: what differs by more than noise in all, and does not shrink, never repeats
 NOISE = 1.0  # of the noise: what two periods differ by
 FEWEST = 0.5  # of the experiments: where fewer repeat, none is left out
-MORE = (
-    2.0  # times the variance that differences between periods show: what angles show beyond is alike in all
-)
 ALIKE = 2.0  # times the power that is left of other experiments, or less: explained as well as they are
 
 
@@ -216,7 +214,7 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
         """Covariance of the residual from differences between periods, shape (n_bin, n_row, n_row).
 
-        Noise of the angles is in it as it comes through inertia, springs and friction.
+        Noise of the angles is in it as it comes through inertia, springs and friction, what all have alike, too.
         """
         motion = self.motion
         z = impedance(robot, self.angle, motion)
@@ -228,27 +226,20 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
         n_config, n_exp, n_period = motion.torque_deviation.shape[:3]
         freedom = n_config * n_exp * n_period * (n_period - 1)
         left = motion.torque_deviation - moved
+        alike: ComplexArray | float = 0.0
+        if self.repeated_noise.any():
+            alike = noise_of_angles(robot, self.angle, motion, self.arm, self.repeated_noise)
         if self.arm is None:
-            return covariance_of(self._of_periods_at_full_power(left), freedom) + self._of_all_periods(z)
+            return covariance_of(self._of_periods_at_full_power(left), freedom) + alike
         swing = np.zeros_like(left)
         swing[..., 1:, :] = -motion.acceleration_deviation[..., 1:, :] / motion.omega[1:, None] ** 2
         shown = self.arm.deviation - self.arm.linear(robot, self.angle, motion.omega, swing)
         rows, n_axis = self._of_periods_at_full_power(np.concatenate((left, shown), axis=-1)), robot.n_axis
-        covariance = covariance_of(rows, freedom)
-        covariance[:, :n_axis, :n_axis] += self._of_all_periods(z)
+        covariance = covariance_of(rows, freedom) + alike
         covariance[0, :n_axis, n_axis:] = covariance[0, n_axis:, :n_axis] = (
             0.0  # sensors do not show the mean
         )
         return covariance
-
-    def _of_all_periods(self, z: ComplexArray) -> ComplexArray:
-        """Covariance of the torque for angle noise that all periods have alike, (n_bin, n_axis, n_axis).
-
-        `z`: inverse response, (n_config, n_bin, n_axis, n_axis).
-        """
-        taken = z * (self.motion.omega**2)[:, None, None]
-        covariance: ComplexArray = np.einsum("cfab,b,cfdb->fad", taken, self.repeated_noise, taken.conj())
-        return covariance / (len(z) * self.motion.n_sample)
 
     def _of_periods_at_full_power(self, rows: ComplexArray) -> ComplexArray:
         """`at_full_power` of rows of each period, (n_config, n_exp, n_period, n_bin, n_row)."""
@@ -259,13 +250,15 @@ class PeriodicBlock(TorqueBlock[PeriodicMotion]):
     @property
     def noise_source(self) -> str:
         """In words."""
-        return "differences between periods"
+        alike = ", and of angles as their spectrum shows it" if self.repeated_noise.any() else ""
+        return f"differences between periods{alike}"
 
     @property
     def noise_freedom(self) -> float:
-        """Complex degrees of freedom of the noise at each bin."""
+        """Complex degrees of freedom of the noise at each bin, by the row of which least counts."""
         n_config, n_exp, n_period = self.motion.torque_deviation.shape[:3]
-        return float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1) * self.share.mean())
+        counts = 1.0 if self.moving is None else float((self.moving.weight**2).mean(axis=(0, 1, 2)).min())
+        return max(float(n_config * n_exp * (n_period - 1) * (2 * HALF_WINDOW + 1) * counts), 1.0)
 
 
 def _most(*masks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

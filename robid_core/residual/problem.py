@@ -196,7 +196,7 @@ class TorqueProblem:
 
     @property
     def at_rest(self) -> FloatArray:
-        """Share of the samples that do not count in each motor's torque, since it stands still, (n_axis,)."""
+        """Share of the samples that do not count in each motor's torque, since friction holds it, (n_axis,)."""
         n_axis = self.free.robot.n_axis
         shares = [
             np.zeros(n_axis)

@@ -25,7 +25,6 @@ from robid_core.residual.arm_sensors import (
     check_components,
     gear_spring,
 )
-from robid_core.residual.columns import passive_motion
 from robid_core.residual.inertial_units import channels_of, shown_by_inertial
 from robid_core.robot import Robot
 
@@ -127,13 +126,6 @@ class WindowedArm(ArmSpectra):
                 rigid = self._angle @ gear
                 found[..., k] -= rigid - self.motion.constant * rigid[..., :1] / self.motion.constant[0]
         return found
-
-    def follow(self, robot: Robot, angle: FloatArray, omega: FloatArray) -> ComplexArray:
-        """What sensors show per motor angle, (n_config, n_omega, n_sensor, n_axis)."""
-        shown: ComplexArray = np.matmul(
-            self.outputs(robot, angle, omega), passive_motion(robot, angle, omega)
-        )
-        return shown
 
     def linear(self, robot: Robot, angle: FloatArray, omega: FloatArray, swing: ComplexArray) -> ComplexArray:
         """Spectra of the linear model, (n_config, n_exp, n_bin, n_sensor): links follow the angles and bend beside."""

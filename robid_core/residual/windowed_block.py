@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from robid_core.arrays import ComplexArray, FloatArray
 from robid_core.errors import DataRejected
-from robid_core.estimation.torque.shown_noise import shown_noise
+from robid_core.estimation.torque.shown_noise import MORE, shown_noise
 from robid_core.estimation.torque.spectra import friction_spectra
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
 from robid_core.estimation.torque.windowed import WindowedMotion
@@ -25,16 +25,15 @@ from robid_core.residual.arm_sensors import POSITION, TORQUE, check_sensors
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.cut_response import CutResponse
 from robid_core.residual.free_vibration import deviation_of, free_vibration, rms_vibration, state_at_first
-from robid_core.residual.impedance import impedance
 from robid_core.residual.inertial_units import inertial_noise
 from robid_core.residual.moving_samples import MovingSamples
+from robid_core.residual.noise_of_angles import noise_of_angles
 from robid_core.residual.signals import added_torque, true_motion
 from robid_core.residual.vibration_along_motion import moves_far, vibration_along
 from robid_core.residual.windowed_arm import WindowedArm
 from robid_core.robot import Robot
 from robid_core.robot.side_by_side import prescribe_many
 
-MORE = 2.0  # times the variance that a robot file states: angles that show more are believed
 UNIFORM = 12  # step squared over the variance of what is rounded
 WIDE = 1e3  # of what a row leaves: a sensor's zero is not known
 FEW = 2  # experiments of each configuration in a first pass of prescribed motions
@@ -248,19 +247,12 @@ class WindowedBlock(TorqueBlock[WindowedMotion]):
             self.deviation = other.deviation
 
     def measured_noise(self, robot: Robot, coefficient: FloatArray) -> ComplexArray:
-        """Covariance of the residual from the noise of the sensors, shape (n_bin, n_axis, n_axis)."""
-        motion, drives = self.motion, robot.drives
-        z = impedance(robot, self.angle, motion) * (motion.omega**2)[:, None, None]
-        moved = np.einsum("cfab,b,cfdb->fad", z, motion.angle_noise, z.conj()) / len(z)
-        if self.arm is None:
-            covariance: ComplexArray = (moved + np.diag(drives.torque_noise**2)) / motion.n_sample
-            return covariance
-        omega = np.concatenate((motion.omega[1:2], motion.omega[1:]))
-        both = np.concatenate((z, -self.arm.follow(robot, self.angle, omega)), axis=2)
-        moved = np.einsum("cfab,b,cfdb->fad", both, motion.angle_noise, both.conj()) / len(z)
-        told = np.concatenate((drives.torque_noise**2, _noise_behind(robot, self.arm) ** 2))
-        covariance = (moved + np.diag(told)) / motion.n_sample
-        return covariance
+        """Covariance of the residual from the noise of the sensors, shape (n_bin, n_row, n_row)."""
+        motion, told = self.motion, robot.drives.torque_noise**2
+        if self.arm is not None:
+            told = np.concatenate((told, _noise_behind(robot, self.arm) ** 2))
+        moved = noise_of_angles(robot, self.angle, motion, self.arm, motion.angle_noise)
+        return moved + np.diag(told / motion.n_sample)
 
     @property
     def noise_source(self) -> str:

@@ -16,6 +16,7 @@ LOWER, UPPER = (0.7, 0.8), (0.9, 1.0)  # of half the sampling rate: two bands
 WHITE = 1.5  # times the power of the upper band, or less in the lower one; of steps of torque it is 2.8 with aliases
 ABOVE = 1.2  # times the highest frequency of a fit: from there on nothing is excited
 FEWEST = 20  # bins in a band
+MORE = 2.0  # times a variance that is known otherwise: angles that show more are believed
 
 
 def shown_noise(angle: FloatArray, sample_time_s: float, highest_hz: float) -> FloatArray:

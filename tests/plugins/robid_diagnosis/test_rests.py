@@ -38,7 +38,7 @@ def test_a_hidden_ripple_is_named_beside_stick(tmp_path: Path, seed: int) -> Non
     values = dict(zip(named[0].names, named[0].value, strict=True))
     assert values["amplitude"] == pytest.approx(RIPPLE[0], rel=0.05)
     assert values["order"] == pytest.approx(RIPPLE[1], abs=1e-3)
-    assert "Samples at which an axis stands still do not count in its torque: a " in found.verdict
+    assert "Samples at which friction holds an axis do not count in its torque: a " in found.verdict
 
 
 @pytest.mark.parametrize("seed", [pytest.param(n, marks=pytest.mark.full) for n in (301, 401, 501, 601)])

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
 import pytest
 from oracles.sticking_rotor import INERTIA, LEVEL, STEP, record_of, robot, run
 
 import robid_core as robid
-from robid_core import DataRejected
+from robid_core import DataRejected, Robot
 from robid_core.estimation.torque.periodic import periodic_motion_of
+from robid_core.estimation.torque.spectra import MotionSpectra
+from robid_core.estimation.torque.speed_functions import SpeedFunctions
+from robid_core.residual import torque_problem
 from robid_core.residual.moving_samples import moving_samples
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_fit.torque_residual import TorqueResidualFit
@@ -73,13 +79,22 @@ def test_friction_that_turns_within_a_speed_counts_at_all_samples() -> None:
     np.testing.assert_array_equal(left_out.parameters.estimate, kept.parameters.estimate)
 
 
-@pytest.mark.parametrize("n_period", [1, 3])
-def test_an_axis_that_is_held_nearly_always_is_refused_by_name(n_period: int) -> None:
-    """A small multisine alone turns back all the time."""
-    record = record_of([run(k, n_period=n_period, slow=0.0) for k in range(4)], n_period=n_period)
-    fit = robid.use("fit.torque_residual", free=["rotor_inertia.*"])
-    with pytest.raises(DataRejected, match=r"axis_1 \d+ %.*a large slow one.*at_rest: keep"):
-        fit(record, robot=robot())
+def test_an_axis_that_turns_back_all_the_time_counts() -> None:
+    """A small multisine alone: without its turns nothing would be left, and what stands still is a doubt."""
+    record = record_of([run(k, n_period=3, slow=0.0) for k in range(4)], n_period=3)
+    fit = robid.use("fit.torque_residual", free=["rotor_inertia.*"])(record, robot=robot())
+    assert fit.misfit > 100
+    assert any(one.kind == "standstill" and not one.is_remark for one in fit.stated_doubts)
+    problem = partial(torque_problem, (record,), robot(), ["rotor_inertia.axis_1"], {}, of_speed)
+    problem()
+    with pytest.raises(
+        DataRejected, match="axis_1: without the samples at which an axis turns back too little"
+    ):
+        problem(sticking=["axis_1"])
+
+
+def of_speed(nominal: Robot, motions: Sequence[MotionSpectra]) -> SpeedFunctions:
+    return SpeedFunctions.near(nominal.drives.friction_speed)
 
 
 def test_weights_of_a_motion_that_repeats_turn_with_its_beginning() -> None:
