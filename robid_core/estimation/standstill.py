@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from robid_core.arrays import BoolArray, FloatArray
+from robid_core.estimation.noise_above import density_above
 from robid_core.estimation.rigid.regression import differentiate, smooth
 from robid_core.estimation.sticks import sticking_axes, sticks_of
 
@@ -107,7 +108,7 @@ def may_stick(
     rms, found = _rms(speeds), []
     for angle, speed, quiet, sample_time in zip(angles, speeds, smoothed, sample_times, strict=True):
         nyquist = 0.5 / sample_time
-        noise = np.sqrt(_density(angle - quiet, sample_time, cutoff_hz) * nyquist)
+        noise = np.sqrt(density_above(angle - quiet, sample_time, cutoff_hz) * nyquist)
         n_span = max(2 * round(STICK_S / sample_time / 2) + 1, STICK)
         span = (n_span - 1) * sample_time
         reach = np.clip(RANGE * noise, SLOWEST * rms * span, SLOW * rms * span)
@@ -129,14 +130,6 @@ def _rms(values: Sequence[FloatArray]) -> FloatArray:
 
 def _noise_of_speed(above: FloatArray, sample_time: float, cutoff_hz: float) -> FloatArray:
     """Rms of the speed below an edge, (n_axis,), by white noise of which all `above` that edge is known."""
-    density = _density(above, sample_time, cutoff_hz)
+    density = density_above(above, sample_time, cutoff_hz)
     result: FloatArray = 2 * np.pi * np.sqrt(density * cutoff_hz**3 / 3)
-    return result
-
-
-def _density(above: FloatArray, sample_time: float, cutoff_hz: float) -> FloatArray:
-    """Spectral density of white noise, rad^2/Hz, (n_axis,), of which all `above` an edge is known."""
-    result: FloatArray = (
-        np.median(above**2, axis=0) / 0.455 / (0.5 / sample_time - cutoff_hz)
-    )  # of a chi square
     return result

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid_core.arrays import BoolArray, FloatArray, IntArray
+from robid_core.estimation.noise_above import density_above
 from robid_core.estimation.rigid.regression import smooth
 
 FEWEST = 5  # samples that stay, at least
@@ -25,7 +26,6 @@ HELD = 5  # of the stays, at least
 SHARE = 0.5  # of them, likewise: abrupt friction held 0.6 and more, others 0.3 or less on 99 of 100 axes
 TURN = 1  # samples beside a turn that do not count with it
 NOISE_FROM = 0.25  # of the sampling rate: angles have noise alone above
-MEDIAN = 0.455  # of a chi square with one degree of freedom
 OVERLAP = 100  # samples of a motion that repeats, beyond its ends
 
 
@@ -113,7 +113,7 @@ def _quiet(angle: FloatArray) -> FloatArray:
 
 def _noise(angle: FloatArray, quiet: FloatArray) -> FloatArray:
     """Standard deviation of white noise of which that is left above, (n_axis,)."""
-    noise: FloatArray = np.sqrt(np.median((angle - quiet) ** 2, axis=0) / MEDIAN / (1 - 2 * NOISE_FROM))
+    noise: FloatArray = np.sqrt(0.5 * density_above(angle - quiet, 1.0, NOISE_FROM))
     return noise
 
 

@@ -149,9 +149,8 @@ class ProcessMap:
                 with held():  # a worker that is started and never told what for ends with a traceback
                     given.future = pool.submit(_call, function, given.argument)
             except OSError as error:
-                if (
-                    pool._broken
-                ):  # a worker died while another one was started: its pipes were closed meanwhile
+                # A worker died while another one was started: its pipes were closed meanwhile.
+                if pool._broken:
                     raise BrokenProcessPool(str(pool._broken)) from error
                 raise
 

@@ -32,8 +32,8 @@ from robid_core.robot.file.effect_class import effect_class
 __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueBlock",
     "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "default_patterns", "effect_class",
-    "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "friction_of_motors",
-    "functions_of_speed", "leading_periods", "linearise_at", "faded_misfit", "misfit", "misfit_table",
-    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve",
-    "sticking_in", "torque_problem", "variant_robots", "whole_pieces", "with_equivalent_springs", "words_of_pieces",
+    "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit", "friction_of_motors",
+    "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table", "parts_by_variant", "place_in",
+    "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve", "sticking_in", "torque_problem",
+    "variant_robots", "whole_pieces", "with_equivalent_springs", "words_of_pieces",
 ]  # fmt: skip

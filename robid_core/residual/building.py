@@ -160,6 +160,7 @@ def _check_enough(
     named: BoolArray,
     fewest: float,
 ) -> None:
+    """Refuse axes that are said to stick, (n_axis,), and of which fewer values count in all."""
     values = np.zeros(robot.n_axis)
     for motion, own in zip(motions, found, strict=True):
         n_run = int(np.prod(motion.angle.shape[:2]))
