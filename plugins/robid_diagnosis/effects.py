@@ -55,11 +55,12 @@ from robid_diagnosis.results import (
     values_of,
     with_unknown,
 )
+from robid_diagnosis.second_search import searched_without_turns
 from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import separation
 from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
-from robid_diagnosis.sticking import searched_without_turns, with_sticking_axes
+from robid_diagnosis.sticking import with_sticking_axes
 from robid_diagnosis.timing import timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
@@ -116,7 +117,7 @@ class Effects(DiagnosisStage):
     Half of it may be alike in all bins: what gains less than such an error could is not named."""
     at_rest: Literal["leave_out", "keep"] = "leave_out"
     """What becomes of samples at which friction holds an axis by any torque up to its level: where it stands still, in
-    motions that do not repeat, and where it sticks before it turns back."""
+    motions that do not repeat, and where it turns back more abruptly than its angle resolves."""
     passes: PositiveInt = 12
     """Prescribed motions of a fit at most."""
     discard: NonNegativeInt | None = None

@@ -222,6 +222,8 @@ class Case:
     """Whether samples at which friction holds an axis do not count in its torque."""
     sticking: tuple[str, ...] | None = None
     """Axes that friction holds where they turn back; None: those whose angles show it in the records of a problem."""
+    turning_seldom: tuple[str, ...] = ()
+    """Axes of which enough samples count in all records without those at which they turn back."""
 
     @cached_property
     def variants(self) -> Variants:

@@ -11,11 +11,12 @@ speed is like it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid_core import ComplexArray, FloatArray
+from robid_core.residual import Weighting
 from robid_diagnosis.candidates import Candidate
 from robid_diagnosis.hypothesis import Fitted
 from robid_diagnosis.search import Hit
@@ -82,22 +83,23 @@ class LeastGains:
 
 def _torques(fitted: Fitted) -> FloatArray:
     """Squared torque of each axis in standard deviations, the mean left out, (n_axis,)."""
-    return _squares(fitted, [block.motion.torque_spectrum for block in fitted.problem.blocks])
+    blocks = fitted.problem.blocks
+    return _squares(fitted, [block.motion.torque_spectrum for block in blocks], fitted.about.weights)
 
 
 def _unresolved(fitted: Fitted) -> FloatArray:
-    """Likewise, of torques as large as what samples do not resolve of friction."""
+    """Likewise, of torques as large as what samples do not resolve of friction, where they count."""
     sizes = []
     for block in fitted.problem.blocks:
-        size = np.sqrt(np.abs(np.diagonal(block.unresolved, axis1=1, axis2=2)))
-        sizes.append(np.broadcast_to(size, block.motion.torque_spectrum.shape).astype(np.complex128))
-    return _squares(fitted, sizes)
+        size = np.sqrt(np.abs(np.diagonal(block.unresolved, axis1=1, axis2=2)) * block.share)
+        sizes.append(size[..., : block.robot.n_axis].astype(np.complex128))
+    return _squares(fitted, sizes, [replace(weight, moving=None) for weight in fitted.about.weights])
 
 
-def _squares(fitted: Fitted, spectra: Sequence[ComplexArray]) -> FloatArray:
+def _squares(fitted: Fitted, spectra: Sequence[ComplexArray], weights: Sequence[Weighting]) -> FloatArray:
     """Sum of squares of spectra, N m, (n_config, n_exp, n_bin, n_axis) of each block, likewise."""
     total = np.zeros(fitted.problem.free.robot.n_axis)
-    for one, weight in zip(spectra, fitted.about.weights, strict=True):
+    for one, weight in zip(spectra, weights, strict=True):
         for axis in range(len(total)):
             alone = np.zeros_like(one)
             alone[:, :, 1:, axis] = one[:, :, 1:, axis]

@@ -18,22 +18,23 @@ from robid_diagnosis.agreement import differs_at_fit, differs_between, holds_els
 from robid_diagnosis.ceilings import ANGLE, Ceiling, ceilings, drifts, memories
 from robid_diagnosis.columns import Motion
 from robid_diagnosis.fitted_projection import projection_of
-from robid_diagnosis.hypothesis import Addition, Case, Fitted, Hypothesis
+from robid_diagnosis.hypothesis import Addition, Case, Fitted
 from robid_diagnosis.least_gains import LEAST, LeastGains
 from robid_diagnosis.near_widths import with_near_widths
 from robid_diagnosis.other_shapes import from_other_shapes
 from robid_diagnosis.pictures import picture_of
+from robid_diagnosis.refit import refitted
 from robid_diagnosis.revision import Revision
 from robid_diagnosis.search import Failure, Found, Hit, Search
 from robid_diagnosis.search_log import SearchLog
 from robid_diagnosis.steps import Outcome, Searched, Step
 from robid_diagnosis.ties import with_final_ties
-from robid_diagnosis.trials import TIE, WRONG, Rival, Trial, Trials, alike, total
+from robid_diagnosis.trials import TIE, Rival, Trial, Trials, alike, total
 from robid_diagnosis.values import ValueHit, value_hits
 from robid_diagnosis.visible import visible_sizes
 from robid_diagnosis.wording import MUCH_LACKS
 from robid_diagnosis.written import as_written
-from robid_diagnosis.zero_speed import WIDTHS, with_own_width
+from robid_diagnosis.zero_speed import with_own_width
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
 APART = 0.5  # of an order: waves that are nearer are the same
@@ -76,7 +77,8 @@ class Selection:
 
     def run(self) -> Outcome:
         """Search until nothing is significant."""
-        current = base = self._refitted()
+        current = base = refitted(self.case, self.progress)
+        self.case = base.case
         self.log.refitted(base)
         steps, searches = list[Step](), list[Found]()
         motion: Motion | None = None
@@ -128,27 +130,6 @@ class Selection:
         motion = Motion(current.problem, current.point, current.about.weights, before)
         search = Search(motion, projection, self.generator)
         return Searched(search, search.run(self.uses, self.places, self.progress), groups)
-
-    def _refitted(self) -> Fitted:
-        """Fit all that the told robot has; not to the end where that cannot be the answer.
-
-        The zero-speed width of friction is often told by nobody: it is taken from each fit until it stays, or until a
-        narrower one misfits more. Springs and dampers that data do not tell stay as they are told.
-        """
-        before, base = self.case, self.case.fit_what_is_seen(Hypothesis(), self.progress, roughly=True)
-        for number in range(WIDTHS):
-            case = before.with_fitted_width(base)
-            fitted = case.fit_what_is_seen(base.hypothesis, self.progress, begin=base, roughly=True)
-            if number and fitted.misfit > base.misfit:
-                break
-            stays = case.width_is_near(before)
-            self.case = before = case
-            base = fitted
-            if stays:
-                break
-        if base.solution.converged or base.misfit > WRONG:
-            return base
-        return self.case.fit_what_is_seen(base.hypothesis, self.progress, begin=base)
 
     def next_cause(
         self,

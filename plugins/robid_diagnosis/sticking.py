@@ -1,69 +1,37 @@
-"""Axes that friction holds where they turn back, whether their measured angles show it or only the torque.
+"""Axes whose turns do not count: what friction is there no function of the measured speed says.
 
-What friction is then no function of the speed says. Angles show it where their noise is small. Else a search ends far
-from noise, with an unknown cause or a wrong one, and where one that does not count the turns of such axes leaves next
-to nothing, it was that.
+Friction that turns abruptly holds an axis where it turns back, and the measured angle shows it. Or friction turns
+within less than the noise of the angle resolves, and the torque says more of all else without those samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from robid_core import Context, Record, RobidError
-from robid_core.residual import explained_by_turns, faded_misfit, parts_by_variant, sticking_in
-from robid_diagnosis.ceilings import REMEMBERED
-from robid_diagnosis.hypothesis import Case, Hypothesis
-from robid_diagnosis.results import unknown_of
-from robid_diagnosis.selection import Selection
-from robid_diagnosis.steps import Outcome
+from robid_core import Record
+from robid_core.residual import clearer_without_turns, parts_by_variant, sticking_in, turning_seldom
+from robid_diagnosis.hypothesis import Case, Fitted
 
 
 def with_sticking_axes(case: Case, records: Sequence[Record]) -> Case:
     """Return a case in which those axes stick whose angles show it in any of the records, held-out ones included."""
     parts = [part for record in records for _, part in parts_by_variant(record)]
-    sampling = case.discard, case.highest_hz, case.told.sample_time_s
-    shown = sticking_in([case.spectra(part, *sampling) for part in parts])
-    return replace(case, sticking=tuple(np.array(case.told.axis_names)[shown].tolist()))
+    motions = [case.spectra(part, case.discard, case.highest_hz, case.told.sample_time_s) for part in parts]
+    names = np.array(case.told.axis_names)
+    sticking, seldom = (tuple(names[found(motions)].tolist()) for found in (sticking_in, turning_seldom))
+    return replace(case, sticking=sticking, turning_seldom=seldom)
 
 
-def searched_without_turns(
-    selection: Selection,
-    outcome: Outcome,
-    again: Callable[[Case], Selection],
-    tests: tuple[Record, ...],
-    context: Context,
-) -> tuple[Selection, Outcome, tuple[str, ...]]:
-    """Search again without the turns of axes, where these may make most of what is left.
-
-    Returned are the search that counts, its outcome, and axes whose friction only the torque shows.
-    """
-    left, unknown = faded_misfit(outcome.final.problem, outcome.final.point), unknown_of(outcome)
-    if any(one.effect.endswith(REMEMBERED) for one in unknown):  # angles show how friction changes at a turn
-        return selection, outcome, ()
-    for case in _cases(selection.case, [one.on for one in unknown], left):
-        unseen = tuple(name for name in case.sticking or () if name not in (selection.case.sticking or ()))
-        context.log.info("misfit %.3g: again without the turns of %s", left, " and ".join(unseen))
-        try:
-            for records in filter(None, (case.records, tests)):
-                case.problem(Hypothesis(), records)
-            other = again(case)
-            found = other.run()
-        except RobidError as error:
-            context.log.info("the first search stands: %s", error)
-            continue
-        if explained_by_turns(faded_misfit(found.final.problem, found.final.point), left):
-            return other, found, unseen
-    return selection, outcome, ()
-
-
-def _cases(case: Case, axes: Sequence[str], left: float) -> Iterator[Case]:
-    """Yield cases without the turns of some axes, then of all; none where a right model could not explain so much."""
-    if case.leave_out_rests and explained_by_turns(1.0, left):
-        known = set(case.sticking or ())
-        for more in (axes, case.told.axis_names):
-            if not set(more) <= known:
-                known |= set(more)
-                yield replace(case, sticking=tuple(name for name in case.told.axis_names if name in known))
+def without_unclear_turns(fitted: Fitted) -> Case:
+    """Return a fit's case without the turns of axes whose torque says more without them; as it is where none does."""
+    case, known = fitted.case, set(fitted.case.sticking or ())
+    if not case.leave_out_rests or known >= set(case.turning_seldom):
+        return case
+    clearer = clearer_without_turns(fitted.problem, fitted.point)
+    more = (set(clearer) & set(case.turning_seldom)) - known
+    if not more:
+        return case
+    return replace(case, sticking=tuple(name for name in case.told.axis_names if name in known | more))

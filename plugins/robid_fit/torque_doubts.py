@@ -70,8 +70,8 @@ def _left_out(problem: TorqueProblem) -> tuple[Doubt, ...]:
     if not told:
         return ()
     sentence = (
-        "samples at which friction holds an axis, at rest or where it turns back, do not count in its torque: "
-        f"{', '.join(told)} of the samples"
+        "samples at which friction holds an axis, at rest or where it turns back more abruptly than its angle "
+        f"resolves, do not count in its torque: {', '.join(told)} of the samples"
     )
     return (Doubt("standstill", sentence, "at_rest: keep counts them", "remark"),)
 

@@ -38,6 +38,7 @@ from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.residual import (
     Solution,
     TorqueProblem,
+    clearer_without_turns,
     default_patterns,
     estimated_robot,
     excited_range,
@@ -50,6 +51,7 @@ from robid_core.residual import (
     misfit_table,
     resolved_width,
     solve,
+    sticking_in,
     torque_problem,
     variant_robots,
     whole_pieces,
@@ -140,7 +142,7 @@ class TorqueResidualFit(Estimator):
     robot file says, rad; they are unknowns."""
     at_rest: Literal["leave_out", "keep"] = "leave_out"
     """What becomes of samples at which friction holds an axis by any torque up to its level: where it stands still, in
-    motions that do not repeat, and where it sticks before it turns back. Its own torque does not count at them."""
+    motions that do not repeat, and where it turns back more abruptly than its angle resolves."""
     passes: PositiveInt = 12
     """Prescribed motions at most."""
     discard: NonNegativeInt | None = None
@@ -153,7 +155,6 @@ class TorqueResidualFit(Estimator):
     robots: dict[str, RobotName] = {}
     """Robots under which variants of a record were measured, where they are not the nominal one: `{loaded: arm.yaml}`;
     all share the free parameters."""
-
     constants: dict[str, str] = {}
     """Constants of the record that are parameters of the robot, `{payload_kg: effect.load.mass}`: each variant's robot
     has the value of its experiments, and needs no file under `robots`."""
@@ -177,11 +178,8 @@ class TorqueResidualFit(Estimator):
         if words := words_of_pieces(record, whole):
             context.log.warning("fit.torque_residual %s", words)
         record = whole
-        robot, robots = self._told(record, robot)
-        problem, solution, n_starts, sticking = self._fitted(record, robot, robots, context)
-        problem, solution, friction = self._about_its_width(
-            record, robot, robots, problem, solution, context, sticking
-        )
+        robot, robots = variant_robots(record, robot, self.robots, self.constants)
+        problem, solution, friction, n_starts, unseen = self._fitted(record, robot, robots, context)
         model = estimated_robot(
             robot, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, friction
         )
@@ -193,21 +191,29 @@ class TorqueResidualFit(Estimator):
             friction=curves_of(problem, solution.point, friction),
             stated_doubts=(
                 *with_rests(fit.stated_doubts, record, problem),
-                *unseen_sticks(sticking or ()),
+                *unseen_sticks(unseen),
                 *other_shapes(robot, friction),
             ),
         )
 
     def _fitted(
         self, record: tuple[Record, ...], robot: Robot, robots: dict[str, Robot], context: Context
-    ) -> tuple[TorqueProblem, Solution, int, tuple[str, ...] | None]:
-        """Fit, and again without the samples at which axes turn back, where these may make most of what is left.
+    ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...], int, tuple[str, ...]]:
+        """Fit, and again without the samples at which axes turn back, where torque says more without them.
 
-        The last part is axes whose turns do not count; None: those whose angles show that friction holds them.
+        So it does where noise of their angles hides friction there, or where what is left then is next to nothing; the
+        last part is axes of which only that shows it.
         """
         found = self._solved(record, robot, robots, context)
+        if self.at_rest == "keep":
+            return *found, ()
+        if clearer := clearer_without_turns(found[0], found[1].point):
+            context.log.info("%s: noise of angles hides friction at turns; again without", ", ".join(clearer))
+            shown = sticking_in([block.motion for block in found[0].blocks])
+            names = {*np.array(robot.axis_names)[shown].tolist(), *clearer}
+            found = self._solved(record, robot, robots, context, names)
         left = faded_misfit(found[0], found[1].point)
-        if self.at_rest == "leave_out" and explained_by_turns(1.0, left):
+        if explained_by_turns(1.0, left):
             context.log.info("misfit %.3g: again without the samples at which axes turn back", left)
             try:
                 again = self._solved(record, robot, robots, context, robot.axis_names)
@@ -215,7 +221,7 @@ class TorqueResidualFit(Estimator):
                     return *again, robot.axis_names
             except DataRejected as error:
                 context.log.info("the first fit stands: %s", error)
-        return *found, None
+        return *found, ()
 
     def _solved(
         self,
@@ -224,7 +230,7 @@ class TorqueResidualFit(Estimator):
         robots: dict[str, Robot],
         context: Context,
         sticking: Collection[str] | None = None,
-    ) -> tuple[TorqueProblem, Solution, int]:
+    ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...], int]:
         """Fit from the starts that are asked for; where none are and the nominal robot's leads nowhere, from several.
 
         Far from the minimum a resonance may be taken for its neighbour, and a spring then runs to a bound.
@@ -244,11 +250,12 @@ class TorqueResidualFit(Estimator):
             return problem, solution, starts
 
         found = solved(self.starts or 1)
-        if self.starts is not None or not _leads_nowhere(*found[:2]):
-            return found
-        context.log.info("from the nominal robot the fit does not converge; from %d starts", STARTS_THEN)
-        again = solved(STARTS_THEN)
-        return min(again, found, key=lambda one: misfit(one[0], one[1].point))
+        if self.starts is None and _leads_nowhere(*found[:2]):
+            context.log.info("from the nominal robot the fit does not converge; from %d starts", STARTS_THEN)
+            found = min(solved(STARTS_THEN), found, key=lambda one: misfit(one[0], one[1].point))
+        problem, solution, n_starts = found
+        about = self._about_its_width(record, robot, robots, problem, solution, context, sticking)
+        return *about, n_starts
 
     def _about_its_width(
         self,
@@ -307,11 +314,7 @@ class TorqueResidualFit(Estimator):
 
     def problem(self, record: tuple[Record, ...], robot: Robot) -> TorqueProblem:
         """Return what is minimised."""
-        return self._problem(record, *self._told(record, robot))
-
-    def _told(self, record: tuple[Record, ...], robot: Robot) -> tuple[Robot, dict[str, Robot]]:
-        """Return the nominal robot, and those of other variants."""
-        return variant_robots(record, robot, self.robots, self.constants)
+        return self._problem(record, *variant_robots(record, robot, self.robots, self.constants))
 
     def _problem(
         self,

@@ -24,6 +24,7 @@ CERTAIN = 3.0  # standard errors by which an acceleration is taken smaller
 MOVES = 20.0  # times as far as an angle stays: experiments in which an axis moves no farther show no turns
 HELD = 5  # of the stays, at least
 SHARE = 0.5  # of them, likewise: abrupt friction held 0.6 and more, others 0.3 or less on 99 of 100 axes
+SLOW = 6.0  # standard deviations of its noise from sample to sample: slower, a motor may stand still
 TURN = 1  # samples beside a turn that do not count with it
 NOISE_FROM = 0.25  # of the sampling rate: angles have noise alone above
 OVERLAP = 100  # samples of a motion that repeats, beyond its ends
@@ -67,8 +68,8 @@ def sticking_axes(angles: Sequence[FloatArray]) -> BoolArray:
 def sticks_of(angles: Sequence[FloatArray], sticking: BoolArray, *, repeat: bool = False) -> list[BoolArray]:
     """Return at which samples friction holds axes, for however short, (n_sample, n_axis) of each experiment.
 
-    These are all at which the angle of an axis that sticks stays within its noise for five samples or more, and those
-    beside each turn.
+    These are all at which the angle of an axis that sticks stays within its noise for five samples or more, those
+    beside each turn, and those at which it is too slow for its noise to say that it moves.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def sticks_of(angles: Sequence[FloatArray], sticking: BoolArray, *, repeat: bool
         quiet = _quiet(lane)
         noise = _noise(lane, quiet)
         for axis in np.flatnonzero(sticking):
-            sticks = _turns(quiet[:, axis])
+            sticks = _turns(quiet[:, axis], noise[axis])
             for first, stop in _stays(lane[:, axis], noise[axis]):
                 sticks[first:stop] = True
             marks[:, axis] = sticks[beyond : len(sticks) - beyond]
@@ -141,10 +142,11 @@ def _held(angle: FloatArray, stays: IntArray, noise: float) -> BoolArray:
     return held
 
 
-def _turns(quiet: FloatArray) -> BoolArray:
-    """Whether a motor turns back at samples, or beside them, (n_sample,)."""
-    backward = np.diff(quiet) < 0
-    turns, found = np.flatnonzero(backward[1:] != backward[:-1]) + 1, np.zeros(len(quiet), dtype=np.bool_)
-    for beside in range(-TURN, TURN + 1):
-        found[np.clip(turns + beside, 0, len(quiet) - 1)] = True
+def _turns(quiet: FloatArray, noise: float) -> BoolArray:
+    """Whether a motor turns back at samples, or beside them, or nearly stops, (n_sample,)."""
+    change = np.diff(quiet)
+    turns = np.flatnonzero((change[1:] < 0) != (change[:-1] < 0)) + 1
+    slow, found = np.flatnonzero(np.abs(change) < SLOW * noise), np.zeros(len(quiet), dtype=np.bool_)
+    for at in (*(turns + beside for beside in range(-TURN, TURN + 1)), slow, slow + 1):
+        found[np.clip(at, 0, len(quiet) - 1)] = True
     return found

@@ -15,13 +15,14 @@ from robid_core.residual.measured import (
     resolved_width,
 )
 from robid_core.residual.misfit import explained_by_turns, faded_misfit, misfit, misfit_table
-from robid_core.residual.moving_samples import sticking_in
+from robid_core.residual.moving_samples import sticking_in, turning_seldom
 from robid_core.residual.passes import Solution, linearise_at, prescribe_at, solve
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.prescribed_record import prescribe_record
 from robid_core.residual.problem import Linearisation, TorqueProblem
 from robid_core.residual.remembered_spectra import RememberedSpectra
 from robid_core.residual.rigid_drives import rigid_drives
+from robid_core.residual.turns import clearer_without_turns
 from robid_core.residual.variant_constants import variant_robots
 from robid_core.residual.weighting import Weighting
 from robid_core.residual.whole_pieces import whole_pieces, words_of_pieces
@@ -31,9 +32,10 @@ from robid_core.robot.file.effect_class import effect_class
 
 __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueBlock",
-    "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "default_patterns", "effect_class",
-    "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit", "friction_of_motors",
-    "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table", "parts_by_variant", "place_in",
-    "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve", "sticking_in", "torque_problem",
-    "variant_robots", "whole_pieces", "with_equivalent_springs", "words_of_pieces",
+    "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "clearer_without_turns", "default_patterns",
+    "effect_class", "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit",
+    "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table",
+    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve",
+    "sticking_in", "torque_problem", "turning_seldom", "variant_robots", "whole_pieces", "with_equivalent_springs",
+    "words_of_pieces",
 ]  # fmt: skip

@@ -136,20 +136,25 @@ def moving_samples(
 
 
 def sticking_in(motions: Sequence[MotionSpectra]) -> BoolArray:
-    """Return which axes stick in some motions, (n_axis,), as `sticking_axes` says.
-
-    Not those that turn back so often that without their turns hardly any sample counts: what friction is then has to
-    pass for a function of the speed, as it nearly is where it turns gradually but within a low speed.
-    """
+    """Return which axes stick in some motions, (n_axis,), as `sticking_axes` says, of those that turn back seldom."""
     sticking = sticking_axes([lane for motion in motions for lane in _lanes(motion)])
-    if sticking.any():
-        counted, n_sample = np.zeros(len(sticking)), 0
-        for motion, own in zip(motions, moving_samples(motions, sticking), strict=True):
-            share = np.ones(1) if own is None else own.weight.mean(axis=(0, 1, 2))
-            counted += motion.angle[..., 0].size * share
-            n_sample += motion.angle[..., 0].size
-        sticking &= counted > ENOUGH * n_sample
-    return sticking
+    return sticking & turning_seldom(motions) if sticking.any() else sticking
+
+
+def turning_seldom(motions: Sequence[MotionSpectra]) -> BoolArray:
+    """Return of which axes enough samples count without those at which they turn back, (n_axis,).
+
+    Of an axis that turns back all the time hardly any would: what its friction is then has to pass for a function of
+    the speed, as it nearly is where it turns gradually but within a low speed.
+    """
+    n_axis = motions[0].angle.shape[-1]
+    counted, n_sample = np.zeros(n_axis), 0
+    for motion, own in zip(motions, moving_samples(motions, np.ones(n_axis, dtype=np.bool_)), strict=True):
+        share = np.ones(1) if own is None else own.weight.mean(axis=(0, 1, 2))
+        counted += motion.angle[..., 0].size * share
+        n_sample += motion.angle[..., 0].size
+    seldom: BoolArray = counted > ENOUGH * n_sample
+    return seldom
 
 
 def _lanes(motion: MotionSpectra) -> list[FloatArray]:

@@ -41,16 +41,26 @@ def test_friction_that_holds_a_motor_where_it_turns_back_does_not_count(seed: in
 
 
 @pytest.mark.parametrize("n_period", [1, 3], ids=["one cut", "periods"])
-def test_turns_that_a_coarse_encoder_does_not_show_are_seen_by_the_torque(n_period: int) -> None:
-    """Of steps of 1 mrad; counted, such samples leave more than a hundred times the noise."""
+def test_turns_behind_a_coarse_encoder_do_not_count(n_period: int) -> None:
+    """Of steps of 1 mrad: their noise says so. Counted, such turns leave more than ten times the noise."""
     record = record_of([run(k, n_period=n_period, step=1e-3) for k in range(4)], n_period=n_period)
     fit = robid.use("fit.torque_residual", free=["rotor_inertia.*"], prior={"rotor_inertia.*": 1.0})(
         record, robot=robot()
     )
-    assert 0.6 < fit.misfit < 1.2
+    assert 0.8 < fit.misfit < 1.2
     error = dict(zip(fit.parameters.names, fit.parameters.standard_error, strict=True))
     for name, true in {"rotor_inertia.axis_1": INERTIA, "friction.axis_1.coulomb": LEVEL}.items():
         assert abs(fit.parameters.value(name) - true) < 4 * error[name], name
+    assert any("turns back more abruptly than its angle" in one.sentence for one in fit.stated_doubts)
+
+
+def test_turns_of_which_only_what_is_left_says_that_they_should_not_count() -> None:
+    """Of steps of 1 mrad in one cut, beside gradual friction: rounding of a slow motor is no white noise."""
+    record = record_of([run(k, step=1e-3, width=0.2) for k in range(4)], n_period=1)
+    fit = robid.use("fit.torque_residual", free=["rotor_inertia.*"], prior={"rotor_inertia.*": 1.0})(
+        record, robot=robot()
+    )
+    assert 0.8 < fit.misfit < 1.2
     assert any("turns back, torque is no function of the speed" in one.sentence for one in fit.stated_doubts)
 
 
@@ -68,15 +78,6 @@ def test_what_the_steps_of_an_encoder_do_alike_in_all_periods_is_noise(step: flo
         assert 0.6 < float(block.repeated_noise[0]) / (step**2 / 12) < 1.05
     else:
         np.testing.assert_array_equal(block.repeated_noise, 0.0)
-
-
-def test_friction_that_turns_within_a_speed_counts_at_all_samples() -> None:
-    record = record_of([run(k, n_period=3, width=0.1) for k in range(4)], n_period=3)
-    left_out, kept = (
-        robid.use("fit.torque_residual", free=["rotor_inertia.*"], at_rest=at_rest)(record, robot=robot())
-        for at_rest in ("leave_out", "keep")
-    )
-    np.testing.assert_array_equal(left_out.parameters.estimate, kept.parameters.estimate)
 
 
 def test_an_axis_that_turns_back_all_the_time_counts() -> None:

@@ -1,0 +1,44 @@
+"""The refit of all that the told robot has: its values, the width of its friction, and which samples count."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.sticking import without_unclear_turns
+from robid_diagnosis.trials import WRONG
+from robid_diagnosis.zero_speed import WIDTHS
+
+Progress = Callable[[float, float, str], None]
+
+
+def refitted(case: Case, progress: Progress) -> Fitted:
+    """Fit all that the told robot has; not to the end where that cannot be the answer.
+
+    Springs and dampers that data do not tell stay as they are told. Turns of axes whose torque says more without them
+    do not count.
+    """
+    base = _about_its_width(case.fit_what_is_seen(Hypothesis(), progress, roughly=True), progress)
+    without = without_unclear_turns(base)
+    if without is not base.case:
+        base = without.fit_what_is_seen(base.hypothesis, progress, begin=base, roughly=True)
+        base = _about_its_width(base, progress)
+    if base.solution.converged or base.misfit > WRONG:
+        return base
+    return base.case.fit_what_is_seen(base.hypothesis, progress, begin=base)
+
+
+def _about_its_width(base: Fitted, progress: Progress) -> Fitted:
+    """Fit again about the width that friction was found to have.
+
+    It is often told by nobody: it is taken from each fit until it stays, or until a narrower one misfits more.
+    """
+    for number in range(WIDTHS):
+        before, case = base.case, base.case.with_fitted_width(base)
+        fitted = case.fit_what_is_seen(base.hypothesis, progress, begin=base, roughly=True)
+        if number and fitted.misfit > base.misfit:
+            break
+        base = fitted
+        if case.width_is_near(before):
+            break
+    return base
