@@ -65,9 +65,9 @@ def running_mean(values: T) -> T:
 
 
 def whitener(covariance: ComplexArray) -> ComplexArray:
-    """Inverse Cholesky factors L^-1 with C = L L^H, shape of the covariance."""
+    """Inverse Cholesky factors L^-1 with C = L L^H, shape of the covariance; any weights where nothing varies."""
     n = covariance.shape[-1]
-    floor = SMALLEST * np.einsum("faa->f", covariance).real.max()
+    floor = SMALLEST * (np.einsum("faa->f", covariance).real.max() or 1.0)
     lower: ComplexArray = np.linalg.cholesky(covariance + floor * np.eye(n))
     factor: ComplexArray = np.linalg.inv(lower).astype(np.complex128)
     return factor

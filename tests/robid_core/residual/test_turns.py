@@ -71,11 +71,9 @@ def test_a_record_in_which_an_axis_stands_still_decides_nothing() -> None:
         )
         for _ in range(4)
     ]
-    fit = TorqueResidualFit(free=("rotor_inertia.*",))
-    alone, beside = (
-        fit.problem(records, robot()) for records in ((moving,), (moving, record_of(still, n_period=1)))
-    )
-    for problem in (alone, beside):
-        point = np.zeros(problem.n_unknown)
-        problem.friction_size(point)[0] = LEVEL  # of the narrowest function
-        assert clearer_without_turns(problem, point) == ("axis_1",)
+    fit = robid.use("fit.torque_residual", free=["rotor_inertia.*"], prior={"rotor_inertia.*": 1.0})
+    narrow = robot().with_parameters({"friction.axis_1.speed": 0.05})
+    for records in ((moving,), (moving, record_of(still, n_period=1))):
+        found: Fit = fit(*records, robot=narrow)
+        assert any("turns back more abruptly than its angle" in one.sentence for one in found.stated_doubts)
+        assert found.misfit == pytest.approx(1.0, abs=0.1)
