@@ -177,7 +177,7 @@ class Effects(DiagnosisStage):
         selection = self._selection(case, uses, context)
         outcome = selection.run()
         selection, outcome, unseen = searched_without_turns(
-            selection, outcome, lambda other: self._selection(other, uses, context), tests, context
+            selection, outcome, lambda other: self._selection(other, uses, context), context
         )
         check_related(outcome.final)
         for one in self.only:
@@ -203,7 +203,7 @@ class Effects(DiagnosisStage):
         check_possible(records, robot)
         case = Case(
             training, robot, self.prior, self.highest_hz, discard, self.passes, self.model_error,
-            robots=robots, leave_out_rests=self.at_rest == "leave_out",
+            robots=robots, leave_out_rests=self.at_rest == "leave_out", held_out=tests,
         )  # fmt: skip
         case = with_sticking_axes(case, records) if case.leave_out_rests else case
         if tests:

@@ -221,9 +221,9 @@ class Case:
     leave_out_rests: bool = True
     """Whether samples at which friction holds an axis do not count in its torque."""
     sticking: tuple[str, ...] | None = None
-    """Axes that friction holds where they turn back; None: those whose angles show it in the records of a problem."""
-    turning_seldom: tuple[str, ...] = ()
-    """Axes of which enough samples count in all records without those at which they turn back."""
+    """Axes whose turns do not count; None: those whose angles show that friction holds them, in a problem's records."""
+    held_out: tuple[Record, ...] = ()
+    """Records that judge: the same samples count in them."""
 
     @cached_property
     def variants(self) -> Variants:

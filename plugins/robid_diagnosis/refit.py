@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from robid_core import NotIdentifiable
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
 from robid_diagnosis.sticking import without_unclear_turns
 from robid_diagnosis.trials import WRONG
@@ -21,8 +22,11 @@ def refitted(case: Case, progress: Progress) -> Fitted:
     base = _about_its_width(case.fit_what_is_seen(Hypothesis(), progress, roughly=True), progress)
     without = without_unclear_turns(base)
     if without is not base.case:
-        base = without.fit_what_is_seen(base.hypothesis, progress, begin=base, roughly=True)
-        base = _about_its_width(base, progress)
+        try:
+            fitted = without.fit_what_is_seen(Hypothesis(), progress, begin=base, roughly=True)
+            base = _about_its_width(fitted, progress)
+        except NotIdentifiable:
+            pass  # what the robot file has acts at turns alone: they count
     if base.solution.converged or base.misfit > WRONG:
         return base
     return base.case.fit_what_is_seen(base.hypothesis, progress, begin=base)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from robid_core import Context, Record, RobidError
+from robid_core import Context, RobidError
 from robid_core.residual import explained_by_turns, faded_misfit
 from robid_diagnosis.ceilings import REMEMBERED
 from robid_diagnosis.hypothesis import Case, Hypothesis
@@ -22,7 +22,6 @@ def searched_without_turns(
     selection: Selection,
     outcome: Outcome,
     again: Callable[[Case], Selection],
-    tests: tuple[Record, ...],
     context: Context,
 ) -> tuple[Selection, Outcome, tuple[str, ...]]:
     """Search again without the turns of axes, where these may make most of what is left.
@@ -36,7 +35,7 @@ def searched_without_turns(
         unseen = tuple(name for name in case.sticking or () if name not in (selection.case.sticking or ()))
         context.log.info("misfit %.3g: again without the turns of %s", left, " and ".join(unseen))
         try:
-            for records in filter(None, (case.records, tests)):
+            for records in filter(None, (case.records, case.held_out)):
                 case.problem(Hypothesis(), records)
             other = again(case)
             found = other.run()

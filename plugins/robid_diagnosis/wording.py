@@ -157,7 +157,8 @@ def rests_line(axis_names: Sequence[str], at_rest: Sequence[float]) -> str:
         return ""
     return (
         f"Samples at which friction holds an axis do not count in its torque: {', '.join(told)} of the samples. "
-        "At rest, and where an axis turns back more abruptly than its angle resolves, it is any torque up to its level."
+        "At rest, and where an axis turns back more abruptly than its angle resolves, it is any torque up to its "
+        "level; what acts at turns alone is not seen."
     )
 
 

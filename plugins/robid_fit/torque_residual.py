@@ -12,6 +12,7 @@ import fnmatch
 import logging
 from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -21,7 +22,6 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 from robid_core import (
     ConfigurationError,
     Context,
-    DataRejected,
     Estimator,
     Fit,
     FloatArray,
@@ -38,12 +38,9 @@ from robid_core.estimation.torque.nearest_friction import NearestFriction
 from robid_core.residual import (
     Solution,
     TorqueProblem,
-    clearer_without_turns,
     default_patterns,
     estimated_robot,
     excited_range,
-    explained_by_turns,
-    faded_misfit,
     friction_of_motors,
     functions_of_speed,
     leading_periods,
@@ -51,7 +48,6 @@ from robid_core.residual import (
     misfit_table,
     resolved_width,
     solve,
-    sticking_in,
     torque_problem,
     variant_robots,
     whole_pieces,
@@ -60,6 +56,7 @@ from robid_core.residual import (
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_doubts import doubts, unseen_sticks, with_rests
 from robid_fit.torque_gain import common_scale_problem
+from robid_fit.without_turns import Fitted, fitted_without_turns
 
 REPLACED = ("coulomb", "offset", "speed")  # of the motors' friction, by free functions of speed
 UNSEEN = ("controller", "sensor", "drive")
@@ -179,7 +176,12 @@ class TorqueResidualFit(Estimator):
             context.log.warning("fit.torque_residual %s", words)
         record = whole
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
-        problem, solution, friction, n_starts, unseen = self._fitted(record, robot, robots, context)
+        fitted = self._solved(record, robot, robots, context)
+        unseen: tuple[str, ...] = ()
+        if self.at_rest == "leave_out":
+            again = partial(self._solved, record, robot, robots, context)
+            fitted, unseen = fitted_without_turns(fitted, again, context.log)
+        problem, solution, friction, n_starts = fitted
         model = estimated_robot(
             robot, problem.blocks[0].laws, problem.free, solution.point, solution.covariance, friction
         )
@@ -196,33 +198,6 @@ class TorqueResidualFit(Estimator):
             ),
         )
 
-    def _fitted(
-        self, record: tuple[Record, ...], robot: Robot, robots: dict[str, Robot], context: Context
-    ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...], int, tuple[str, ...]]:
-        """Fit, and again without the samples at which axes turn back, where torque says more without them.
-
-        So it does where noise of their angles hides friction there, or where what is left then is next to nothing; the
-        last part is axes of which only that shows it.
-        """
-        found = self._solved(record, robot, robots, context)
-        if self.at_rest == "keep":
-            return *found, ()
-        if clearer := clearer_without_turns(found[0], found[1].point):
-            context.log.info("%s: noise of angles hides friction at turns; again without", ", ".join(clearer))
-            shown = sticking_in([block.motion for block in found[0].blocks])
-            names = {*np.array(robot.axis_names)[shown].tolist(), *clearer}
-            found = self._solved(record, robot, robots, context, names)
-        left = faded_misfit(found[0], found[1].point)
-        if explained_by_turns(1.0, left):
-            context.log.info("misfit %.3g: again without the samples at which axes turn back", left)
-            try:
-                again = self._solved(record, robot, robots, context, robot.axis_names)
-                if explained_by_turns(faded_misfit(again[0], again[1].point), left):
-                    return *again, robot.axis_names
-            except DataRejected as error:
-                context.log.info("the first fit stands: %s", error)
-        return *found, ()
-
     def _solved(
         self,
         record: tuple[Record, ...],
@@ -230,7 +205,7 @@ class TorqueResidualFit(Estimator):
         robots: dict[str, Robot],
         context: Context,
         sticking: Collection[str] | None = None,
-    ) -> tuple[TorqueProblem, Solution, tuple[NearestFriction, ...], int]:
+    ) -> Fitted:
         """Fit from the starts that are asked for; where none are and the nominal robot's leads nowhere, from several.
 
         Far from the minimum a resonance may be taken for its neighbour, and a spring then runs to a bound.

@@ -15,7 +15,7 @@ from robid_core.residual.measured import (
     resolved_width,
 )
 from robid_core.residual.misfit import explained_by_turns, faded_misfit, misfit, misfit_table
-from robid_core.residual.moving_samples import sticking_in, turning_seldom
+from robid_core.residual.moving_samples import sticking_in
 from robid_core.residual.passes import Solution, linearise_at, prescribe_at, solve
 from robid_core.residual.periodic_block import PeriodicBlock
 from robid_core.residual.prescribed_record import prescribe_record
@@ -36,6 +36,6 @@ __all__ = [
     "effect_class", "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit",
     "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table",
     "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve",
-    "sticking_in", "torque_problem", "turning_seldom", "variant_robots", "whole_pieces", "with_equivalent_springs",
+    "sticking_in", "torque_problem", "variant_robots", "whole_pieces", "with_equivalent_springs",
     "words_of_pieces",
 ]  # fmt: skip

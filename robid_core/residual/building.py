@@ -93,7 +93,7 @@ def torque_problem(
         Whether samples at which friction holds an axis do not count in its torque: those at which it stands still,
         where motions do not repeat, and sticks.
     sticking
-        Axes that friction holds where they turn back; None: those whose angles show it.
+        Axes whose turns do not count; None: those whose angles show that friction holds them there.
     spectra
         `spectra_of`, or one that remembers what it has transformed.
 

@@ -69,9 +69,15 @@ def power_in_noise(
 ) -> FloatArray:
     """Mean power of a residual (n_config, n_exp, n_bin, n_row) over that of the noise, (n_config, n_exp)."""
     noise = np.einsum("faa->fa", block.noise(robot, coefficient)).real
-    power: FloatArray = (np.abs(block.counted(residual)) ** 2 / noise)[:, :, 1:].sum(axis=(2, 3))
+    power: FloatArray = _in_noise(block.counted(residual), noise)[:, :, 1:].sum(axis=(2, 3))
     power /= np.maximum(block.share[:, :, 1:].sum(axis=(2, 3)), 1.0)
     return power
+
+
+def _in_noise(residual: ComplexArray, noise: FloatArray) -> FloatArray:
+    """Power over that of the noise, (..., n_bin, n_row); zero where nothing counts, of which there is no noise."""
+    power: FloatArray = np.abs(residual) ** 2
+    return np.divide(power, noise, out=np.zeros_like(power), where=noise > 0)
 
 
 def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
@@ -84,8 +90,8 @@ def misfit_table(problem: TorqueProblem, point: FloatArray) -> MisfitTable:
     size, robots = problem.friction_size(point), problem.robots(point)
     for block, robot, residual in zip(problem.blocks, robots, problem.residuals(point), strict=True):
         noise = np.einsum("faa->fa", block.noise(robot, size)).real
-        power = np.abs(block.counted(residual)[_used(block)]) ** 2
-        total += _by_band(block, (power / noise * _correction(block)).sum(axis=0), edges)
+        power = _in_noise(block.counted(residual)[_used(block)], noise) * _correction(block)
+        total += _by_band(block, power.sum(axis=0), edges)
         count += _by_band(block, block.share[_used(block)].sum(axis=0), edges)
         freedom += freedom_of(block, edges)
     values = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)

@@ -119,8 +119,9 @@ def moving_samples(
 ) -> list[MovingSamples | None]:
     """Return the weights of each of several motions; None where no axis rests.
 
-    In motions that repeat only sticks are rests: an axis that stands still throughout a period shows noise, and its
-    friction, a constant, is a function of the speed. `sticking`: which axes stick, (n_axis,); None: as the angles show.
+    In motions that repeat only sticks, turns and slow samples of axes that stick are rests: of others that stand still
+    throughout a period friction is a constant, a function of the speed. `sticking`: which axes stick, (n_axis,); None:
+    as the angles show.
     """
     sticking = sticking_in(motions) if sticking is None else sticking
     lanes = [_lanes(motion) for motion in motions]

@@ -3,7 +3,8 @@
 Where friction turns with the sign of the speed within what the measured angles resolve, their noise makes noise of the
 torque that friction takes, by the slope of friction: only about the turns, but a spectrum spreads it over all bins, and
 what all other samples say is lost in it. Without the turns fewer samples count, in less noise. What counts for more is
-decided by the noise alone, whatever a model leaves unexplained.
+decided by the noise alone, whatever a model leaves unexplained. Of motions that do not repeat, whose noise is that of
+the robot file, only what samples do not resolve of friction is known so.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from robid_core.arrays import FloatArray
+from robid_core.arrays import BoolArray, FloatArray
+from robid_core.estimation.sticks import MOVES, STAYS
 from robid_core.residual.block import TorqueBlock
 from robid_core.residual.moving_samples import FADES, FAINT, MovingSamples, moving_samples, turning_seldom
 from robid_core.residual.problem import TorqueProblem
@@ -44,10 +46,17 @@ def clearer_without_turns(problem: TorqueProblem, point: FloatArray) -> tuple[st
                 _information(one, robot, size) for one in (_counting(block, moving, robot, size), block)
             )
             before = 1.0 if block.moving is None else block.moving.weight[..., : len(gain)]
-            fewer = (moving.weight < before).any(axis=(0, 1, 2))
+            fewer = _moves(block) & (moving.weight < before).any(axis=(0, 1, 2))
             ratio = np.divide(without, counted, out=np.ones_like(counted), where=counted > 0)
             gain += fewer * np.log(np.maximum(ratio, FAINT)).sum(axis=0) * np.prod(block.measured.shape[:2])
     return tuple(names[axis] for axis in np.flatnonzero(seldom & (gain > 0)))
+
+
+def _moves(block: TorqueBlock[Any]) -> BoolArray:
+    """Whether each axis moves in some experiment, (n_axis,): a record in which it stands still shows no turns."""
+    far = MOVES * STAYS * np.sqrt(block.motion.angle_noise)
+    moves: BoolArray = (np.ptp(block.motion.angle, axis=2) > far).any(axis=(0, 1))
+    return moves
 
 
 def _counting(

@@ -65,9 +65,11 @@ def running_mean(values: T) -> T:
 
 
 def whitener(covariance: ComplexArray) -> ComplexArray:
-    """Inverse Cholesky factors L^-1 with C = L L^H, shape of the covariance; any weights where nothing varies."""
+    """Inverse Cholesky factors L^-1 with C = L L^H, shape of the covariance; ones where nothing varies."""
     n = covariance.shape[-1]
-    floor = SMALLEST * (np.einsum("faa->f", covariance).real.max() or 1.0)
+    floor = SMALLEST * np.einsum("faa->f", covariance).real.max()
+    if floor == 0:
+        return np.tile(np.eye(n, dtype=np.complex128), (len(covariance), 1, 1))
     lower: ComplexArray = np.linalg.cholesky(covariance + floor * np.eye(n))
     factor: ComplexArray = np.linalg.inv(lower).astype(np.complex128)
     return factor

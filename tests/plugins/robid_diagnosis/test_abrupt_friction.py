@@ -63,3 +63,18 @@ def test_turns_behind_a_coarse_encoder_do_not_count(n_period: int, line: str) ->
     found = diagnosed(3, n_period, 0.0, step=3e-4)
     assert not found.findings
     assert line in found.verdict
+    assert ("torque is no function" in found.verdict) == (n_period == 1)
+
+
+def test_turns_count_where_hardly_a_sample_of_what_judges_would_be_left() -> None:
+    """Noise says that they should not; in the experiment that judges the axis turns back all the time."""
+    runs = [run(20 + k, n_period=3, width=0.05, slow=10.0 if k < 4 else 0.0) for k in range(5)]
+    record = record_of(runs, n_period=3)
+    judges = np.zeros(record.run.valid.shape[:3], dtype=bool)
+    judges[..., -1] = True
+    context = Context(np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("test"))
+    settings = {"separate": False, "response_check": (), "closed_loop": False, "only": ("drive.cogging",)}
+    found = Effects.model_validate(settings).run(
+        (record.replace(runs=(record.run.replace(test=judges),)),), robot(), context
+    )
+    assert "more abruptly than its angle" not in found.verdict

@@ -56,24 +56,52 @@ def test_what_is_chosen_is_nearer_to_the_truth(width: float, clearer: bool) -> N
 
 
 def test_an_axis_that_turns_back_all_the_time_has_to_count() -> None:
-    record = record_of([run(k, n_period=3, width=0.05, slow=0.0) for k in range(4)], n_period=3)
-    problem = TorqueResidualFit(free=("rotor_inertia.*",)).problem((record,), robot())
-    assert clearer_without_turns(problem, np.zeros(problem.n_unknown)) == ()
+    """Without its turns hardly a sample would be left, however much their noise hides."""
+    records = [
+        record_of([run(k, n_period=3, width=0.05, slow=slow) for k in range(4)], n_period=3)
+        for slow in (0.0, 10.0)
+    ]
+    for record, expected in zip(records, ((), ("axis_1",)), strict=True):
+        narrow = robot().with_parameters({"friction.axis_1.speed": 0.05})
+        problem = TorqueResidualFit(free=("rotor_inertia.*",)).problem((record,), narrow)
+        point = np.zeros(problem.n_unknown)
+        problem.friction_size(point)[0] = LEVEL  # of the narrowest function
+        assert clearer_without_turns(problem, point) == expected
 
 
-def test_a_record_in_which_an_axis_stands_still_decides_nothing() -> None:
-    """Beside one in which it moves: no sample of it counts there, with turns or without."""
-    moving = record_of([run(k, width=0.05) for k in range(4)], n_period=1)
-    noise = np.random.default_rng(1)
+def test_a_fit_stands_where_too_little_is_left_without_turns(caplog: pytest.LogCaptureFixture) -> None:
+    """A second and a half up to 30 Hz: noise says that turns should not count, and all unknowns need them."""
+    runs = [run(10, width=0.05)]
+    cut = [Run(one.angle[:1500], one.torque[:1500], one.held[:1500]) for one in runs]
+    with caplog.at_level("INFO"):
+        fit = robid.use(
+            "fit.torque_residual", free=["rotor_inertia.*"], prior={"rotor_inertia.*": 1.0}, highest_hz=30.0
+        )(record_of(cut), robot=robot().with_parameters({"friction.axis_1.speed": 0.05}))
+    assert fit.misfit < 2
+    assert "the fit of before stands" in caplog.text
+
+
+@pytest.mark.parametrize("n_period", [1, 3], ids=["cuts", "periods"])
+def test_a_record_in_which_an_axis_stands_still_decides_nothing(
+    n_period: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Beside one in which it moves: no sample of it says anything of a turn."""
+    moving = record_of([run(k, n_period=n_period, width=0.05) for k in range(4)], n_period=n_period)
+    noise, n = np.random.default_rng(1), 5000 * n_period
     still = [
-        Run(
-            NOISE * noise.normal(size=5000), TORQUE_NOISE * noise.normal(size=5000), np.ones(5000, dtype=bool)
-        )
+        Run(NOISE * noise.normal(size=n), TORQUE_NOISE * noise.normal(size=n), np.ones(n, dtype=bool))
         for _ in range(4)
     ]
     fit = robid.use("fit.torque_residual", free=["rotor_inertia.*"], prior={"rotor_inertia.*": 1.0})
     narrow = robot().with_parameters({"friction.axis_1.speed": 0.05})
-    for records in ((moving,), (moving, record_of(still, n_period=1))):
-        found: Fit = fit(*records, robot=narrow)
-        assert any("turns back more abruptly than its angle" in one.sentence for one in found.stated_doubts)
+    with caplog.at_level("INFO"):
+        alone, beside = (
+            fit(*records, robot=narrow)
+            for records in ((moving,), (moving, record_of(still, n_period=n_period)))
+        )
+    assert caplog.text.count("noise of angles hides friction at turns") == 2
+    for found in (alone, beside):
         assert found.misfit == pytest.approx(1.0, abs=0.1)
+        assert np.isfinite(found.misfit_table.other).any()
+    inertia = [one.parameters.value("rotor_inertia.axis_1") for one in (alone, beside)]
+    assert inertia[1] == pytest.approx(inertia[0], rel=2e-4)
