@@ -89,7 +89,7 @@ def sticks_of(angles: Sequence[FloatArray], sticking: BoolArray, *, repeat: bool
     >>> angle += 1e-5 * np.random.default_rng(1).normal(size=angle.shape)
     >>> (sticks,) = sticks_of([angle], sticking_axes([angle]))
     >>> sticks.sum() / 5
-    np.float64(25.4)
+    np.float64(27.4)
     """
     found = [np.zeros(angle.shape, dtype=np.bool_) for angle in angles]
     for angle, marks in zip(angles, found, strict=True):
