@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from oracles.sticking_rotor import record_of, robot, run
 
-from robid_core import Context
+from robid_core import Context, Record
 from robid_core.artifacts import Diagnosis
 from robid_core.stage import map_in_process
 from robid_diagnosis.effects import Effects
@@ -18,14 +18,12 @@ RIPPLE = 0.02  # N m, of order 7
 
 def diagnosed(seed: int, n_period: int, ripple: float, *, step: float = 0.0, width: float = 0.0) -> Diagnosis:
     runs = [run(10 * seed + k, n_period=n_period, ripple=ripple, step=step, width=width) for k in range(4)]
-    record = record_of(runs, n_period=n_period)
+    return diagnosis_of(record_of(runs, n_period=n_period), prior={"rotor_inertia.*": 0.3})
+
+
+def diagnosis_of(record: Record, **settings: object) -> Diagnosis:
     context = Context(np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("test"))
-    settings = {
-        "separate": False,
-        "response_check": (),
-        "closed_loop": False,
-        "prior": {"rotor_inertia.*": 0.3},
-    }
+    settings |= {"separate": False, "response_check": (), "closed_loop": False}
     return Effects.model_validate(settings).run((record,), robot(), context)
 
 
@@ -72,9 +70,5 @@ def test_turns_count_where_hardly_a_sample_of_what_judges_would_be_left() -> Non
     record = record_of(runs, n_period=3)
     judges = np.zeros(record.run.valid.shape[:3], dtype=bool)
     judges[..., -1] = True
-    context = Context(np.random.default_rng(1), map_in_process, lambda *_: None, logging.getLogger("test"))
-    settings = {"separate": False, "response_check": (), "closed_loop": False, "only": ("drive.cogging",)}
-    found = Effects.model_validate(settings).run(
-        (record.replace(runs=(record.run.replace(test=judges),)),), robot(), context
-    )
+    found = diagnosis_of(record.replace(runs=(record.run.replace(test=judges),)), only=("drive.cogging",))
     assert "more abruptly than its angle" not in found.verdict

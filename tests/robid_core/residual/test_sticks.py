@@ -53,9 +53,8 @@ def test_turns_behind_a_coarse_encoder_do_not_count(n_period: int) -> None:
         assert abs(fit.parameters.value(name) - true) < 4 * error[name], name
     said = " ".join(one.sentence for one in fit.stated_doubts)
     assert "turns back more abruptly than its angle" in said
-    assert ("torque is no function of the speed" in said) == (
-        n_period == 1
-    )  # of what is left, noise says nothing
+    of_what_is_left = "torque is no function of the speed" in said
+    assert of_what_is_left == (n_period == 1)
 
 
 def test_turns_of_which_only_what_is_left_says_that_they_should_not_count() -> None:
