@@ -121,7 +121,7 @@ def table(record: Record, ripple: Sequence[AxisRipple]) -> list[str]:
         where = (
             ""
             if len(entry.configurations) == len(record.angle)
-            else f", configuration {entry.configurations[0]}"
+            else f", configuration {entry.configurations[0] + 1}"
         )
         for wave in entry.found.ripple:
             tie = f"; {' or '.join(wave.ties)} would do as well" if wave.ties else ""

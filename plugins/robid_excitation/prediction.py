@@ -247,7 +247,7 @@ def _reference(
 
 
 def _listed(broken: Sequence[Excess], chosen: Sequence[ExperimentIndex]) -> str:
-    return "; ".join(f"in configuration {chosen[e.lane][0]} {e.words}" for e in broken)
+    return "; ".join(f"in configuration {chosen[e.lane][0] + 1} {e.words}" for e in broken)
 
 
 def _factors(

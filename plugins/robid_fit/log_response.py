@@ -245,6 +245,6 @@ def _usable_lines(frf: Frf) -> BoolArray:
     empty = np.flatnonzero(~used.any(axis=1))
     if len(empty):
         raise DataRejected(
-            f"configuration {int(empty[0])} has no valid line left; look at the record before fitting"
+            f"configuration {int(empty[0]) + 1} has no valid line left; look at the record before fitting"
         )
     return used

@@ -58,9 +58,8 @@ def lanes_of(record: Record, discard: int) -> list[Lanes]:
         if not run.valid[:, :, :, discard:].all():
             c, b, e, p, n = (int(i) for i in np.argwhere(~run.valid[:, :, :, discard:])[0])
             raise DataRejected(
-                f"a sample is missing in configuration {c}, block {b}, experiment {e}, period {p + discard}, at "
-                f"{run.time_s[n]:.4f} s; a predictor needs every sample: cut the recording there, or read it "
-                "with gaps: split"
+                f"a sample is missing in {run.sample_place(c, b, e, p + discard, n)}; a predictor needs every sample: "
+                "cut the recording there, or read it with gaps: split"
             )
         torque, position = (
             run.values(name)[:, :, :, discard:].reshape(

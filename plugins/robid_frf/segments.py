@@ -151,8 +151,8 @@ def _kept_periods(record: Record, discard: int, channels: list[str], again: bool
     if again and not valid.all():
         c, m, e, p, n = (int(i) for i in np.argwhere(~valid)[0])
         raise DataRejected(
-            f"a sample is missing in configuration {c}, block {m}, experiment {e}, period {p + discard}, at "
-            f"{run.time_s[n]:.4f} s; cut the recording there, or read it with gaps: split"
+            f"a sample is missing in {run.sample_place(c, m, e, p + discard, n)}; cut the recording there, or read it "
+            "with gaps: split"
         )
     for name in channels:
         bad = np.argwhere(~np.isfinite(run.values(name)[:, :, :, discard:]) & valid[..., None])
@@ -160,8 +160,7 @@ def _kept_periods(record: Record, discard: int, channels: list[str], again: bool
             c, m, e, p, n, a = (int(i) for i in bad[0])
             raise DataRejected(
                 f"A05: {name} of {record.axis_names[a]} is NaN or infinite in {len(bad)} samples, first in "
-                f"configuration {c}, block {m}, experiment {e}, period {p + discard}, at {run.time_s[n]:.4f} "
-                "s; mark such samples as missing"
+                f"{run.sample_place(c, m, e, p + discard, n)}; mark such samples as missing"
             )
     return valid
 

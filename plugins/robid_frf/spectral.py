@@ -112,7 +112,7 @@ class Spectral(FrfEstimator):
             columns = self._segments(record, context, cut, discard)
         groups, frequency = self._lines(record, cut)
         estimated = [
-            estimate_lines(one, groups, cut, names, self.condition_limit, f"configuration {c}")
+            estimate_lines(one, groups, cut, names, self.condition_limit, f"configuration {c + 1}")
             for c, one in enumerate(columns)
         ]
         response = np.stack([one.response for one in estimated])

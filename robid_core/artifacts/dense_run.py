@@ -119,6 +119,19 @@ class DenseRun(Artifact):
             constants=None if self.constants is None else self.constants[index],
         )
 
+    def sample_place(self, configuration: int, block: int, experiment: int, period: int, sample: int) -> str:
+        """Return words for the place of a sample, by its indices: people count experiments from one.
+
+        >>> import robid_core as robid
+        >>> from robid_core.testing import example_record
+        >>> example_record(robid.Robot.load("one_axis")).run.sample_place(1, 0, 0, 2, 250)
+        'configuration 2, block 1, experiment 1, period 3, at 0.5000 s'
+        """
+        return (
+            f"configuration {configuration + 1}, block {block + 1}, experiment {experiment + 1}, period {period + 1}, "
+            f"at {self.time_s[sample]:.4f} s"
+        )
+
     def table(self) -> Table:
         """Return a row for each channel: its side of the gear, its unit, its smallest and largest value.
 

@@ -38,8 +38,8 @@ def packed(kept: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
     odd = next((c for c, found in sizes.items() if found != first or len(set(found)) > 1), None)
     if odd is not None:
         raise DataRejected(
-            f"the experiments of the record that are left have no common shape: configuration {configurations[0]} "
-            f"keeps blocks of {_listed(first)} experiments, configuration {odd} of {_listed(sizes[odd])}; hold out "
+            f"the experiments of the record that are left have no common shape: configuration {configurations[0] + 1} "
+            f"keeps blocks of {_listed(first)} experiments, configuration {odd + 1} of {_listed(sizes[odd])}; hold out "
             "whole configurations, or equally many blocks of each"
         )
     block = np.array([np.flatnonzero(kept[c].any(axis=1)) for c in configurations])

@@ -368,10 +368,9 @@ class Record(Artifact):
                 f"{run.n_period} periods were measured and {discard} are to be dropped: none is left"
             )
         if not run.valid[:, :, :, discard:].all():
-            where = np.argwhere(~run.valid[:, :, :, discard:])[0]
+            c, m, e, p, n = (int(i) for i in np.argwhere(~run.valid[:, :, :, discard:])[0])
             raise DataRejected(
-                f"a sample is missing in configuration {where[0]}, block {where[1]}, experiment {where[2]}, "
-                f"period {where[3] + discard}, at {run.time_s[where[4]]:.4f} s; cut the recording there, or read "
+                f"a sample is missing in {run.sample_place(c, m, e, p + discard, n)}; cut the recording there, or read "
                 "it with gaps: split"
             )
         values = run.values(channel)[:, :, :, discard:]
@@ -380,8 +379,7 @@ class Record(Artifact):
             c, m, e, p, n, a = (int(i) for i in bad[0])
             raise DataRejected(
                 f"A05: {channel} of {self.axis_names[a]} is NaN or infinite in {len(bad)} samples, first in "
-                f"configuration {c}, block {m}, experiment {e}, period {p + discard}, at {run.time_s[n]:.4f} "
-                "s; mark such samples as missing, or drop the period"
+                f"{run.sample_place(c, m, e, p + discard, n)}; mark such samples as missing, or drop the period"
             )
         wanted = self._lines() if line is None else line
         spectrum = np.fft.rfft(values, axis=4)[:, :, :, :, wanted]

@@ -64,9 +64,12 @@ def command(
     except OSError as error:
         raise StoreError(f"{out}: cannot be written: {error.strerror}") from error
     typer.echo(f"{out}: {loaded.name} as {kind}{told}")
-    effects = loaded.description.effects
-    if effects and kind in ("urdf", "mjcf"):
-        typer.echo(f"- {kind} has no place for effects, left out: {', '.join(effects)}")
+    if kind in ("urdf", "mjcf"):
+        typer.echo(
+            "- fixed links (flange, tool) are part of the link that carries them; meshes are not written"
+        )
+        if effects := loaded.description.effects:
+            typer.echo(f"- {kind} has no place for effects, left out: {', '.join(effects)}")
 
 
 def chosen_format(out: Path, to: str | None) -> str:

@@ -94,7 +94,7 @@ def solve_equilibrium(
     if refused and not partial:
         first = min(refused)
         others = f" (and {len(refused) - 1} more of {len(rows)})" if len(refused) > 1 else ""
-        raise NotTrustworthy(f"equilibrium: configuration {first}{others}: {refused[first]}")
+        raise NotTrustworthy(f"equilibrium: configuration {first + 1}{others}: {refused[first]}")
     torque = terms_at_rest(mechanism, z).bias + rows_times(z, spring_matrix) + static_force(bending, z).force
     for row in refused:
         z[row, n_axis:], torque[row] = np.nan, np.nan

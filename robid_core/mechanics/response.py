@@ -137,8 +137,8 @@ def _condensed(
     if hold_sample_time is not None and not np.isfinite(inertial).all():
         config = int(np.argmin(np.isfinite(inertial).all(axis=1)))
         raise ConfigurationError(
-            f"response: configuration {config}: the mass matrix is singular, some coordinate moves no mass; give what "
-            "hangs on it a mass"
+            f"response: configuration {config + 1}: the mass matrix is singular, some coordinate moves no mass; give "
+            "what hangs on it a mass"
         )
     return ResponseGradient(
         *(

@@ -148,11 +148,11 @@ def refuse_without_numbers(
 
     `valid`: where it has numbers, and `spanned`: where the inputs span all axes, are (n_config, n_freq) each.
     """
-    for configuration, (lines, excited) in enumerate(zip(valid, spanned, strict=True)):
+    for number, (lines, excited) in enumerate(zip(valid, spanned, strict=True), 1):
         empty = frequency_hz[excited & ~lines]
         if len(empty) > MOST_MASKED * len(lines):
             raise PluginError(
-                f"{estimator}: configuration {configuration}: NaN or infinite at {len(empty)} of {len(lines)} lines, "
+                f"{estimator}: configuration {number}: NaN or infinite at {len(empty)} of {len(lines)} lines, "
                 f"from {empty.min():.4g} to {empty.max():.4g} Hz, where the inputs span all axes: a fault of the "
                 "estimator, not of the record"
             )
@@ -163,11 +163,11 @@ def refuse_masked(valid: BoolArray, frequency_hz: FloatArray, share: float = MOS
 
     `valid` has shape (n_config, n_freq).
     """
-    for configuration, lines in enumerate(valid):
+    for number, lines in enumerate(valid, 1):
         masked = frequency_hz[~lines]
         if len(masked) > share * len(lines):
             raise PoorExcitation(
-                f"configuration {configuration}: {len(masked)} of {len(lines)} lines are masked, from "
+                f"configuration {number}: {len(masked)} of {len(lines)} lines are masked, from "
                 f"{masked.min():.4g} to {masked.max():.4g} Hz: the inputs do not span all axes; excite every "
                 "axis at these lines, or look for an axis that did not move"
             )
@@ -195,8 +195,8 @@ def _refuse_nan(name: str, spectra: ComplexArray) -> None:
     if not np.isfinite(spectra).all():
         line, axis, experiment = (int(i) for i in np.argwhere(~np.isfinite(spectra))[0][-3:])
         raise DataRejected(
-            f"the {name} spectrum is NaN or infinite, first at line {line}, axis {axis}, experiment "
-            f"{experiment}; look for missing samples in the recording"
+            f"the {name} spectrum is NaN or infinite, first at line {line + 1}, axis {axis + 1}, experiment "
+            f"{experiment + 1}; look for missing samples in the recording"
         )
 
 

@@ -89,9 +89,9 @@ def refuse_other_reference(reference: FloatArray, axis_names: tuple[str, ...]) -
     if different.any():
         c, m, e, p, a = (int(i) for i in np.argwhere(different)[0])
         raise DataRejected(
-            f"the speed reference of {axis_names[a]} in period {p} of those kept differs from the last one by "
-            f"{100 * share[c, m, e, p, a]:.3g} % (configuration {c}, block {m}, experiment {e}): what was recorded as "
-            "a period is not one; cut the recording at whole periods of the excitation"
+            f"the speed reference of {axis_names[a]} in period {p + 1} of those kept differs from the last one by "
+            f"{100 * share[c, m, e, p, a]:.3g} % (configuration {c + 1}, block {m + 1}, experiment {e + 1}): what was "
+            "recorded as a period is not one; cut the recording at whole periods of the excitation"
         )
 
 
@@ -109,7 +109,7 @@ def refuse_unlike_periods(u: ComplexArray) -> None:
     if not (apart <= common).all():
         c = int(np.argmax(apart - common))
         raise DataRejected(
-            f"configuration {c}: the torque at the lines differs more from the period before than it resembles it; "
+            f"configuration {c + 1}: the torque at the lines differs more from the period before than it resembles it; "
             "what was recorded as a period is not one, a half perhaps, or the motors hardly moved; cut the recording "
             "at whole periods of the excitation"
         )

@@ -17,9 +17,9 @@ LONGEST_STEP_S = 0.00025  # of the steps that a file leaves to robid
 SHORTEST_STEP_S = LONGEST_STEP_S / 16  # likewise: friction that turns faster is left unresolved
 FOLLOWING = 2.5  # steps within the time in which a motor follows its friction, or more
 COULOMB_SPEED = 0.5  # rad/s: the zero-speed width of friction that tells none
-LONGEST_SAMPLE_S = 10.0  # no drive is slower; a rate in Hz is larger
 SHORTEST_SAMPLE_S = 1e-7  # no drive is faster
 MOST_STEPS = 10_000  # in a sample: more take hours for a motion of seconds
+LONGEST_SAMPLE_S = MOST_STEPS * LONGEST_STEP_S  # no drive is slower; a rate in Hz is larger
 
 
 def clock_contradictions(sample_time: Any, step: Any) -> Iterator[tuple[KeyPath, str]]:

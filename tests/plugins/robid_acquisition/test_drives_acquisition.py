@@ -193,7 +193,7 @@ def test_samples_that_the_drives_did_not_take_are_masked_in_the_record():
 
     record = acquire(DrivesDouble(gap))
     assert np.argwhere(~record.run.valid).tolist() == [[1, 0, 1, 1, 7]]
-    with pytest.raises(DataRejected, match="configuration 1, block 0, experiment 1, period 1"):
+    with pytest.raises(DataRejected, match="configuration 2, block 1, experiment 2, period 2"):
         record.spectra()
 
 

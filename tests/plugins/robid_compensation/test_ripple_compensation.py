@@ -220,7 +220,7 @@ def test_each_configuration_may_have_phases_of_its_own(rippled: Record) -> None:
     # sin(4 q + phase) with q = measured - 1.
     assert np.angle(np.exp(1j * (second.phase - first.phase + 4.0))) == pytest.approx(0.0, abs=0.05)
     assert second.amplitude == pytest.approx(COGGING[0], rel=0.05)
-    assert "axis_1, configuration 1: cogging ripple, order 4" in " ".join(table(record, entries))
+    assert "axis_1, configuration 2: cogging ripple, order 4" in " ".join(table(record, entries))
     freed = without_ripple(record, entries)
     left = [beside_friction(motors[0]) for motors in motors_by_configuration(freed)]
     before = [beside_friction(motors[0]) for motors in motors_by_configuration(record)]
@@ -334,7 +334,7 @@ def test_too_few_experiments_and_missing_samples_are_refused() -> None:
         )
     valid = run.valid.copy()
     valid[0, 0, 3, 1, 17] = False
-    with pytest.raises(DataRejected, match="experiment 3, period 1, at 0.0170 s"):
+    with pytest.raises(DataRejected, match="experiment 4, period 2, at 0.0170 s"):
         RippleCompensation().run(record.replace(runs=(run.replace(valid=valid),)), six, context())
 
 

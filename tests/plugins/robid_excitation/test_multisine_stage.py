@@ -161,7 +161,7 @@ def test_what_breaks_a_limit_is_made_as_small_as_it_needs_where_that_is_asked(
         made = run(Multisine(**{**SETTINGS, **changes}, beyond_limits="scale"), standing, robot)
     assert (made.predicted_torque <= 18).all()
     assert (made.predicted_speed <= 360).all()
-    assert "times as large as asked for: in configuration 0 axis_1 would reach a motor" in caplog.text
+    assert "times as large as asked for: in configuration 1 axis_1 would reach a motor" in caplog.text
     # No smaller than it needs: one of the limits is nearly reached.
     assert max(made.predicted_torque.max() / 18, made.predicted_speed.max() / 360) > 0.7
 

@@ -229,7 +229,7 @@ def test_what_a_linear_model_cannot_have_is_refused() -> None:
     valid = record.run.valid.copy()
     valid[0, 0, 0, 0, 40] = False
     holed = record.replace(runs=(record.run.replace(valid=valid),))
-    with pytest.raises(DataRejected, match=r"missing in configuration 0.*0\.0400 s"):
+    with pytest.raises(DataRejected, match=r"missing in configuration 1.*0\.0400 s"):
         StateSpaceFit(free=FREE).run(holed, robot, context())
     with pytest.raises(DataRejected, match="none is left"):
         StateSpaceFit(free=FREE, discard=1).run(record, robot, context())

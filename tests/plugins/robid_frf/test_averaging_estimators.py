@@ -214,7 +214,7 @@ def test_lines_that_one_axis_does_not_excite_are_masked_and_listed(
     assert (frf.degrees_of_freedom[:, ~expected] == 0).all()
     for hertz in record.frequency_hz[[4, 11]]:
         assert f"{hertz:.4g}" in caplog.text
-    with pytest.raises(PoorExcitation, match="configuration 0: 4 of 30 lines"):
+    with pytest.raises(PoorExcitation, match="configuration 1: 4 of 30 lines"):
         estimator.run(silence(record, [4, 11, 12, 13], 1), context())
 
 
@@ -253,7 +253,7 @@ def test_bad_samples_and_missing_periods_are_named() -> None:
         values[0, 1, 0, 2, 37, 1] = np.nan
 
     bad = changed(record, "motor_torque", spoil)
-    message = "motor_torque of axis_2 is NaN .* 1 samples, first in configuration 0, block 1, experiment 0, period 2"
+    message = "motor_torque of axis_2 is NaN .* 1 samples, first in configuration 1, block 2, experiment 1, period 3"
     with pytest.raises(DataRejected, match=message):
         H1(discard=1).run(bad, context())
     with pytest.raises(DataRejected, match="3 periods were measured and 3 are to be dropped"):
@@ -334,6 +334,6 @@ def test_block_responses_of_a_stranger_may_lack_lines_or_a_covariance() -> None:
         Frf.from_blocks(one, blocks)
     blocks[0, 0, :4] = np.nan
     with pytest.raises(
-        PluginError, match="mean of blocks: configuration 0: NaN or infinite at 5 of 30 lines"
+        PluginError, match="mean of blocks: configuration 1: NaN or infinite at 5 of 30 lines"
     ):
         Frf.from_blocks(record, blocks)

@@ -361,7 +361,7 @@ def test_half_periods_missing_samples_and_nan_are_named() -> None:
     valid = run.valid.copy()
     valid[1, 0, 1, 2, 500:] = False
     with pytest.raises(
-        DataRejected, match="missing in configuration 1, block 0, experiment 1, period 2, at 0.5000 s"
+        DataRejected, match="missing in configuration 2, block 1, experiment 2, period 3, at 0.5000 s"
     ):
         estimate(H1(), record.replace(runs=(run.replace(valid=valid),)))
 

@@ -142,6 +142,6 @@ def test_an_axis_that_does_not_move_is_told(robot: Robot, caplog: pytest.LogCapt
 
     # One line without it is bridged by its neighbours; eight together are masked and listed, and too many.
     assert LocalPolynomial().run(silenced(LINES[10]), context()).valid_lines.all()
-    with pytest.raises(PoorExcitation, match=r"configuration 0: .* of 30 lines are masked, from"):
+    with pytest.raises(PoorExcitation, match=r"configuration 1: .* of 30 lines are masked, from"):
         LocalPolynomial().run(silenced(LINES[5:20]), context())
     assert "do not span all axes, masked: " in caplog.text

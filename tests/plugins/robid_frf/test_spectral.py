@@ -329,7 +329,7 @@ def test_segments_with_missing_samples_are_left_out() -> None:
     assert np.abs(frf.response[0] - smooth).max() < 0.05 * np.abs(smooth).max()
     assert (frf.degrees_of_freedom < whole.degrees_of_freedom).all()
     valid[..., 2000:2001] = True
-    with pytest.raises(DataRejected, match=r"motor_torque of axis_1 is NaN .* period 0, at 4\.0000 s"):
+    with pytest.raises(DataRejected, match=r"motor_torque of axis_1 is NaN .* period 1, at 4\.0000 s"):
         estimate(record(torque, run.values("motor_position"), valid=valid), segment_s=1.0, band_hz=(4, 40))
 
 
@@ -344,7 +344,7 @@ def test_what_a_record_cannot_give_is_refused() -> None:
     with pytest.raises(DataRejected, match="1 period is kept and other_period needs two"):
         estimate(recording, approach="instrument", segment_s=1.0, band_hz=(4, 40))
     with pytest.raises(
-        PoorExcitation, match="configuration 0: 1 independent segments .* cannot separate 2 axes"
+        PoorExcitation, match="configuration 1: 1 independent segments .* cannot separate 2 axes"
     ):
         estimate(recording, segment_s=5.0, band_hz=(4, 40))
     with pytest.raises(ValidationError, match="set segment_s too"):

@@ -161,6 +161,6 @@ def test_a_missing_sample_is_named_and_may_be_discarded_with_its_period() -> Non
     valid = np.ones((2, 1, 2, 3, 16), dtype=bool)
     valid[1, 0, 1, 0, 7] = False
     holed = record.replace(runs=(record.run.replace(valid=valid),))
-    with pytest.raises(DataRejected, match="configuration 1, block 0, experiment 1, period 0, at 0.0070 s"):
+    with pytest.raises(DataRejected, match="configuration 2, block 1, experiment 2, period 1, at 0.0070 s"):
         holed.spectra()
     holed.spectra(discard=1)

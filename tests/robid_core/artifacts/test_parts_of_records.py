@@ -92,9 +92,9 @@ def test_blocks_of_different_number_close_up() -> None:
     [
         (
             [(1, 0)],
-            "configuration 0 keeps blocks of 3 and 3 experiments, configuration 1 of 3; hold out whole",
+            "configuration 1 keeps blocks of 3 and 3 experiments, configuration 2 of 3; hold out whole",
         ),
-        ([(0, 0, 0)], "configuration 0 keeps blocks of 2 and 3 experiments, configuration 0 of 2 and 3"),
+        ([(0, 0, 0)], "configuration 1 keeps blocks of 2 and 3 experiments, configuration 1 of 2 and 3"),
         ([slice(None)], "no experiment of the record is left: all are held out for tests"),
     ],
 )

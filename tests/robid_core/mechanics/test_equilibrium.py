@@ -122,7 +122,7 @@ def test_a_spring_too_weak_for_a_mass_overhead_is_refused_by_name_and_row() -> N
     hanging = np.array([[-20 * np.pi / 2]])
     motor = np.concatenate([hanging, OVERHEAD, hanging, OVERHEAD])
     with pytest.raises(
-        NotTrustworthy, match=r"configuration 1 \(and 1 more of 4\): coordinate 'swing' falls"
+        NotTrustworthy, match=r"configuration 2 \(and 1 more of 4\): coordinate 'swing' falls"
     ):
         solve_equilibrium(mechanism, springs, motor)
     rest = solve_equilibrium(mechanism, springs, motor, partial=True)

@@ -173,8 +173,8 @@ def _refuse_unusable(
         if spectra is not None and not np.isfinite(spectra).all():
             line, axis, experiment = (int(i) for i in np.argwhere(~np.isfinite(spectra))[0])
             raise DataRejected(
-                f"the {name} spectrum is NaN or infinite, first at {frequency_hz[line]:.4g} Hz, axis {axis}, "
-                f"experiment {experiment}; look for missing samples in the recording"
+                f"the {name} spectrum is NaN or infinite, first at {frequency_hz[line]:.4g} Hz, axis {axis + 1}, "
+                f"experiment {experiment + 1}; look for missing samples in the recording"
             )
     if reference is not None and reference.shape[1] != u.shape[1]:
         raise DataRejected(

@@ -189,10 +189,10 @@ def test_not_a_number_is_named_and_too_few_experiments_are_refused() -> None:
     g, u = plant(2), inputs(np.random.default_rng(2), 1, 2)[0]
     y = g @ u
     y[3, 1, 0] = np.nan
-    with pytest.raises(DataRejected, match="output spectrum .* line 3, axis 1, experiment 0"):
+    with pytest.raises(DataRejected, match="output spectrum .* line 4, axis 2, experiment 1"):
         sp.response_from_spectra(u, y)
     u[2, 0, 1] = np.inf
-    with pytest.raises(DataRejected, match="input spectrum .* line 2, axis 0, experiment 1"):
+    with pytest.raises(DataRejected, match="input spectrum .* line 3, axis 1, experiment 2"):
         sp.response_from_spectra(u, g @ np.ones_like(u))
     with pytest.raises(PoorExcitation, match="1 experiment cannot separate 2 inputs"):
         sp.factor_inputs(np.ones((5, 2, 1), dtype=complex))
@@ -203,5 +203,5 @@ def test_more_than_a_tenth_of_masked_lines_is_poor_excitation() -> None:
     valid[1, [3, 5]] = False
     sp.refuse_masked(valid, np.arange(1.0, 21.0))
     valid[1, 9] = False
-    with pytest.raises(PoorExcitation, match="configuration 1: 3 of 20 lines are masked, from 4 to 10 Hz"):
+    with pytest.raises(PoorExcitation, match="configuration 2: 3 of 20 lines are masked, from 4 to 10 Hz"):
         sp.refuse_masked(valid, np.arange(1.0, 21.0))

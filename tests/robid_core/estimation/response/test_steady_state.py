@@ -73,7 +73,7 @@ def test_a_reference_that_does_not_repeat_is_named() -> None:
     ss.refuse_other_reference(reference, ("a", "b"))
     ss.refuse_other_reference(reference.astype(np.float32).astype(float), ("a", "b"))  # a logger's rounding
     reference[0, 1, 0, 1, :, 1] *= -1  # half a period of odd lines
-    with pytest.raises(DataRejected, match=r"of b in period 1 .* by 200 % \(configuration 0, block 1"):
+    with pytest.raises(DataRejected, match=r"of b in period 2 .* by 200 % \(configuration 1, block 2"):
         ss.refuse_other_reference(reference, ("a", "b"))
 
 
@@ -81,7 +81,7 @@ def test_halves_of_a_period_are_refused_by_the_torque() -> None:
     u, _ = spectra(np.random.default_rng(1), 4)
     ss.refuse_unlike_periods(u)
     ss.refuse_unlike_periods(u[..., :1])
-    with pytest.raises(DataRejected, match="configuration 0: the torque .* a half perhaps"):
+    with pytest.raises(DataRejected, match="configuration 1: the torque .* a half perhaps"):
         ss.refuse_unlike_periods(u * (-1) ** np.arange(4))
 
 

@@ -294,6 +294,12 @@ CASES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
             "3:1: step_s: sample_time_s 0.001 s is not a whole number of steps of 0.0003 s; give a step of 0.000333333",
         ),
     ),
+    "kilohertz for seconds": (
+        ("name: two\n", "name: two\nsample_time_s: 4\n"),
+        (
+            "3:1: sample_time_s: 4 s is no sample time of a drive, which lies between 1e-07 and 2.5 s; give seconds a",
+        ),
+    ),
     "infinite torque": (
         ("torque_limit: 10", "torque_limit: .inf"),
         (

@@ -173,7 +173,7 @@ def test_what_cannot_be_used_is_named() -> None:
     bad = y.copy()
     bad[7, 1, 0] = np.nan
     with pytest.raises(
-        DataRejected, match=rf"output spectrum .* {FREQUENCY[7]:.4g} Hz, axis 1, experiment 0"
+        DataRejected, match=rf"output spectrum .* {FREQUENCY[7]:.4g} Hz, axis 2, experiment 1"
     ):
         local_rational(u, bad, FREQUENCY, LocalModel())
     with pytest.raises(DataRejected, match="reference has 1 axes and the input 2"):
