@@ -1,9 +1,10 @@
-"""How a channel of a recording becomes a channel of a record: column, unit, zero, scale, sign, delay, side of the gear.
+"""How a channel of a recording becomes a channel of a record: column, unit, zero, scale, sign, delay, hold, gear side.
 
 Nothing is guessed: a unit stands in the table below, or the user gives the scale and the unit it leads to. Values of
-the file are unwrapped, less their zero, times scale, torque constant and sign, and then shifted by the delay. Names of
-channels say what they hold (`motor_position`, `motor_torque`, `joint_speed`...); a voltage that is said to be a torque
-is refused, and so is a torque that a controller computed.
+the file are unwrapped, less their zero, times scale, torque constant and sign, and then shifted by the delay; of a
+torque that was held for less than a sample the mean over the hold is taken. Names of channels say what they hold
+(`motor_position`, `motor_torque`, `joint_speed`...); a voltage that is said to be a torque is refused, and so is a
+torque that a controller computed.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, FiniteFloat, PositiveFloat, model_validator
+from pydantic import BeforeValidator, FiniteFloat, NonNegativeFloat, PositiveFloat, model_validator
 
 from robid_acquisition.unit_advice import unit_advice
 from robid_core import QUANTITIES, UNITS, DataPath, DataRejected, FloatArray, Settings
@@ -114,6 +115,9 @@ class ChannelMap(Settings):
     the last one then."""
     delay_s: PerAxis = 0.0
     """By how much the file states values too late, s; they are moved back. One for all axes, or a list."""
+    held_s: NonNegativeFloat = 0.0
+    """For how long a controller that is faster than the recording holds each torque, s (its own sampling time): the
+    mean over it is what acts. Goes with `torque_hold: continuous`."""
     enable: Annotated[
         Enable | None,
         BeforeValidator(_as_enable, json_schema_input_type=str | list[str] | Enable | None),
@@ -219,6 +223,10 @@ def check_quantity(name: str, channel: ChannelMap) -> None:
         raise ValueError(
             f"channels.{name}: what the controller computed is not measured; keep it under another name "
             f"(model_{name}) and give the measured one, a torque as current with torque_constant"
+        )
+    if channel.held_s and name != "motor_torque":
+        raise ValueError(
+            f"channels.{name}: held_s says how long a controller holds a motor_torque, and nothing else"
         )
     if channel.voltage is not None and name != "motor_torque":
         raise ValueError(f"channels.{name}: voltage makes a motor_torque, and nothing else")

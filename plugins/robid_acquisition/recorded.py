@@ -112,6 +112,12 @@ class RecordedAcquisition(ReadFiles):
                 "torque_hold is missing, which lines go with: zero_order_hold where a digital controller holds the "
                 "torque from sample to sample, continuous where it was measured or filtered"
             )
+        held = self.channels["motor_torque"].held_s if "motor_torque" in self.channels else 0.0
+        if held and self._held:
+            raise ValueError(
+                f"torque_hold: zero_order_hold says that a torque is held for a whole sample, held_s: {held:g} for "
+                "less; with held_s, which counts the hold, state torque_hold: continuous"
+            )
         return self
 
     @property

@@ -100,7 +100,9 @@ class Samples:
         axis_names: tuple[str, ...],
         n_per_period: int | None,
     ) -> tuple[dict[str, FloatArray], BoolArray]:
-        """Return the samples of an experiment, (n_sample, n_axis) each, delays undone, and which are known.
+        """Return the samples of an experiment, (n_sample, n_axis) each, and which are known.
+
+        Delays are undone, and what held torques are between samples is counted.
 
         Parameters
         ----------
@@ -124,17 +126,24 @@ class Samples:
             names = channel.axes or axis_names
             delay[[axis_names.index(one) for one in names]] = channel.per_axis(name, "delay_s", len(names))
             delay /= self.sample_time_s
-            if not delay.any():
+            held = channel.held_s / self.sample_time_s
+            if held > 1:
+                raise DataRejected(
+                    f"channels.{name}.held_s: {channel.held_s:g} s is longer than a sample of "
+                    f"{self.sample_time_s:g} s, of which each shows what was held: leave held_s "
+                    "out, and state torque_hold: zero_order_hold"
+                )
+            if not (delay.any() or held):
                 values[name] = given[kept]
                 continue
             if n_per_period is not None and whole:
                 moved = np.full((kept.stop - kept.start, len(axis_names)), np.nan)
-                moved[:, covered] = moved_back_periodic(given[kept][:, covered], delay[covered])
+                moved[:, covered] = moved_back_periodic(given[kept][:, covered], delay[covered], held)
                 values[name] = moved
                 continue
             margin = int(np.ceil(np.abs(delay).max())) + REACH
             first, stop = max(kept.start - margin, 0), min(kept.stop + margin, len(given))
-            moved, certain = moved_back(given[first:stop], delay)
+            moved, certain = moved_back(given[first:stop], delay, held)
             inside = slice(kept.start - first, kept.stop - first)
             values[name], known = moved[inside], known & certain[inside]
         for name, channel in channels.items():

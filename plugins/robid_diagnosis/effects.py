@@ -61,7 +61,7 @@ from robid_diagnosis.separation import separation
 from robid_diagnosis.settling import unsettled_axes
 from robid_diagnosis.steps import Outcome, Step
 from robid_diagnosis.sticking import with_sticking_axes
-from robid_diagnosis.timing import timing_lines, timing_of
+from robid_diagnosis.timing import held_torque_line, timing_lines, timing_of
 from robid_diagnosis.trials import DOUBTFUL
 from robid_diagnosis.wording import (
     data_line,
@@ -268,6 +268,7 @@ class Effects(DiagnosisStage):
         lines += nearest_lines(outcome, () if self.only else unknown, selection.refused)
         lines += hardly.values()
         values = values_of(final)
+        lines.append(held_torque_line(case.torque_held_s, timing.sample_time_s))
         lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
         lines.append(rests_line(robot.axis_names, problem.at_rest.tolist()))

@@ -224,6 +224,8 @@ class Case:
     """Axes whose turns do not count; None: those whose angles show that friction holds them, in a problem's records."""
     held_out: tuple[Record, ...] = ()
     """Records that judge: the same samples count in them."""
+    torque_held_s: float | None = None
+    """For how long a controller holds a torque that is stated as continuous; None: as it is stated."""
 
     @cached_property
     def variants(self) -> Variants:
@@ -233,7 +235,7 @@ class Case:
     @cached_property
     def spectra(self) -> RememberedSpectra:
         """Of the records: each fit asks for them."""
-        return RememberedSpectra(self.records)
+        return RememberedSpectra(self.records, self.torque_held_s)
 
     @property
     def nominal_records(self) -> tuple[Record, ...]:

@@ -1,12 +1,16 @@
-"""The refit of all that the told robot has: its values, the width of its friction, and which samples count."""
+"""The refit of all that the told robot has: its values, its friction's width, how torques go, which samples count."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from robid_core import NotIdentifiable
+from robid_core.residual import times_faster
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
+from robid_diagnosis.likelihood import lost
 from robid_diagnosis.sticking import without_unclear_turns
+from robid_diagnosis.timing import timing_of
 from robid_diagnosis.trials import WRONG
 from robid_diagnosis.zero_speed import WIDTHS
 
@@ -17,7 +21,7 @@ def refitted(case: Case, progress: Progress) -> Fitted:
     """Fit all that the told robot has; not to the end where that cannot be the answer.
 
     Springs and dampers that data do not tell stay as they are told. Turns of axes whose torque says more without them
-    do not count.
+    do not count. Torques that are stated as continuous count as held where their delays say so.
     """
     base = _about_its_width(case.fit_what_is_seen(Hypothesis(), progress, roughly=True), progress)
     without = without_unclear_turns(base)
@@ -27,9 +31,26 @@ def refitted(case: Case, progress: Progress) -> Fitted:
             base = _about_its_width(fitted, progress)
         except NotIdentifiable:
             pass  # what the robot file has acts at turns alone: they count
+    base = _with_held_torques(base, progress)
     if base.solution.converged or base.misfit > WRONG:
         return base
     return base.case.fit_what_is_seen(base.hypothesis, progress, begin=base)
+
+
+def _with_held_torques(base: Fitted, progress: Progress) -> Fitted:
+    """Fit with torques that a controller faster than the recording holds, where delays of all axes are those of one.
+
+    Taken where it explains more: a delay alone leaves over what the hold takes from a torque at high frequencies.
+    """
+    if any(block.motion.torque_hold != "continuous" for block in base.problem.blocks):
+        return base
+    timing = timing_of(base)
+    times = times_faster(timing.lag, timing.standard_error)
+    if times is None:
+        return base
+    case = replace(base.case, torque_held_s=timing.sample_time_s / times)
+    fitted = case.fit_what_is_seen(base.hypothesis, progress, begin=base, roughly=True)
+    return fitted if lost(fitted, base, base.about) < 0 else base
 
 
 def _about_its_width(base: Fitted, progress: Progress) -> Fitted:

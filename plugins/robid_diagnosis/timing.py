@@ -80,6 +80,23 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
     return found
 
 
+def held_torque_line(held_s: float | None, sample_time_s: float) -> str:
+    """Say that torques were found to be held for a part of a sample; empty where they were not."""
+    if held_s is None:
+        return ""
+    times = round(sample_time_s / held_s)
+    if times == 1:
+        return (
+            "Timing: the torques fit as those that a controller holds from sample to sample, and are counted so, where "
+            "continuous ones are stated. State torque_hold: zero_order_hold where the recording is read."
+        )
+    return (
+        f"Timing: the torques fit as those of a controller that is {times} times as fast as the recording and holds "
+        f"each for {1e3 * held_s:.4g} ms, and are counted so. The channel map counts it: motor_torque: "
+        f"{{held_s: {held_s:.4g}}}."
+    )
+
+
 def delayed(torque: FloatArray, lag: FloatArray) -> FloatArray:
     """Torques (n_lane, n_sample, n_axis) by so many samples later, (n_axis,), between the samples by cubic splines."""
     shifted = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid_core import BoolArray, Doubt, FloatArray, Record
 from robid_core.estimation.standstill import rests_of
-from robid_core.residual import Solution, TorqueProblem, WindowedBlock
+from robid_core.residual import Solution, TorqueProblem, WindowedBlock, times_faster
 from robid_fit.tolerances import WIDENED, tolerance_factor
 
 LATEST = 2.0  # samples between the channels of angle and torque: drives differ by less
@@ -149,10 +149,22 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
 
 
 def _of_samples(problem: TorqueProblem, solution: Solution) -> Iterator[Doubt]:
-    """Remark on torques that are half a sample late or early, as with another hold, or more: the fit counts a delay."""
+    """Remark on torques that are late or early as with another hold, or by more: the fit counts a delay."""
     motion = problem.blocks[0].motion
     delay = problem.delay(solution.point) / motion.sample_time_s
     error = np.sqrt(np.diag(solution.covariance)[-problem.n_delay :]) / motion.sample_time_s
+    times = times_faster(delay, error) if motion.torque_hold == "continuous" else None
+    if times is not None and times > 1:
+        held = motion.sample_time_s / times
+        yield Doubt(
+            "timing",
+            f"the torque leads the angles by {-float(np.mean(delay)):.2f} samples, as where a controller that is "
+            f"{times} times as fast as the recording holds each; the fit counts a delay, and not what a hold takes "
+            "at high frequencies",
+            f"say it where the record is read (motor_torque: held_s: {held:.4g}) if that is how the drive works",
+            "remark",
+        )
+        return
     if not (np.abs(delay) - CERTAIN * error > HALF - HOLD).all() or np.ptp(delay) > HOLD:
         return
     lag, way = float(np.mean(delay)), "lags" if np.mean(delay) > 0 else "leads"

@@ -7,6 +7,7 @@ from robid_core.residual.effect_torque import EffectTorque
 from robid_core.residual.equivalent_springs import with_equivalent_springs
 from robid_core.residual.estimated_robot import estimated_robot, friction_of_motors
 from robid_core.residual.excited_range import excited_range
+from robid_core.residual.faster_controller import times_faster
 from robid_core.residual.leading_periods import leading_periods
 from robid_core.residual.measured import (
     check_variants,
@@ -36,6 +37,6 @@ __all__ = [
     "effect_class", "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit",
     "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table",
     "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve",
-    "sticking_in", "torque_problem", "variant_robots", "whole_pieces", "with_equivalent_springs",
+    "sticking_in", "times_faster", "torque_problem", "variant_robots", "whole_pieces", "with_equivalent_springs",
     "words_of_pieces",
 ]  # fmt: skip

@@ -11,10 +11,19 @@ from robid_core.residual.measured import spectra_of
 
 
 class RememberedSpectra:
-    """`spectra_of` some records, of one band and one robot; a motion remembers what was derived from it, too."""
+    """`spectra_of` some records, of one band and one robot; a motion remembers what was derived from it, too.
 
-    def __init__(self, records: Sequence[Record]) -> None:
-        self.records = tuple(records)
+    Parameters
+    ----------
+    records
+        Those that are remembered.
+    held_s
+        For how long a controller that is faster than the recording holds a torque, of which samples are a part; None:
+        torques are as their record says.
+    """
+
+    def __init__(self, records: Sequence[Record], held_s: float | None = None) -> None:
+        self.records, self.held_s = tuple(records), held_s
         self._known: dict[int, WindowedMotion] = {}
 
     def __call__(
@@ -25,6 +34,7 @@ class RememberedSpectra:
         if number in self._known:
             return self._known[number]
         found = spectra_of(record, discard, highest_hz, sample_time_s)
+        found = found if self.held_s is None else found.held_for(self.held_s)
         if number >= 0 and isinstance(found, WindowedMotion):
             self._known[number] = found
         return found

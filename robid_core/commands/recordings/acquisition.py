@@ -123,7 +123,7 @@ def _stage(groups: list[list[Inspected]], root: Path) -> list[str]:
     if any(channel.quantity in ("torque", "current") for channel in _chosen(first)):
         lines.append(
             "  torque_hold: zero_order_hold  # guess: held from sample to sample; continuous: measured, filtered, or "
-            "the controller is faster than the recording"
+            "the controller is faster than the recording (its own sampling time: motor_torque: held_s)"
         )
     lines.append(CHANNELS)
     for group in groups:

@@ -162,6 +162,22 @@ class MotionSpectra(ABC):
     def with_signals(self, angle: FloatArray, torque: FloatArray) -> Self:
         """Return the same with other angles and torques, shape of `angle`."""
 
+    def held_for(self, time_s: float) -> Self:
+        """Return the same with the torques that act where a controller holds each for so long, and samples are a part.
+
+        Of a continuous torque that is the mean over so long before; of one that is held from sample to sample itself.
+        """
+        if self.torque_hold == "zero_order_hold":
+            return self
+
+        def over_mean(omega: FloatArray) -> ComplexArray:
+            factor = np.ones((len(omega), 1), dtype=np.complex128)
+            moving = omega > 0
+            factor[moving, 0] = 1 / hold_factor(omega[moving], time_s)[0]
+            return factor
+
+        return self.with_signals(self.angle, self.divided(self.torque, over_mean))
+
     def advanced_torque(self, delay: FloatArray) -> ComplexArray:
         """Spectra of the torques without a delay, s, (1,) or (n_axis,), shape of `torque_spectrum`."""
         advanced: ComplexArray = np.exp(1j * self.omega[:, None] * delay) * self.torque_spectrum

@@ -122,6 +122,36 @@ def test_a_whole_delay_is_a_plain_shift() -> None:
     assert known.sum() == 47
 
 
+@pytest.mark.parametrize("period_s", [0.2, None])
+def test_of_a_torque_that_was_held_for_half_a_sample_the_mean_acts(
+    read: Read, period_s: float | None
+) -> None:
+    """Of a sine the mean over half a sample before: a quarter of a sample late, sin(x) / x as large, x = w h / 2.
+
+    Beside a delay of 0.3 samples, undone. Exact where it repeats; else 1e-5 below 0.8 of the Nyquist frequency.
+    """
+    time, omega = np.arange(800.0), 2 * np.pi * 0.38
+    late = np.sin(omega * (time - 0.3))[:, None] * [1.0, 1.0]
+    channel = {"column": "u", "unit": "N m", "delay_s": 3e-4, "held_s": 5e-4}
+    settings = {} if period_s is None else {"period_s": period_s}
+    found = values(read({"u": late}, {"motor_torque": channel}, **settings), "motor_torque")
+    first = 0 if period_s else 31  # windows reach 32 samples to either side of a place 0.05 samples later
+    acting = np.sinc(omega * 0.25 / np.pi) * np.sin(omega * (time[first : first + len(found)] - 0.25))
+    assert np.abs(found - acting[:, None]).max() < (1e-9 if period_s else 1e-5)
+    assert len(found) == (800 if period_s else 800 - 31 - 32)
+
+
+def test_a_hold_is_of_a_torque_and_shorter_than_a_sample(read: Read) -> None:
+    torque = {"column": "u", "unit": "N m", "held_s": 2e-3}
+    ramp = np.arange(80.0)[:, None] * [1.0, 1.0]
+    with pytest.raises(DataRejected, match="held_s: 0.002 s is longer than a sample of 0.001 s"):
+        read({"u": ramp}, {"motor_torque": torque})
+    with pytest.raises(ValidationError, match="state torque_hold: continuous"):
+        read({"u": ramp}, {"motor_torque": torque | {"held_s": 5e-4}}, torque_hold="zero_order_hold")
+    with pytest.raises(ValidationError, match="how long a controller holds a motor_torque, and nothing else"):
+        read({"u": ramp}, {"motor_position": torque | {"unit": "rad"}})
+
+
 def test_counts_are_unwrapped_over_many_turns(read: Read) -> None:
     turns = 3.2 * np.sin(0.01 * np.arange(1000.0))[:, None] * [1.0, -1.0]
     counts = np.floor(4096 * turns) % 4096

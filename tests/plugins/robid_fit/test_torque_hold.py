@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,6 +99,24 @@ def test_the_right_hold_leaves_noise_and_the_other_one_half_a_sample(
     assert remark.is_remark
     assert f"torque_hold: {other} is stated, and with {hold} there would be no delay" in remark.remedy
     assert not [one for one in right.doubts if one.kind == "timing"]
+
+
+def faster(robot: Robot, times: int) -> Robot:
+    """The same robot under a controller that is so many times as fast."""
+    clock = {"sample_time_s": T / times, "step_s": T / times}
+    return replace(robot, description=robot.description.model_copy(update=clock))
+
+
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_controller_faster_than_its_recording_is_recognised_by_the_delay(
+    nominal: Robot, plant: Robot, times: int
+) -> None:
+    record = record_of(faster(plant, times), "zero_order_hold").replace(torque_hold="continuous")
+    fit = fit_of(record, nominal)
+    assert fit.parameters.value("torque_delay") == pytest.approx(-0.5 * T / times, abs=0.01 * T)
+    (remark,) = [one for one in fit.doubts if one.kind == "timing"]
+    assert f"{times} times as fast as the recording" in remark.sentence
+    assert f"held_s: {T / times:.4g}" in remark.remedy
 
 
 @pytest.mark.parametrize("hold", HOLDS)

@@ -21,6 +21,7 @@ from robid_core.estimation.torque.weights import (
     running_mean,
     whitener,
 )
+from robid_core.estimation.torque.windowed import windowed_motion_of
 
 T, N = 1e-3, 1000
 LINES = np.array([5, 21])
@@ -47,6 +48,28 @@ def test_acceleration_of_a_line_is_exact_and_the_mean_stays() -> None:
     np.testing.assert_allclose(found[21, 1], -((2 * np.pi * 21) ** 2) * 0.01, rtol=1e-9)
     assert motion.angle_spectrum[0, 0, 0, 1] == 0.0
     assert motion.excited.sum() == 2
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+def test_what_acts_of_a_torque_held_for_a_part_of_a_sample_is_its_mean(repeats: bool) -> None:
+    """Of a sine sin(x) / x of it, x = w h / 2, half a hold later; a held torque is held for a sample already."""
+    time, hold = T * np.arange(N), 0.4 * T
+    omega = 2 * np.pi * np.array([5.0, 80.0])
+    torque = np.tile(np.sin(time[:, None] * omega), (1, 1, 1, 2, 1, 1))
+    if repeats:
+        motion = periodic_motion_of(swings(), torque, T, LINES, 100.0, torque_hold="continuous")
+    else:
+        motion = windowed_motion_of(swings(1)[0, 0], torque[0, 0, :, 0][None], T, 100.0, "continuous")
+    acting = np.sinc(omega * hold / (2 * np.pi)) * np.sin((time[:, None] - hold / 2) * omega)
+    found = motion.held_for(hold)
+    inner = (
+        slice(None) if repeats else slice(N // 10, -N // 10)
+    )  # beyond its ends a cut goes on as its mirror image
+    np.testing.assert_allclose(found.torque[0, 0, inner], acting[inner], atol=1e-10 if repeats else 1e-3)
+    expected = motion.with_signals(motion.angle, found.torque).torque_spectrum
+    np.testing.assert_array_equal(found.torque_spectrum, expected)
+    held = motion_of(swings(), torque)
+    assert held.held_for(hold) is held
 
 
 def test_a_viscous_law_is_the_speed_over_the_hold_factor() -> None:
