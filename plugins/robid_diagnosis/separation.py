@@ -19,9 +19,10 @@ from robid_diagnosis.expected_ratio import expected_ratio
 from robid_diagnosis.hypothesis import Case, Fitted
 from robid_diagnosis.proposals import Proposals, proposals
 from robid_diagnosis.steps import Step
-from robid_diagnosis.wording import gravity_text, place_text
+from robid_diagnosis.wording import load_text, place_text
 
 MOST = 3  # rivals: the best
+MOSTLY = 0.5  # of a torque at rest that is gravity's, by name
 
 Progress = Callable[[float, float, str], None]
 
@@ -136,11 +137,8 @@ def _best(
     axis = robot.axis_names.index(step.on) if step.on in robot.axis_names else None
     difference = ""
     if axis is not None and not (proposed.recorded[lane]):
-        difference = gravity_text(
-            robot.axis_names[axis],
-            float(robot.gravity_torque(angle[None])[0, axis]),
-            robot.gravity_torque(recorded)[:, axis],
-        )
+        here, there = robot.gravity_torque(angle[None])[0, axis], robot.gravity_torque(recorded)[:, axis]
+        difference = load_text(robot.axis_names[axis], float(here), there, _load(robot, axis, recorded))
     return SeparatingExperiment(
         rivals=names,
         amplitude=proposed.amplitude,
@@ -154,3 +152,12 @@ def _best(
         repeat=ratio[:, repeats].max(axis=1) if repeats.any() else np.full(len(names), np.nan),
         line=proposed.record.line,
     )
+
+
+def _load(robot: Robot, axis: int, angle: FloatArray) -> str:
+    """What loads an axis at rest in some configurations: mostly gravity, or effects (a cable, a counterbalance)."""
+    whole, weight = (
+        np.abs(one.gravity_torque(angle)[:, axis]).max()
+        for one in (robot, robot.without_effect(*robot.description.effects))
+    )
+    return "gravity" if weight >= MOSTLY * whole else "static"

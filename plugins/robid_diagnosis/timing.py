@@ -65,14 +65,14 @@ def timing_lines(timing: Timing, misfit: float) -> list[str]:
         elif is_late(value, sd):
             way = "lags" if value > 0 else "leads"
             late[number] = float(value * timing.sample_time_s)
-            found.append(
-                f"Timing: the torque of {axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples."
-            )
+            torque = "the torque of " if not found else ""
+            found.append(f"{torque}{axis} {way} its angle by {abs(value):.3f} ± {sd:.1g} samples")
     if found:
-        found.append(
-            "Timing: a robot that is written here has no such delay, and its closed loop is without. The channel map "
-            f"takes it off the recording: motor_torque: {{delay_s: [{', '.join(f'{one:.4g}' for one in late)}]}}."
-        )
+        found = [
+            f"Timing: {', '.join(found)}.",
+            "Timing: the extended robot does not contain that, and predicts this recording without it, unless the "
+            f"channel map takes it off: motor_torque: {{delay_s: [{', '.join(f'{one:.4g}' for one in late)}]}}.",
+        ]
     if doubted:
         found.append(
             f"Timing: a delay of the torque cannot be distinguished from what the model lacks: {', '.join(doubted)}."

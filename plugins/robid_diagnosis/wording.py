@@ -104,8 +104,11 @@ def separation_line(finding: Finding) -> str:
     return "" if finding.separation is None else f"{finding.where}: {finding.separation.sentence}."
 
 
-def gravity_text(axis: str, here: float, recorded: FloatArray) -> str:
-    """Say how gravity loads an axis otherwise than where it was recorded, N m; empty where it does not."""
+def load_text(axis: str, here: float, recorded: FloatArray, load: str = "gravity") -> str:
+    """Say how a load at rest, gravity or another one, differs from where it was recorded, N m; empty where it does not.
+
+    `here` and `recorded`, (n_config,), are torques of the motor of an axis.
+    """
     largest = float(np.abs(recorded).max(initial=0.0))
     if (recorded * here < 0).all() and abs(here) > LOADED * largest:
         how = "opposite"
@@ -115,7 +118,7 @@ def gravity_text(axis: str, here: float, recorded: FloatArray) -> str:
         how = "smaller"
     else:
         return ""
-    return f"{how} gravity torque at {axis}: {here:.2g} N m, recorded {recorded.min():.2g} to {recorded.max():.2g} N m"
+    return f"{how} {load} torque at {axis}: {here:.2g} N m, recorded {recorded.min():.2g} to {recorded.max():.2g} N m"
 
 
 def place_text(use: str, on: str | None, side: str | None) -> str:
@@ -241,7 +244,7 @@ def response_check_line(check: ResponseCheck) -> str:
     apart = order[~check.agree[order]].tolist()
     if not apart:
         worst = int(order[0])
-        which = f"all {n} stiffnesses; furthest apart" if n > 1 else "the stiffness"
+        which = f"{n} stiffnesses, all that both determine; furthest apart" if n > 1 else "the stiffness"
         return (
             f"Check by frequency responses, fitted separately: they agree about {which}: {check.names[worst]}, "
             f"{_both(check, worst)}."

@@ -28,8 +28,6 @@ class Asked:
     exclude: list[str] = field(default_factory=list)
     robots: dict[str, str] = field(default_factory=dict)
     """Robot files of records that have one of their own, by the record's name."""
-    apart: list[str] = field(default_factory=list)
-    """Names of records that are kept for the last judgement."""
     blocks: int = 1
     """Pieces into which each record is cut."""
 
@@ -137,15 +135,18 @@ def command(
             "--blocks cuts every record, and what --continue measures has periods and stays whole; leave one away"
         )
     robot = robot_below_here(robot)
-    apart = keep_apart or []
-    files = [*(records or []), *(more or []), *apart]
-    root, sources = read_sources(files, channels, data, together=not (apart or variant))
+    files, apart = [*(records or []), *(more or [])], keep_apart or []
+    root, sources = read_sources(files, channels, data, apart, together=not variant)
+    if 1 < len(sources) == len(files) + len(apart) and sources[0].get("period_s") and not quiet:
+        typer.echo(
+            f"{len(sources)} recordings, each read as a record of its own. Experiments of one record are all files of "
+            "a folder that a pattern numbers; a table (index: ...) with a column role keeps some of them apart."
+        )
     names = [str(one.get("path")) for one in sources] if files else []
     asked = Asked(
         [test] if test else only or [],
         exclude or [],
-        robots_of(variant or [], files, names),
-        names[len(names) - len(apart) :],
+        robots_of(variant or [], [*files, *apart], names),
         blocks,
     )
     drives = drives_of(continued) if continued is not None else None
@@ -177,12 +178,17 @@ def write_pipeline(text: str) -> None:
 
 
 def read_sources(
-    files: list[Path], channels: Path | None, data: Path | None, *, together: bool = True
+    files: list[Path],
+    channels: Path | None,
+    data: Path | None,
+    apart: Sequence[Path] = (),
+    *,
+    together: bool = True,
 ) -> tuple[Path, list[dict[str, Any]]]:
     """Return the data root, and the settings that read each recording: `files`, or what a channel map names itself.
 
-    `together`: files that are all those of a map's pattern are one record, of configurations and experiments as their
-    names number them.
+    `apart` are further ones, of the role test. `together`: files that are all those of a map's pattern are one record,
+    of configurations and experiments as their names number them.
 
     Raises ConfigurationError where there is neither, a file is missing, or has no channel map and needs one.
     """
@@ -197,13 +203,20 @@ def read_sources(
 
     maps = read_map(channels) if channels is not None else []
     if files:
-        root, names = below_one_folder(files, data)
-        whole = settings_of_all(root, names, maps) if together and len(files) > 1 else None
-        if whole is not None:
-            return root, [whole]
-        return root, [
-            settings_of_record(file, name, maps, channels) for file, name in zip(files, names, strict=True)
-        ]
+        root, names = below_one_folder([*files, *apart], data)
+        sources = list[dict[str, Any]]()
+        for some, own, role in (
+            (files, names[: len(files)], {}),
+            (apart, names[len(files) :], {"role": "test"}),
+        ):
+            whole = settings_of_all(root, own, maps) if together and len(own) > 1 else None
+            each = (
+                [whole]
+                if whole is not None
+                else [settings_of_record(*one, maps, channels) for one in zip(some, own, strict=True)]
+            )
+            sources += [one | role for one in each]
+        return root, sources
     if not maps or not all(any(one.get(key) for key in SOURCES) for one in maps):
         raise ConfigurationError(
             "no recordings are given; name the files, or a channel map that does (path, pattern or index)"
@@ -221,7 +234,11 @@ def below_one_folder(records: list[Path], data: Path | None) -> tuple[Path, list
 
     for record in records:
         if not is_recording(record):
-            raise ConfigurationError(f"{record}: there is no such file")
+            raise ConfigurationError(
+                f"{record}: is a folder; name its recordings, {record}/*"
+                if record.is_dir()
+                else f"{record}: there is no such file"
+            )
     whole = [record.resolve() for record in records]
     root = data.resolve() if data is not None else Path(os.path.commonpath([one.parent for one in whole]))
     outside = next((one for one in whole if not one.is_relative_to(root)), None)
@@ -289,8 +306,7 @@ def pipeline_text(
         f"record_{number + 1}": {
             "use": "acquisition.recorded",
             "with": dict(source)
-            | ({"variant": source["path"]} if source.get("path") in asked.robots else {})
-            | ({"role": "test"} if source.get("path") in asked.apart else {}),
+            | ({"variant": source["path"]} if source.get("path") in asked.robots else {}),
         }
         for number, source in enumerate(sources)
     }

@@ -27,7 +27,7 @@ from robid_diagnosis.selection import Selection
 from robid_diagnosis.separation import ratios, separation
 from robid_diagnosis.steps import Outcome
 from robid_diagnosis.trials import TIE
-from robid_diagnosis.wording import finding_line, gravity_text, separation_line
+from robid_diagnosis.wording import finding_line, load_text, separation_line
 
 PERIOD, T = 3000, 1e-3
 LINES = np.unique(2 * np.round((np.geomspace(3.0, 80.0, 60) * PERIOD * T - 1) / 2).astype(int) + 1)
@@ -212,6 +212,6 @@ def test_drawn_configurations_can_be_held(told: Robot) -> None:
     ],
 )
 def test_gravity_is_called_otherwise_only_where_it_is(here: float, recorded: list[float], how: str) -> None:
-    text = gravity_text("axis_1", here, np.array(recorded))
+    text = load_text("axis_1", here, np.array(recorded))
     assert text.startswith(f"{how} gravity torque at axis_1" if how else "")
     assert bool(text) == bool(how)

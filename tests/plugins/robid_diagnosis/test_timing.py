@@ -103,7 +103,7 @@ def test_a_delay_beside_noise_is_told(tmp_path: Path) -> None:
     assert off(timing, 0.4) < 4
     assert abs(timing.lag[0] - 0.4) < 0.01
     assert "lags its angle by" in words
-    assert f"takes it off the recording: motor_torque: {{delay_s: [{timing.lag[0] * STEP:.4g}]}}." in words
+    assert f"takes it off: motor_torque: {{delay_s: [{timing.lag[0] * STEP:.4g}]}}." in words
 
 
 @pytest.mark.parametrize("missing", [wave, curved, hardening])

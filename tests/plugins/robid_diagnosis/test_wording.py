@@ -102,9 +102,9 @@ def response_check(*z: float) -> ResponseCheck:
 
 def test_a_check_that_agrees_states_what_is_furthest_apart() -> None:
     assert response_check_line(response_check(0.1, -2.0, 1.0)) == (
-        "Check by frequency responses, fitted separately: they agree about all 3 stiffnesses; furthest apart: "
-        "gear_stiffness.axis_2, 98 ± 0.8 N m/rad by responses, 100 ± 0.6 by torques: 2.0 standard errors, where 3.5 "
-        "would count as a difference."
+        "Check by frequency responses, fitted separately: they agree about 3 stiffnesses, all that both determine; "
+        "furthest apart: gear_stiffness.axis_2, 98 ± 0.8 N m/rad by responses, 100 ± 0.6 by torques: 2.0 standard "
+        "errors, where 3.5 would count as a difference."
     )
 
 

@@ -97,7 +97,7 @@ def test_a_record_that_is_kept_apart_has_the_role_test(tmp_path: Path) -> None:
     """It is read last, and explained with the others, which then keep it for the last judgement."""
     for name in ("a.mcap", "b.mcap"):
         (tmp_path / name).write_bytes(b"")
-    text = pipeline_text("one_axis", [{"path": "a.mcap"}, {"path": "b.mcap"}], Asked(apart=["b.mcap"]))
+    text = pipeline_text("one_axis", [{"path": "a.mcap"}, {"path": "b.mcap", "role": "test"}], Asked())
     (tmp_path / FILE).write_text(text, encoding="utf-8")
     pipeline = Pipeline.load(tmp_path / FILE, data_root=tmp_path)
     assert [pipeline.stage(f"record_{k}").stage.role for k in (1, 2)] == ["", "test"]  # type: ignore[attr-defined]
@@ -112,6 +112,8 @@ def test_records_are_named_below_the_folder_that_holds_them_all(tmp_path: Path) 
     assert below_one_folder(records, None) == (tmp_path.resolve(), ["monday/a.mcap", "tuesday/b.mcap"])
     with pytest.raises(ConfigurationError, match="not below"):
         below_one_folder(records, tmp_path / "monday")
+    with pytest.raises(ConfigurationError, match=r"monday: is a folder; name its recordings, .*monday/\*"):
+        below_one_folder([tmp_path / "monday"], None)
     with pytest.raises(ConfigurationError, match="there is no such file"):
         below_one_folder([tmp_path / "c.mcap"], None)
 
@@ -294,6 +296,14 @@ def test_all_files_of_a_pattern_are_one_record_where_they_repeat(tmp_path: Path)
 
     assert read(files[:4]) == ["lab/c{config}_e{exp}.npz"]
     assert read(files[:4], together=False) == names
+    (tmp_path / "kept").mkdir()
+    kept = [tmp_path / "kept" / file.name for file in files[:2]]
+    for file in kept:
+        recording(file)
+    sources = read_sources(files[:4], channels, tmp_path, kept)[1]
+    assert [(one["pattern"], one.get("role")) for one in sources] == [
+        ("lab/c{config}_e{exp}.npz", None), ("kept/c{config}_e{exp}.npz", "test"),
+    ]  # fmt: skip
     assert read(files) == [*names, "lab/notes.npz"]
     assert read(files[:3]) == names[:3]
     files[3].unlink()
