@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -13,8 +13,9 @@ from robid_acquisition.remade import remade_of
 from robid_core import Record, RobidError, Robot
 from robid_core.estimation.rigid.coupled_axes import Coupling, coupling_in
 from robid_core.estimation.rigid.encoder_counts import counts_in, explained_by
-from robid_core.estimation.rigid.plausibility import Recorded, Slip, scales_in, slips_in
+from robid_core.estimation.rigid.plausibility import Recorded, Slip, slips_in
 from robid_core.estimation.rigid.torque_offsets import offsets_in
+from robid_core.estimation.rigid.torque_scales import ONE, Scale, scales_in
 from robid_core.estimation.rigid.zero_angles import Zero, zeros_in
 
 Found = TypeVar("Found")
@@ -115,13 +116,23 @@ def doubts_of_scale(record: Record, robot: Robot) -> list[str]:
     """Say which torques fit the robot only with another torque constant; none where they fit, or cannot be told."""
     scales = _found(scales_in, record, robot)
     if len(scales) > 1:
-        factor = float(np.exp(np.mean([np.log(one.factor) for one in scales])))
-        return [f"the torques are {factor:.2g} times what the robot makes of the motion: {_REMEDY}"]
+        factors = [one.factor for one in scales]
+        told = f"{float(np.exp(np.mean(np.log(factors)))):.2g} times"
+        if max(factors) > ONE * min(factors):
+            told = f"{', '.join(f'{one:.3g}' for one in factors)} times ({', '.join(_names(scales, robot))})"
+        return [
+            f"the torques are {told} what the robot makes of the motion: currents, or percents of a rating, in place "
+            f"of N m? Else {_REMEDY}"
+        ]
     return [
         f"the torque of {robot.axis_names[one.axis]} is {one.factor:.2g} times what the robot makes of the motion (the "
         f"robot file leaves {100 * one.before:.0f} % of it, {100 * one.after:.0f} % where scaled): {_REMEDY}"
         for one in scales
     ]
+
+
+def _names(scales: Sequence[Scale], robot: Robot) -> list[str]:
+    return [robot.axis_names[one.axis] for one in scales]
 
 
 def doubts_of_offset(record: Record, robot: Robot) -> list[str]:

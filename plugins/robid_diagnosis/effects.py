@@ -31,6 +31,7 @@ from robid_core import (
 )
 from robid_core.estimation.copies import refuse_copies
 from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
+from robid_core.robot.plausibility import refuse_weightless
 from robid_diagnosis.asked import asked_lines, nearest_lines
 from robid_diagnosis.asked_effects import wrong_names
 from robid_diagnosis.candidates import catalogue
@@ -71,6 +72,7 @@ from robid_diagnosis.wording import (
     increment_line,
     left_out_line,
     misfit_line,
+    own_friction_line,
     response_check_line,
     rests_line,
     separation_line,
@@ -197,6 +199,7 @@ class Effects(DiagnosisStage):
         self, records: tuple[Record, ...], robot: Robot, robots: Mapping[str, Robot], discard: int
     ) -> tuple[Case, tuple[Record, ...]]:
         """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
+        refuse_weightless(robot)
         check_variants(records, robot, robots, ())
         training, tests = parted(records)
         check_records(records, training, robot)
@@ -265,6 +268,7 @@ class Effects(DiagnosisStage):
                 separation_line(finding),
             )
         ]
+        lines.append(own_friction_line(causes, robot))
         lines += nearest_lines(outcome, () if self.only else unknown, selection.refused)
         lines += hardly.values()
         values = values_of(final)

@@ -94,6 +94,23 @@ def increment_line(finding: Finding, robot: Robot) -> str:
     )
 
 
+def own_friction_line(findings: Sequence[Finding], robot: Robot) -> str:
+    """Say what sizes of friction at motors add to: the axis' own Coulomb friction; empty where there is none."""
+    axes = list(
+        dict.fromkeys(
+            one.on
+            for one in findings
+            if one.effect.startswith("friction.")
+            and one.side == "motor"
+            and f"friction.{one.on}.coulomb" in robot.layout
+        )
+    )
+    if not axes:
+        return ""
+    keys = ", ".join(f"friction.{name}.coulomb" for name in axes)
+    return f"Sizes of friction at motors add to the axis' own ({keys}), which the extended robot keeps."
+
+
 def chance_text(p_value: float, least: float = 1e-3) -> str:
     """A p-value, or that it is below the smallest one that is stated."""
     return f"p < {least:g}" if p_value < least else f"p = {p_value:.2g}"

@@ -53,6 +53,7 @@ from robid_core.residual import (
     whole_pieces,
     words_of_pieces,
 )
+from robid_core.robot.plausibility import refuse_weightless
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_doubts import doubts, unseen_sticks, with_rests
 from robid_fit.torque_gain import common_scale_problem
@@ -176,6 +177,7 @@ class TorqueResidualFit(Estimator):
             context.log.warning("fit.torque_residual %s", words)
         record = whole
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
+        refuse_weightless(robot)
         fitted = self._solved(record, robot, robots, context)
         unseen: tuple[str, ...] = ()
         if self.at_rest == "leave_out":

@@ -70,7 +70,7 @@ def predictions(pipeline: Pipeline) -> dict[str, list[str]]:
     from robid_core.run.rehearsal import rehearse
     from robid_core.stage import ExcitationDesign
 
-    with listening(quiet=False, verbose=False) as listener:
+    with listening(quiet=False, verbose=False, warnings=False) as listener:
         made = rehearse(pipeline, listener)
     advice: dict[str, list[str]] = {}
     for name, rehearsed in made.items():

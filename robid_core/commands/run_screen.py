@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 SECONDS_BETWEEN_LINES = 10.0
+ALIKE = 40  # letters with which warnings of one kind begin
 
 
 class Part:
@@ -125,13 +126,13 @@ class Bars(Silence):
 
 
 @contextlib.contextmanager
-def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
-    """Give the listener that suits the terminal and the wishes of the user."""
+def listening(quiet: bool, verbose: bool, *, warnings: bool = True) -> Iterator[Listener]:
+    """Give the listener that suits the terminal and the wishes of the user; `warnings`: shown as they arise."""
     if quiet:
         yield Silence()
     elif verbose or not on_terminal():
         lines = Lines()
-        with _log_on_stderr() if verbose else _milestones(lines):
+        with _log_on_stderr() if verbose else _milestones(lines, warnings):
             yield lines
     else:
         from rich.console import Console
@@ -146,7 +147,7 @@ def listening(quiet: bool, verbose: bool) -> Iterator[Listener]:
         )
         with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
             bars = Bars(progress)
-            with _milestones(bars):
+            with _milestones(bars, warnings):
                 yield bars
 
 
@@ -156,21 +157,31 @@ def on_terminal() -> bool:
 
 
 class _Milestones(logging.Handler):
-    """Shows what stages log as milestones."""
+    """Shows what stages log as milestones, and warnings as they come: who sees them may stop, and mend a file.
 
-    def __init__(self, listener: Listener) -> None:
+    Of warnings that begin alike, of many recordings for instance, the first; all stand at the end of a run.
+    """
+
+    def __init__(self, listener: Listener, warnings: bool) -> None:
         super().__init__(MILESTONE)
-        self._listener = listener
+        self._listener, self._warnings = listener, warnings
+        self._shown = set[str]()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show one; a line that cannot be made is lost."""
-        if record.levelno == MILESTONE:
-            with contextlib.suppress(Exception):
-                self._listener.note(f"{record.name.rpartition('.')[2]}: {record.getMessage()}")
+        warning = record.levelno == logging.WARNING
+        if not (record.levelno == MILESTONE or (warning and self._warnings)):
+            return
+        with contextlib.suppress(Exception):
+            text = record.getMessage()
+            if warning and text[:ALIKE] in self._shown:
+                return
+            self._shown.add(text[:ALIKE])
+            self._listener.note(f"{'! ' if warning else ''}{record.name.rpartition('.')[2]}: {text}")
 
 
-def _milestones(listener: Listener) -> contextlib.AbstractContextManager[None]:
-    return _heard_by(_Milestones(listener))
+def _milestones(listener: Listener, warnings: bool) -> contextlib.AbstractContextManager[None]:
+    return _heard_by(_Milestones(listener, warnings))
 
 
 def _log_on_stderr() -> contextlib.AbstractContextManager[None]:

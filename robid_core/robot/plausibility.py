@@ -51,6 +51,12 @@ def impossibilities(robot: Robot, moves: bool) -> Iterator[Remark]:
     )
 
 
+def refuse_weightless(robot: Robot) -> None:
+    """Raise ConfigurationError where a spring has nothing behind it: no linear model has it."""
+    for remark in _weightless(robot, drawn_poses(robot)):
+        raise ConfigurationError(f"{robot.name}: {remark.sentence}")
+
+
 def _as_written(robot: Robot) -> Iterator[Remark]:
     """Yield what single numbers say."""
     yield from _surroundings(robot)

@@ -4,7 +4,7 @@ The rigid robot's inverse dynamics at the told values, with friction free, are h
 its springs. Where they fail, one slip after another is tried: a sign, a unit, the other side of the gear, two axes
 exchanged; where none helps alone, two axes exchanged and a sign of one of them. Each is a linear map of the positions
 or of the torques and has no number that could be fitted, so that a slip that takes most of the error away is hardly
-chance. A torque's scale is such a number: it is told apart (`scales_in`).
+chance. A torque's scale is such a number: it is asked for apart (`torque_scales.py`).
 """
 
 from __future__ import annotations
@@ -30,9 +30,6 @@ FITS = 0.1  # of a torque's variance: an axis that leaves less is as it should b
 GAIN = 4.0  # by which a slip must lower what is left of the axes that it concerns, their median
 LEFT = 0.2  # of the variance that may be left of them then, their median
 NOTICED = 0.05  # of a torque's variance, above which its scale is looked at
-FAR = 4 / 3  # factor on a torque, or its inverse
-OTHERS = 1.2  # likewise, of the axes beside it
-ONE = 1.3  # largest over smallest factor of torques that share one
 TIE = float(np.log(2.0))  # of the logarithm of what is left, over all axes: nearer, two slips are as likely
 SPOILS = 1.2  # by which it may raise what is left of any other axis
 
@@ -55,19 +52,6 @@ class Slip:
     """Likewise, once it is undone."""
     ties: tuple[str, ...] = ()
     """What else it may be: slips that explain the recording about as well."""
-
-
-@dataclass(frozen=True)
-class Scale:
-    """A recorded torque that differs from the robot's by a factor far from 1."""
-
-    axis: int
-    factor: float
-    """Recorded torque over that of the rigid robot."""
-    before: float
-    """Share of the torque that the robot leaves, rms."""
-    after: float
-    """Likewise, once the torque is divided by the factor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,28 +170,6 @@ class Recorded:
             found, norm = scipy.optimize.nnls(kept, target - columns[:, :2] @ most)
         share = norm**2 / max(float(((torque - torque.mean()) ** 2).sum()), 1e-300)
         return float(found[-1] / size[-1]), share
-
-
-def scales_in(recorded: Recorded) -> list[Scale]:
-    """Return the torque, or all torques, that fit the robot only times a number that is off by more than `FAR`.
-
-    A scale has a number that is fitted, and a body or rotor that is told wrong by as much looks the same; so it is no
-    slip that a record could be refused for. A load that nobody told raises several torques, each by another factor, and
-    then nothing is returned: only one axis beside others that fit, or one factor for all.
-    """
-    fitted = [recorded.scaled(a) for a in range(recorded.drives.n_axis)]
-    factor = np.maximum([one for one, _ in fitted], 1e-9)
-    before, after = recorded.left, np.array([share for _, share in fitted])
-    far = np.maximum(factor, 1 / factor) > FAR
-    telling = far & (before > NOTICED) & (after < np.minimum(before / GAIN, LEFT))
-    together = bool(far.all()) and factor.max() < ONE * factor.min()
-    others_fit = np.maximum(factor, 1 / factor)[~telling].max(initial=1.0) < OTHERS
-    if not (together or (telling.sum() == 1 and others_fit)):
-        return []
-    return [
-        Scale(int(a), float(factor[a]), float(np.sqrt(before[a])), float(np.sqrt(after[a])))
-        for a in np.flatnonzero(telling)
-    ]
 
 
 def slips_in(recorded: Recorded, axis_names: Sequence[str]) -> list[Slip]:

@@ -179,6 +179,20 @@ def test_a_torque_constant_that_is_far_off_is_told(
 
 
 @pytest.mark.parametrize(
+    "factor", [[2.3, 4.8, 3.0, 2.5, 7.0, 5.5], [0.3, 0.2, 0.4, 0.1, 0.3, 0.2], [80, 150, 90, 120, 100, 80]]
+)
+def test_torques_in_another_unit_on_all_axes_are_told(
+    sound: tuple[FloatArray, FloatArray], factor: list[float]
+) -> None:
+    """Currents by motors of unlike constants, percents of unlike ratings: no load does that to all axes."""
+    position, torque = sound
+    (words,) = doubts_of_scale(record(position, torque * np.array(factor)), ROBOT)
+    told = [float(one) for one in words.split(" are ")[1].split(" times")[0].split(", ")]
+    assert told == pytest.approx(factor, rel=0.15)
+    assert "currents, or percents of a rating, in place of N m?" in words
+
+
+@pytest.mark.parametrize(
     "samples",
     [np.full(6, 1.4), np.array([0, -1.6, 0, 0, 0, 0])],
     ids=["all lag", "one of coupled axes leads"],

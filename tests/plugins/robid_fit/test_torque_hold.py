@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid_core import Channel, Context, DataRejected, DenseRun, Fit, Record, Robot
+from robid_core import Channel, ConfigurationError, Context, DataRejected, DenseRun, Fit, Record, Robot
 from robid_core.residual import prescribe_record
 from robid_core.stage import map_in_process
 from robid_fit.torque_residual import TorqueResidualFit
@@ -152,3 +152,14 @@ def test_a_motion_gives_its_torque_back_under_the_right_hold(plant: Robot, hold:
 def test_a_hold_that_nobody_knows_is_refused(nominal: Robot, plant: Robot) -> None:
     with pytest.raises(DataRejected, match="torque_hold is 'linear'"):
         fit_of(record_of(plant, "continuous").replace(torque_hold="linear"), nominal)
+
+
+def test_a_spring_with_nothing_behind_it_is_refused_by_name(nominal: Robot, plant: Robot) -> None:
+    """As of a prismatic axis whose type is forgotten: the mass at the origin has no inertia about it."""
+    values = {
+        name: 0.0
+        for name in nominal.layout
+        if nominal.parameter_kind(name) == "inertia" and "rotor" not in name
+    }
+    with pytest.raises(ConfigurationError, match="nothing that .* moves behind its spring has a mass"):
+        fit_of(record_of(plant, "continuous"), nominal.with_parameters(values))

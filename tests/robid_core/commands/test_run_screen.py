@@ -12,7 +12,7 @@ from robid_core.commands.run_screen import Part, listening
 
 
 @pytest.mark.parametrize("on_terminal", [False, True])
-def test_what_a_stage_has_found_is_shown_when_it_is_logged(
+def test_what_a_stage_has_found_or_warns_of_is_shown_when_it_is_logged(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, on_terminal: bool
 ) -> None:
     monkeypatch.setattr(run_screen, "on_terminal", lambda: on_terminal)
@@ -22,7 +22,10 @@ def test_what_a_stage_has_found_is_shown_when_it_is_logged(
         log.log(MILESTONE, "named %s", "friction.lugre at axis_2")
         assert "explain: named friction.lugre at axis_2" in capsys.readouterr().err
         log.info("not named")
-        log.warning("is told at the end")
+        for number in range(2):
+            log.warning("the torque of axis_1 is 1e-3 times what the robot makes, run %d", number)
+        shown = capsys.readouterr().err
+        assert shown.count("! explain: the torque of axis_1 is 1e-3 times") == 1
     with listening(quiet=True, verbose=False):
         log.log(MILESTONE, "named")
     log.log(MILESTONE, "nobody listens")
