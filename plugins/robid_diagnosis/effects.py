@@ -30,8 +30,14 @@ from robid_core import (
     StageRef,
 )
 from robid_core.estimation.copies import refuse_copies
-from robid_core.residual import check_variants, effect_names, leading_periods, misfit_table, variant_robots
-from robid_core.robot.plausibility import refuse_weightless
+from robid_core.residual import (
+    check_variants,
+    effect_names,
+    leading_periods,
+    misfit_table,
+    refuse_weightless,
+    variant_robots,
+)
 from robid_diagnosis.asked import asked_lines, nearest_lines
 from robid_diagnosis.asked_effects import wrong_names
 from robid_diagnosis.candidates import catalogue

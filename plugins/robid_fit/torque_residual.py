@@ -46,6 +46,7 @@ from robid_core.residual import (
     leading_periods,
     misfit,
     misfit_table,
+    refuse_weightless,
     resolved_width,
     solve,
     torque_problem,
@@ -53,7 +54,6 @@ from robid_core.residual import (
     whole_pieces,
     words_of_pieces,
 )
-from robid_core.robot.plausibility import refuse_weightless
 from robid_fit.motor_friction import are_alike, carried, curves_of, other_shapes, with_friction
 from robid_fit.torque_doubts import doubts, unseen_sticks, with_rests
 from robid_fit.torque_gain import common_scale_problem

@@ -30,13 +30,14 @@ from robid_core.residual.whole_pieces import whole_pieces, words_of_pieces
 from robid_core.residual.windowed_block import WindowedBlock
 from robid_core.robot.effects import BoundEffect
 from robid_core.robot.file.effect_class import effect_class
+from robid_core.robot.plausibility import refuse_weightless
 
 __all__ = [
     "BoundEffect", "EffectTorque", "Linearisation", "PeriodicBlock", "RememberedSpectra", "Solution", "TorqueBlock",
     "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "clearer_without_turns", "default_patterns",
     "effect_class", "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit",
     "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table",
-    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "resolved_width", "rigid_drives", "solve",
+    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "refuse_weightless", "resolved_width", "rigid_drives", "solve",
     "sticking_in", "times_faster", "torque_problem", "variant_robots", "whole_pieces", "with_equivalent_springs",
     "words_of_pieces",
 ]  # fmt: skip
