@@ -37,7 +37,8 @@ __all__ = [
     "TorqueProblem", "Weighting", "WindowedBlock", "check_variants", "clearer_without_turns", "default_patterns",
     "effect_class", "effect_names", "estimated_robot", "excited_range", "explained_by_turns", "faded_misfit",
     "friction_of_motors", "functions_of_speed", "leading_periods", "linearise_at", "misfit", "misfit_table",
-    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "refuse_weightless", "resolved_width", "rigid_drives", "solve",
+    "parts_by_variant", "place_in", "prescribe_at", "prescribe_record", "refuse_weightless", "resolved_width",
+    "rigid_drives", "solve",
     "sticking_in", "times_faster", "torque_problem", "variant_robots", "whole_pieces", "with_equivalent_springs",
     "words_of_pieces",
 ]  # fmt: skip
