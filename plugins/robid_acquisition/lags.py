@@ -130,14 +130,9 @@ def _hold(told: str, lag: float) -> str:
     other, sign = (CONTINUOUS, 1) if told == HELD else (HELD, -1)
     if abs(sign * lag - 0.5) > HOLD:
         return ""
-    faster = (
-        " (or a controller that is twice as fast holds them for half a sample: motor_torque: held_s)"
-        if other == HELD
-        else ""
-    )
     return (
-        f"torque_hold: {told} is stated, but torques and angles are {abs(lag):.2g} samples apart, as with {other}"
-        f"{faster}; half a sample costs percents of a stiffness"
+        f"torque_hold: {told} is stated, but torques and angles are {abs(lag):.2g} samples apart, as with {other}; "
+        f"half a sample costs percents of a stiffness"
     )
 
 

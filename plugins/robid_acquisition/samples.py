@@ -127,7 +127,7 @@ class Samples:
             delay[[axis_names.index(one) for one in names]] = channel.per_axis(name, "delay_s", len(names))
             delay /= self.sample_time_s
             held = channel.held_s / self.sample_time_s
-            if held > 1:
+            if held > 1 + 1e-3:  # clocks differ
                 raise DataRejected(
                     f"channels.{name}.held_s: {channel.held_s:g} s is longer than a sample of "
                     f"{self.sample_time_s:g} s, of which each shows what was held: leave held_s "

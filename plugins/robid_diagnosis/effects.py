@@ -205,7 +205,8 @@ class Effects(DiagnosisStage):
         self, records: tuple[Record, ...], robot: Robot, robots: Mapping[str, Robot], discard: int
     ) -> tuple[Case, tuple[Record, ...]]:
         """What is diagnosed, and the experiments that judge it; all that cannot be is refused here."""
-        refuse_weightless(robot)
+        for one in (robot, *robots.values()):
+            refuse_weightless(one)
         check_variants(records, robot, robots, ())
         training, tests = parted(records)
         check_records(records, training, robot)
@@ -279,7 +280,7 @@ class Effects(DiagnosisStage):
         lines += hardly.values()
         values = values_of(final)
         lines.append(held_torque_line(case.torque_held_s, timing.sample_time_s))
-        lines += [*timing_lines(timing, final.misfit), values_line(values, final.misfit)]
+        lines += [*timing_lines(timing, final.misfit, case.torque_held_s), values_line(values, final.misfit)]
         lines += [held_line(final.hypothesis.held), left_out_line(problem.left_out, data.n_experiment)]
         lines.append(rests_line(robot.axis_names, problem.at_rest.tolist()))
         lines.append(sticking_line(unseen))

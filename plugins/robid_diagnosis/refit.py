@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from robid_core import NotIdentifiable
 from robid_core.residual import times_faster
 from robid_diagnosis.hypothesis import Case, Fitted, Hypothesis
-from robid_diagnosis.likelihood import lost
+from robid_diagnosis.likelihood import costs
 from robid_diagnosis.sticking import without_unclear_turns
 from robid_diagnosis.timing import timing_of
 from robid_diagnosis.trials import WRONG
@@ -48,9 +50,30 @@ def _with_held_torques(base: Fitted, progress: Progress) -> Fitted:
     times = times_faster(timing.lag, timing.standard_error)
     if times is None:
         return base
-    case = replace(base.case, torque_held_s=timing.sample_time_s / times)
-    fitted = case.fit_what_is_seen(base.hypothesis, progress, begin=base, roughly=True)
-    return fitted if lost(fitted, base, base.about) < 0 else base
+    held_s = timing.sample_time_s / times
+    case, early = replace(base.case, torque_held_s=held_s), np.full(base.case.told.n_axis, -0.5 * held_s)
+    try:
+        fitted = case.fit_what_is_seen(base.hypothesis, progress, begin=base, delay=early, roughly=True)
+    except NotIdentifiable:
+        return base
+    return fitted if _explains_more(fitted, base, held_s) else base
+
+
+def _explains_more(fitted: Fitted, base: Fitted, held_s: float) -> bool:
+    """Whether a fit of held torques is likelier than one of the samples themselves, noise of the same samples in both.
+
+    The mean over a hold makes noise smaller, too: what is left is weighed as that of the samples.
+    """
+    weights = []
+    for weight, block in zip(base.about.weights, base.problem.blocks, strict=True):
+        matrix = weight.matrix.copy()
+        matrix[:, :, : len(block.motion.angle_noise)] /= np.sinc(block.motion.frequency_hz * held_s)[
+            :, None, None
+        ]
+        weights.append(replace(weight, matrix=matrix))
+    own, _ = costs(fitted, base, replace(base.about, weights=tuple(weights)))
+    _, before = costs(fitted, base, base.about)
+    return own < before
 
 
 def _about_its_width(base: Fitted, progress: Progress) -> Fitted:

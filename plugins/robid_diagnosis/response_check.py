@@ -100,13 +100,11 @@ def response_check_of(
 ) -> ResponseCheck:
     """Estimate the stiffnesses of the found robot from responses; where that is impossible, say why."""
     robot = final.problem.free.robot
-    if not any(robot.parameter_kind(name) == "stiffness" for name in final.problem.free.names):
+    if not any(robot.parameter_kind(name) == "stiffness" for name in robot.layout):
         return _none("the robot has no spring whose stiffness they would give")
     record, why = periodic_record(case.nominal_records, case.told.n_axis)
     if record is None:
         return _none(why)
-    if case.torque_held_s is not None:  # what is held acts half a hold later
-        timing = timing.replace(lag=timing.lag - 0.5 * case.torque_held_s / timing.sample_time_s)
     try:
         fit, method = chain.run(on_time(record, timing, case.discard), Robot.of_model(model), context)
     except (RobidError, np.linalg.LinAlgError) as error:

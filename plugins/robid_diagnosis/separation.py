@@ -156,8 +156,11 @@ def _best(
 
 def _load(robot: Robot, axis: int, angle: FloatArray) -> str:
     """What loads an axis at rest in some configurations: mostly gravity, or effects (a cable, a counterbalance)."""
-    whole, weight = (
-        np.abs(one.gravity_torque(angle)[:, axis]).max()
-        for one in (robot, robot.without_effect(*robot.description.effects))
-    )
+    try:
+        whole, weight = (
+            np.abs(one.gravity_torque(angle)[:, axis]).max()
+            for one in (robot, robot.without_effect(*robot.description.effects))
+        )
+    except RobidError:  # without its counterbalance an arm may fall
+        return "static"
     return "gravity" if weight >= MOSTLY * whole else "static"

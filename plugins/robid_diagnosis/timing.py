@@ -26,7 +26,7 @@ IMPLAUSIBLE = 3.0  # standard deviations of its prior, of a sample: no delay whe
 
 
 def timing_of(final: Fitted) -> Timing:
-    """How late the torque of each axis is, in samples of the first block."""
+    """How late the torque of each axis is, in samples of the first block; half of a hold that is counted is in it."""
     problem = final.problem
     motion = problem.blocks[0].motion
     covariance = final.solution.covariance.diagonal()[-problem.n_delay :]
@@ -34,7 +34,7 @@ def timing_of(final: Fitted) -> Timing:
     return Timing(
         problem.free.robot.axis_names,
         motion.sample_time_s,
-        problem.delay(final.point) / motion.sample_time_s,
+        (problem.delay(final.point) - 0.5 * (final.case.torque_held_s or 0.0)) / motion.sample_time_s,
         np.sqrt(variance) / motion.sample_time_s,
     )
 
@@ -50,13 +50,15 @@ def late_axes(timing: Timing) -> str:
     return ", ".join(f"{axis} {value:.3f} samples" for axis, value, sd in rows if is_late(value, sd))
 
 
-def timing_lines(timing: Timing, misfit: float) -> list[str]:
+def timing_lines(timing: Timing, misfit: float, held_s: float | None = None) -> list[str]:
     """Delays between the channels of each axis that are worth telling, and those that data do not tell.
 
-    `misfit` is what the model leaves: much above one, a delay that is larger than any channel's is the model's.
+    `misfit` is what the model leaves: much above one, a delay that is larger than any channel's is the model's. What a
+    hold of `held_s` makes is no delay of the channels.
     """
     found, doubted, late = list[str](), list[str](), [0.0] * len(timing.lag)
-    rows = zip(timing.axis_names, timing.lag, timing.standard_error, strict=True)
+    lag = timing.lag + 0.5 * (held_s or 0.0) / timing.sample_time_s
+    rows = zip(timing.axis_names, lag, timing.standard_error, strict=True)
     for number, (axis, value, sd) in enumerate(rows):
         if abs(value) <= LATE:
             continue

@@ -149,7 +149,7 @@ def _late(problem: TorqueProblem, point: FloatArray) -> tuple[Doubt, ...]:
 
 
 def _of_samples(problem: TorqueProblem, solution: Solution) -> Iterator[Doubt]:
-    """Remark on torques that are late or early as with another hold, or by more: the fit counts a delay."""
+    """Remark on torques that are late or early as with a hold for a sample or a part of one, or by more."""
     motion = problem.blocks[0].motion
     delay = problem.delay(solution.point) / motion.sample_time_s
     error = np.sqrt(np.diag(solution.covariance)[-problem.n_delay :]) / motion.sample_time_s

@@ -177,7 +177,8 @@ class TorqueResidualFit(Estimator):
             context.log.warning("fit.torque_residual %s", words)
         record = whole
         robot, robots = variant_robots(record, robot, self.robots, self.constants)
-        refuse_weightless(robot)
+        for one in (robot, *robots.values()):
+            refuse_weightless(one)
         fitted = self._solved(record, robot, robots, context)
         unseen: tuple[str, ...] = ()
         if self.at_rest == "leave_out":

@@ -155,7 +155,7 @@ def drift_in_words(record: Record, context: Context, q: ComplexArray, discard: i
         context.log.warning(
             "configuration %d: %s drifts from period to period, by up to %.1f %% of its motion at a line; let it "
             "settle longer, or close a position loop",
-            configuration,
+            configuration + 1,
             record.axis_names[axis],
             100 * share[configuration, axis],
         )

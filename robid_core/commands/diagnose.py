@@ -136,8 +136,14 @@ def command(
         )
     robot = robot_below_here(robot)
     files, apart = [*(records or []), *(more or [])], keep_apart or []
+    if apart and not files:
+        raise ConfigurationError(
+            "--keep-apart goes with RECORDs; what a channel map reads itself it keeps apart by `role: test`, or by an "
+            "index table with a column role"
+        )
     root, sources = read_sources(files, channels, data, apart, together=not variant)
-    if 1 < len(sources) == len(files) + len(apart) and sources[0].get("period_s") and not quiet:
+    one_each = len(files) > 1 and len(sources) == len(files) + len(apart)
+    if one_each and sources[0].get("period_s") and not (quiet or variant):
         typer.echo(
             f"{len(sources)} recordings, each read as a record of its own. Experiments of one record are all files of "
             "a folder that a pattern numbers; a table (index: ...) with a column role keeps some of them apart."

@@ -12,6 +12,7 @@ FAR = 4 / 3  # factor on a torque, or its inverse
 OTHERS = 1.2  # likewise, of the axes beside it
 ONE = 1.3  # largest over smallest factor of torques that share one
 MANY = 2.0  # factor, or its inverse, of all torques, each another one: a load raises some by less
+LEAST = 1e-6  # factor: less is of the other sign, or no torque
 WILD = 10.0  # likewise, of which nothing that is left is asked for: friction is as far off
 
 
@@ -45,7 +46,7 @@ def scales_in(recorded: Recorded) -> list[Scale]:
     together = bool(far.all()) and factor.max() < ONE * factor.min()
     others_fit = apart[~telling].max(initial=1.0) < OTHERS
     each = bool(
-        (factor.min() > MANY or factor.max() < 1 / MANY)
+        (factor.min() > MANY or (factor.max() < 1 / MANY and factor.min() > LEAST))
         and np.median(before) > NOTICED
         and ((after < LEFT).all() or (apart > WILD).all())
     )

@@ -16,6 +16,7 @@ from robid_core.estimation.torque.spectra import (
     Hold,
     MotionSpectra,
     divided_period,
+    held_share,
     periodic_derivative,
 )
 from robid_core.estimation.torque.speed_functions import SpeedFunctions
@@ -94,6 +95,14 @@ class PeriodicMotion(MotionSpectra):
             torque_spectrum=self.spectrum_of(torque),
             acceleration_spectrum=acceleration,
         )
+
+    def held_for(self, time_s: float) -> PeriodicMotion:
+        """Likewise; what differs between periods is held, too."""
+        held = super().held_for(time_s)
+        if held is self:
+            return self
+        deviation = self.torque_deviation * held_share(self.omega, time_s)[:, None]
+        return replace(held, torque_deviation=deviation)
 
     @property
     def settling(self) -> int:

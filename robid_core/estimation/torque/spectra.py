@@ -31,6 +31,13 @@ SPEED_BAND = 0.48  # of the sampling rate: what lies above in a measured angle i
 MOTION_BAND_HZ = 250.0  # of the motion that is prescribed: second derivatives blow up noise
 
 
+def held_share(omega: FloatArray, time_s: float) -> ComplexArray:
+    """Spectrum of a torque of which each value is held for so long, over that of its values, (n_omega,); 1 at zero."""
+    factor, moving = np.ones(len(omega), dtype=np.complex128), omega > 0
+    factor[moving] = hold_factor(omega[moving], time_s)[0]
+    return factor
+
+
 @dataclass(frozen=True, eq=False)
 class MotionSpectra(ABC):
     """Angles, torques and accelerations of a record as spectra over bins up to a limit; axes (config, exp, bin, axis).
@@ -90,11 +97,8 @@ class MotionSpectra(ABC):
 
     def hold_at(self, omega: FloatArray) -> ComplexArray:
         """Likewise at any angular frequencies, rad/s, shape (n_omega,)."""
-        factor = np.ones(len(omega), dtype=np.complex128)
-        if self.torque_hold == "zero_order_hold":
-            moving = omega > 0
-            factor[moving] = hold_factor(omega[moving], self.sample_time_s)[0]
-        return factor
+        held = self.torque_hold == "zero_order_hold"
+        return held_share(omega, self.sample_time_s) if held else np.ones(len(omega), dtype=np.complex128)
 
     def mean_share(self, omega: FloatArray, step_s: float) -> ComplexArray:
         """Spectrum of `Simulation.torque`, means over samples, over that of samples of this torque, (n_omega,)."""
@@ -170,13 +174,8 @@ class MotionSpectra(ABC):
         if self.torque_hold == "zero_order_hold":
             return self
 
-        def over_mean(omega: FloatArray) -> ComplexArray:
-            factor = np.ones((len(omega), 1), dtype=np.complex128)
-            moving = omega > 0
-            factor[moving, 0] = 1 / hold_factor(omega[moving], time_s)[0]
-            return factor
-
-        return self.with_signals(self.angle, self.divided(self.torque, over_mean))
+        held = self.divided(self.torque, lambda omega: 1 / held_share(omega, time_s)[:, None])
+        return self.with_signals(self.angle, held)
 
     def advanced_torque(self, delay: FloatArray) -> ComplexArray:
         """Spectra of the torques without a delay, s, (1,) or (n_axis,), shape of `torque_spectrum`."""

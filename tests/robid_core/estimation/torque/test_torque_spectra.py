@@ -337,3 +337,17 @@ def test_a_speed_without_the_noise_of_its_samples_is_as_noisy_as_the_bins_that_s
     all_bins = np.sqrt((2 * np.pi) ** 2 * sigma**2 * 2 * h * (0.48 / h) ** 3 / 3)
     assert before == pytest.approx(all_bins, rel=0.05)
     assert left < share * before
+
+
+def test_what_differs_between_periods_is_held_with_them() -> None:
+    """As where each period is held before it is transformed."""
+    generator, hold = np.random.default_rng(7), 0.4 * T
+    torque = generator.standard_normal((1, 1, 2, 3, N, 2))
+    omega = 2 * np.pi * np.fft.rfftfreq(N, T)[:, None]
+    share = np.sinc(omega * hold / (2 * np.pi)) * np.exp(-0.5j * omega * hold)
+    held = np.fft.irfft(np.fft.rfft(torque, axis=4) * share, N, axis=4)
+    angle = np.tile(swings(3), (1, 1, 2, 1, 1, 1))
+    found, expected = (
+        periodic_motion_of(angle, one, T, LINES, 100.0, torque_hold="continuous") for one in (torque, held)
+    )
+    np.testing.assert_allclose(found.held_for(hold).torque_deviation, expected.torque_deviation, atol=1e-12)
