@@ -125,7 +125,7 @@ class DenseRun(Artifact):
         >>> import robid_core as robid
         >>> from robid_core.testing import example_record
         >>> example_record(robid.Robot.load("one_axis")).run.sample_place(1, 0, 0, 2, 250)
-        'configuration 2, block 1, experiment 1, period 3, at 0.5000 s'
+        'configuration 2, block 1, experiment 1, period 3, at 0.2500 s'
         """
         return (
             f"configuration {configuration + 1}, block {block + 1}, experiment {experiment + 1}, period {period + 1}, "
