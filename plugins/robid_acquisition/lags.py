@@ -132,7 +132,7 @@ def _hold(told: str, lag: float) -> str:
         return ""
     return (
         f"torque_hold: {told} is stated, but torques and angles are {abs(lag):.2g} samples apart, as with {other}; "
-        f"half a sample costs percents of a stiffness"
+        "half a sample costs percents of a stiffness"
     )
 
 

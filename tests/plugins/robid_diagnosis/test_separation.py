@@ -24,7 +24,7 @@ from robid_diagnosis.likelihood import lost
 from robid_diagnosis.proposals import drawn_configurations, proposals
 from robid_diagnosis.results import finding_of, model_of
 from robid_diagnosis.selection import Selection
-from robid_diagnosis.separation import ratios, separation
+from robid_diagnosis.separation import _load, ratios, separation
 from robid_diagnosis.steps import Outcome
 from robid_diagnosis.trials import TIE
 from robid_diagnosis.wording import finding_line, load_text, separation_line
@@ -215,3 +215,12 @@ def test_gravity_is_called_otherwise_only_where_it_is(here: float, recorded: lis
     text = load_text("axis_1", here, np.array(recorded))
     assert text.startswith(f"{how} gravity torque at axis_1" if how else "")
     assert bool(text) == bool(how)
+
+
+@pytest.mark.parametrize(("cable", "load"), [(0.0, "gravity"), (2e4, "static")])
+def test_what_holds_an_axis_against_a_cable_is_not_called_gravity(cable: float, load: str) -> None:
+    """Half of the torque at rest, or more, is gravity's without the cable, and little of it beside one."""
+    robot = Robot.load("one_axis").with_effect(
+        "cable", "load.cable_spring", "axis_1", values={"stiffness": cable}
+    )
+    assert _load(robot, 0, np.array([[1.0]])) == load

@@ -127,3 +127,13 @@ def test_a_delay_that_all_parts_agree_about_is_told_though_much_is_missing(
     assert abs(timing.lag[0] - 0.4) < 0.05
     assert "lags its angle by" in words
     assert "cannot be distinguished from" not in words
+
+
+def test_lags_of_several_axes_are_one_line_and_a_hold_is_none() -> None:
+    timing = Timing(("a", "b", "c"), 1e-3, np.array([-0.25, -0.26, 0.02]), np.full(3, 1e-3))
+    line, advice = timing_lines(timing, 1.0)
+    assert line == (
+        "Timing: the torque of a leads its angle by 0.250 ± 0.001 samples, b leads its angle by 0.260 ± 0.001 samples."
+    )
+    assert "delay_s: [-0.00025, -0.00026, 0]" in advice
+    assert timing_lines(timing.replace(lag=np.array([-0.25, -0.26, -0.25])), 1.0, 5e-4) == []

@@ -310,3 +310,9 @@ def test_all_files_of_a_pattern_are_one_record_where_they_repeat(tmp_path: Path)
     assert read(files[:3]) == names[:3]  # the second experiment of the second configuration is missing
     channels.write_text(told)
     assert read(files[:2]) == names[:2]
+
+
+def test_what_is_kept_apart_goes_with_recordings(tmp_path: Path) -> None:
+    """A channel map alone names what it reads; a further file would be lost without a word."""
+    with pytest.raises(ConfigurationError, match=r"--keep-apart goes with RECORDs; .* `role: test`"):
+        command("one_axis", channels=tmp_path / "map.yaml", keep_apart=[tmp_path / "a.npz"])
