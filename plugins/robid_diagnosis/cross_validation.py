@@ -57,7 +57,7 @@ class CrossValidation(DiagnosisStage):
     """Bins above are left out of the fits."""
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations of parameters of the robot file by pattern, in natural scales (0.01: one percent)."""
-    model_error: PositiveFloat = 5e-4
+    model_error: PositiveFloat = 2e-4
     """Relative error of the model's torque per bin and axis, beside the noise."""
     passes: PositiveInt = 3
     """Prescribed motions of each fit, which begins where that to all blocks ended."""

@@ -119,7 +119,7 @@ class Effects(DiagnosisStage):
     """Bins above are left out."""
     prior: dict[str, PositiveFloat] = {}
     """Standard deviations of parameters of the robot file by pattern, in natural scales (0.01: one percent)."""
-    model_error: PositiveFloat = 5e-4
+    model_error: PositiveFloat = 2e-4
     """Relative error of the model's torque per bin and axis, beside the noise.
 
     Half of it may be alike in all bins: what gains less than such an error could is not named."""

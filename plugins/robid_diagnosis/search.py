@@ -68,7 +68,7 @@ class Hit:
 
     def log_p(self, misfit: float = 1.0) -> float:
         """Logarithm of the p-value without a search, in noise of so many times the variance that was told."""
-        return float(scipy.stats.chi2.logsf(self.gain.total / max(1.0, misfit), max(self.freedom, 1)))
+        return _log_p_of(self.gain.total / max(1.0, misfit), self.freedom)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,14 @@ class Found:
 
     def p_value(self, hit: Hit, misfit: float = 1.0) -> float:
         """p-value after the search, in noise of so many times the variance that was told."""
-        return float(-np.expm1(self.trials * np.log1p(-np.exp(min(hit.log_p(misfit), -1e-16)))))
+        return self._after_search(hit.log_p(misfit))
+
+    def p_value_of_gain(self, gain: float, freedom: int) -> float:
+        """p-value after the search of a gain in twice the log-likelihood by so many numbers."""
+        return self._after_search(_log_p_of(gain, freedom))
+
+    def _after_search(self, log_p: float) -> float:
+        return float(-np.expm1(self.trials * np.log1p(-np.exp(min(log_p, -1e-16)))))
 
 
 class Search:
@@ -300,6 +307,11 @@ class Search:
         rows = self.projection.fitted
         drawn = self.generator.standard_normal((len(rows), DRAWS), dtype=np.float32)  # single: half the time
         return drawn, rows.T @ drawn.astype(np.float64)
+
+
+def _log_p_of(gain: float, freedom: int) -> float:
+    """Logarithm of the p-value, without a search, of a gain by so many numbers."""
+    return float(scipy.stats.chi2.logsf(gain, max(freedom, 1)))
 
 
 def _log_p_by_chance(hit: Hit, matrix: FloatArray, slope: FloatArray) -> FloatArray:

@@ -37,6 +37,10 @@ from robid_diagnosis.written import as_written
 from robid_diagnosis.zero_speed import with_own_width
 
 LEVEL = 1e-3  # p-value after the search: what is larger is chance
+UNSURE = (
+    0.1  # likewise: where nothing is beyond chance in the search, what is below may be so once it is fitted
+)
+PROMISES = 0.5  # of what a cause has to gain: what the search shows of a law that is fitted all the same
 APART = 0.5  # of an order: waves that are nearer are the same
 RIVALS = 4  # candidates that are fitted in turn
 EQUAL = 1e-6  # of a gain: two laws at one place that differ by less do the same there
@@ -167,6 +171,9 @@ class Selection:
         self, trial: Trial, trials: Sequence[Trial], current: Fitted, seen: Searched, n_value: int
     ) -> Step | None:
         """Return the step that a trial is, none where something speaks against it."""
+        if trial.addition is not None and p_value_of(trial, seen.found) >= LEVEL:
+            self._refuse(trial.hit, "fitted with all values it gains no more than chance does")
+            return None
         step = self._judged(trial, trials, seen, n_value)
         if step is None:
             self._refuse(trial.hit, "configurations do not agree about it")
@@ -204,7 +211,9 @@ class Selection:
         named = {name for step in before for name in step.names}
         hits = [hit for hit in found.hits if hit.candidate.key not in known or _is_another_wave(hit, waves)]
         beyond_chance = [hit for hit in hits if found.p_value(hit) < LEVEL]
-        significant = [hit for hit in beyond_chance if hit.gain.total > least.of(hit)]
+        significant = [hit for hit in beyond_chance if hit.gain.total > least.of(hit)] or self._unsure(
+            seen.found, hits, least
+        )
         self.refused = {}
         for hit in beyond_chance:
             enough = f"fitted with all values it gains less than {least.of(hit):.3g}"
@@ -227,6 +236,12 @@ class Selection:
         near = [hit for hit in rivals if total(hit) > NEAR * most or hit is rivals[0]][:RIVALS]
         near += [hit for hit in rivals if hit not in near and alike(hit, rivals[0])]
         return near, [hit for hit in rivals if hit not in near]
+
+    def _unsure(self, found: Found, hits: Sequence[Hit], least: LeastGains) -> list[Hit]:
+        """Return what only a fit can judge: a search about springs that were refitted shows a part of a law's gain."""
+        return [
+            hit for hit in hits if found.p_value(hit) < UNSURE and hit.gain.total > PROMISES * least.of(hit)
+        ]
 
     def _judged(
         self,
@@ -274,7 +289,7 @@ class Selection:
             trial.addition.side,
             trial.addition.names,
             trial.gain,
-            seen.found.p_value(whole),
+            p_value_of(trial, seen.found),
             held,
             projection.by_group(whole.sums, whole.gain, groups),
             projection.by_own_size(whole.sums, whole.gain, groups),
@@ -315,6 +330,13 @@ def fits_worse(loss: float, misfit: float, before: float) -> bool:
         With the law and without, each in the noise of its own robot.
     """
     return loss > WORSE or (before < MUCH_LACKS and misfit > DOUBTS_MORE * before)
+
+
+def p_value_of(trial: Trial, found: Found) -> float:
+    """p-value after the search of an effect: by what its fit gains, where the search alone is not sure."""
+    assert isinstance(trial.hit, Hit)
+    searched = found.p_value(trial.hit)
+    return searched if searched < LEVEL else found.p_value_of_gain(trial.gain, trial.freedom)
 
 
 def explains_little(loss: float, misfit: float) -> bool:

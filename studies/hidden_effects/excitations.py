@@ -34,7 +34,8 @@ EXCITATIONS = {
 """By name; `half` and `fifth` of the multisine's amplitude; `payload` of 8 kg in half of the poses, which is told."""
 NOISES = ("sensing.white_noise", "sensing.coloured_noise")
 """Effects that no residual tells: what they do is drawn anew each time."""
-HIGHEST_HZ, PASSES, MODEL_ERROR = 100.0, 5, 5e-4  # as diagnosis.effects has them, but for fewer passes
+HIGHEST_HZ, PASSES, MODEL_ERROR = 100.0, 5, 5e-4
+# As `diagnosis.effects` had them when the tables were made, but for fewer passes: it grants 2e-4 since.
 
 
 @dataclass(frozen=True, eq=False)
