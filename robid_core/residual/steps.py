@@ -7,6 +7,7 @@ import numpy as np
 from robid_core.arrays import FloatArray
 from robid_core.errors import ConfigurationError
 from robid_core.estimation.least_squares import levenberg_marquardt
+from robid_core.residual.body_coordinates import turned_derivatives
 from robid_core.residual.problem import Linearisation, TorqueProblem
 
 STEPS = 6  # of Gauss-Newton with the derivatives of one point
@@ -16,8 +17,12 @@ SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 
 
 def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
-    """Take damped Gauss-Newton steps with the derivatives of one point, of effects no further than these hold."""
-    precision, whole = 1 / problem.prior**2, about.whole
+    """Take damped Gauss-Newton steps with the derivatives of one point, of effects no further than these hold.
+
+    Those for bodies turn with the bodies' numbers.
+    """
+    precision, n_free = 1 / problem.prior**2, problem.n_free
+    data, turned = about.whole - np.diag(precision), turned_derivatives(problem.free, point[:n_free])
 
     latest: dict[bytes, list[FloatArray]] = {}  # a step that is taken was tried just before
 
@@ -35,14 +40,16 @@ def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -
             return float("inf")
 
     def equations(at: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        slope = precision * at - problem.gradients(weighted(at), about).sum(axis=0)
-        return cost(at), slope, whole
+        turn = np.eye(problem.n_unknown)
+        turn[:n_free, :n_free] = turned(at[:n_free])
+        slope = precision * at - problem.gradients(weighted(at), about).sum(axis=0) @ turn
+        return cost(at), slope, turn.T @ data @ turn + np.diag(precision)
 
     reach, free = np.full(problem.n_unknown, np.inf), problem.free
-    reach[: problem.n_free] = [
+    reach[:n_free] = [
         TRUSTED if free.robot.parameter_kind(name) == "effect" else np.inf for name in free.names
     ]
-    open_end = np.full(problem.n_unknown - problem.n_free, np.inf)
+    open_end = np.full(problem.n_unknown - n_free, np.inf)
     return levenberg_marquardt(
         equations,
         cost,
