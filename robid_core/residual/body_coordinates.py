@@ -9,7 +9,7 @@ those that were taken, times a matrix of each body.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 import scipy
@@ -19,22 +19,27 @@ from robid_core.parameters import FreeParameters
 from robid_core.robot.file.parameter_places import MOMENTS
 
 
-def turned_derivatives(free: FreeParameters, point: FloatArray) -> Callable[[FloatArray], FloatArray]:
+def turned_derivatives(
+    free: FreeParameters, point: FloatArray, fixed: Collection[int] = ()
+) -> Callable[[FloatArray], FloatArray]:
     """Return what turns derivatives that were taken at a point into those at another one.
 
-    Bodies of which numbers are held are left alone: their derivatives are those of the point.
+    Bodies of which numbers are held, and points without moments about their centre, are left alone: their derivatives
+    are those of the point.
 
     Parameters
     ----------
     free, point
         The free parameters and their coordinates, (n,).
+    fixed
+        Numbers of parameters whose derivatives are the same everywhere; so are those of their bodies.
 
     Returns
     -------
     Callable
         Given other coordinates (n,), a matrix (n, n): derivatives there are those at the point times it.
     """
-    rows = _whole_bodies(free)
+    rows = [own for own in _whole_bodies(free) if not set(own) & set(fixed)]
     inverse = [np.linalg.inv(one) for one in _slopes(free, point, rows)]
 
     def turned(other: FloatArray) -> FloatArray:
@@ -47,10 +52,10 @@ def turned_derivatives(free: FreeParameters, point: FloatArray) -> Callable[[Flo
 
 
 def _whole_bodies(free: FreeParameters) -> list[list[int]]:
-    """Numbers of mass, centre of mass and moments of each body of which all ten are free."""
+    """Numbers of mass, centre of mass and moments of each body of which all ten are free, but of points."""
     index = {name: i for i, name in enumerate(free.names)}
     found = []
-    for joint in free.root:
+    for joint in (joint for joint, root in free.root.items() if root.any()):
         names = (
             f"mass.{joint}",
             *(f"centre_of_mass.{joint}.{axis}" for axis in "xyz"),

@@ -24,7 +24,7 @@ from robid_core.residual.acceleration import History
 from robid_core.residual.linear_fit import best_start
 from robid_core.residual.misfit import misfit, power_in_noise
 from robid_core.residual.problem import Linearisation, TorqueProblem
-from robid_core.residual.steps import minimised
+from robid_core.residual.steps import is_bent, minimised
 from robid_core.residual.visibility import Visibility, visibility
 
 INITIAL_STATES = 8  # improvements of an unknown initial state in one pass, at most
@@ -162,7 +162,7 @@ def solve(
         fresh = gained > MUCH or gained <= 0 or loose.size > 0
         if settled and reweigh and not doubted and left > DOUBTFUL:
             settled, doubted, fresh = False, True, True
-        elif settled and thorough and _is_bent(problem, point) and _better_derivatives(problem, "all"):
+        elif settled and thorough and is_bent(problem, point) and _better_derivatives(problem, "all"):
             settled, fresh = False, True  # in a valley of nonlinear springs fewer derivatives may stand still
         elif settled:
             break
@@ -242,11 +242,6 @@ def _better_derivatives(problem: TorqueProblem, by_motion: Literal["bent", "all"
     for block in fewer:
         block.by_motion = by_motion
     return bool(fewer)
-
-
-def _is_bent(problem: TorqueProblem, point: FloatArray) -> bool:
-    """Whether springs are nonlinear, so that what bodies and friction do to a motion depends on how they are bent."""
-    return any(robot.bending_forces for robot in problem.robots(point))
 
 
 def _loose(problem: TorqueProblem) -> npt.NDArray[np.int64]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from robid_core.arrays import FloatArray
@@ -19,10 +21,11 @@ SMALL_GAIN = 1e-6  # of the cost: steps that gain less end
 def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -> FloatArray:
     """Take damped Gauss-Newton steps with the derivatives of one point, of effects no further than these hold.
 
-    Those for bodies turn with the bodies' numbers.
+    Those for bodies turn with the bodies' numbers where torques are linear in these: where no spring is nonlinear, and
+    nothing that a motion adds to the linear model moves with them.
     """
     precision, n_free = 1 / problem.prior**2, problem.n_free
-    data, turned = about.whole - np.diag(precision), turned_derivatives(problem.free, point[:n_free])
+    data, turned = about.whole - np.diag(precision), _turned_derivatives(problem, point)
 
     latest: dict[bytes, list[FloatArray]] = {}  # a step that is taken was tried just before
 
@@ -60,3 +63,15 @@ def minimised(problem: TorqueProblem, point: FloatArray, about: Linearisation) -
         SMALL_GAIN,
         DAMPING,
     ).point
+
+
+def _turned_derivatives(problem: TorqueProblem, point: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return what turns derivatives of a point into those at other coordinates, (n_free, n_free)."""
+    every = range(problem.n_free) if is_bent(problem, point) else ()
+    moved = {*every, *(column.index for block in problem.blocks for column in block.simulated)}
+    return turned_derivatives(problem.free, point[: problem.n_free], moved)
+
+
+def is_bent(problem: TorqueProblem, point: FloatArray) -> bool:
+    """Whether springs are nonlinear, so that what bodies and friction do to a motion depends on how they are bent."""
+    return any(robot.bending_forces for robot in problem.robots(point))

@@ -59,6 +59,7 @@ def test_bodies_of_which_numbers_are_held_and_springs_stay_as_they_are(free: Fre
     turned = turned_derivatives(free, point)(other) - np.eye(len(point))
     assert not turned[outside].any()
     assert not turned[:, outside].any()
+    assert np.array_equal(turned_derivatives(free, point, {outside[1] + 1})(other), np.eye(len(point)))
     held = free.without(lambda name: name == f"mass.{JOINT}")
     assert np.array_equal(
         turned_derivatives(held, np.zeros(len(held.names)))(np.ones(len(held.names))), np.eye(len(held.names))
